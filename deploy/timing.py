@@ -22,10 +22,13 @@ class Durations:
         self.count += 1
         self.longest = max(self.longest, value)
 
-    def values(self) -> np.ndarray:
-        """The latest durations, oldest first."""
-        values = np.array(self._values[: self.count])
-        return values if self.count <= self._kept else np.roll(values, -(self.count % self._kept))
+    def values(self, most: int = KEPT) -> np.ndarray:
+        """The latest durations, so many at most, oldest first."""
+        number = min(most, self.count, self._kept)
+        end = (self.count - 1) % self._kept + 1
+        if number <= end:
+            return np.array(self._values[end - number : end])
+        return np.array(self._values[end - number :] + self._values[:end])
 
 
 @dataclass
@@ -37,12 +40,12 @@ class Timing:
     policy_ms: Durations = field(default_factory=Durations)  # work of each policy step
     overruns: int = 0  # ticks whose work took longer than a tick lasts; wall clock only
 
-    def summary(self) -> dict[str, float]:
-        """By name: p50 and p99 of the latest durations, and the longest of all; 0 without any."""
+    def summary(self, most: int = KEPT) -> dict[str, float]:
+        """By name: p50 and p99 of the latest durations, `most` of them, the longest of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)
-            values = durations.values() if durations.count else np.zeros(1)
+            values = durations.values(most) if durations.count else np.zeros(1)
             found[f"{name}_p50"], found[f"{name}_p99"] = np.percentile(values, (50, 99)).tolist()
             found[f"{name}_max"] = durations.longest
         return found

@@ -83,7 +83,7 @@ class LiveCurves:
             (uplot.Series(label="s"), *series),
             title=title,
             scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
-            axes=(uplot.Axis(size=28), uplot.Axis(size=44, space=20)),
+            axes=(uplot.Axis(size=28), uplot.Axis(size=52, space=20)),
             legend=uplot.Legend(show=False),
             height=HEIGHT_PX,
             padding=(9, 18, 0, 0),

@@ -45,7 +45,7 @@ def serving(host: str, port: int, label: str) -> "Iterator[ViserServer]":
 def check_page(host: str, port: int) -> None:
     """Raises UserError if no page can be served there, or none at all."""
     _check_viser()
-    _check_address(host, port)
+    check_address(host, port)
 
 
 def _check_viser() -> None:
@@ -54,7 +54,7 @@ def _check_viser() -> None:
         import viser  # noqa: F401
 
 
-def _check_address(host: str, port: int) -> None:
+def check_address(host: str, port: int) -> None:
     """Raises UserError if something cannot listen there; viser would quietly take another port.
 
     A name may stand for several addresses, and viser takes them all, but for those that this machine does

@@ -1,11 +1,11 @@
 """The 3-D view of a robot with what is drawn about it, and the curves of the last seconds beside it."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
-from footfall.pages.layers import offer_layers
 from footfall.pages.live_curves import LiveCurves
 from footfall.pages.marks import Marks
 from footfall.pages.moment import Moment
@@ -24,7 +24,11 @@ class View:
         self._server = server
         self._scene, self._marks = Scene(server, robot, model), Marks(server, robot, WORLD)
         self._curves = LiveCurves(server.gui, curves, robot)
-        offer_layers(server.gui, self._marks.layers)
+
+    @property
+    def layers(self) -> Mapping[str, Any]:
+        """Frames of the scene by label: see `offer_layers`."""
+        return self._marks.layers
 
     def begin(self) -> None:
         """Centre the view at the origin, where the robot begins again."""

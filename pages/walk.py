@@ -10,6 +10,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import wire
+from footfall.pages.layers import offer_layers
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
@@ -52,6 +53,7 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
         print(f"showing {run.folder} at http://{host}:{port} until Ctrl-C", flush=True)
         panel = Panel(server)
         view = View(server, robot, plant_model(robot), panel.live_curves)
+        offer_layers(server.gui, view.layers)
         view.stand(standing(robot).data)  # until something walks
         Walk(run, robot, view, panel, snapshots, stop).go_on()
 

@@ -14,8 +14,11 @@ from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
 if TYPE_CHECKING:
+    from footfall.deploy.loop import ControlLoop
+    from footfall.operate.inbox import Inbox
     from footfall.operate.missions.source import MissionSource
 
+COCKPIT = "cockpit"
 DEFAULT_COMMAND, DEFAULT_S = (0.5, 0.0, 0.0), 10.0
 
 
@@ -29,6 +32,7 @@ class Steered(NamedTuple):
     about: tuple[str, ...] = ()  # for the operator, before the run
     realtime: bool = False  # a person steers
     odometry: bool = False  # it needs the pose
+    attach: "Callable[[ControlLoop], None]" = lambda _: None  # tells pages whose timing to show
     failed: Callable[[], bool] = bool  # whether it did not reach what it was for
 
 
@@ -54,6 +58,7 @@ def steered(
     duration_s: float | None,
     policies: Mapping[str, Policy],
     robot: Robot,
+    inbox: "Inbox | None" = None,
 ) -> Iterator[Steered]:
     """Open what steers a run.
 
@@ -63,10 +68,16 @@ def steered(
         duration_s: the longest time to walk; by default ten seconds, or a day where a source ends the run.
         policies: those of the run by spec, the first one first.
         robot: on which they run.
+        inbox: to which a cockpit writes: it steers where nothing else does; None without a cockpit.
 
     Raises:
         UserError: there is no such source, or it cannot be opened; a step of a mission cannot be done.
     """
+    longest_s = duration_s or LONGEST_S
+    if by is None and command is None and inbox is not None:
+        figures = {"from": COCKPIT}
+        yield Steered(inbox, longest_s, lambda: figures, realtime=True, odometry=True)
+        return
     if by is None:
         fixed = command or DEFAULT_COMMAND
         velocity = np.array(fixed)
@@ -81,7 +92,7 @@ def steered(
     from footfall.operate.sources import check_source, is_mission, open_source
 
     check_source(by)
-    abilities, longest_s = abilities_of(policies, robot), duration_s or LONGEST_S
+    abilities = abilities_of(policies, robot)
     if is_mission(by):
         from footfall.operate.missions.mission import load_mission
         from footfall.operate.missions.source import MissionSource
@@ -90,7 +101,7 @@ def steered(
         source = MissionSource(load_mission(Path(by)), first.name, abilities)
         yield _mission(by, source, longest_s)
         return
-    with open_source(by, Inbox(), abilities) as opened:
+    with open_source(by, inbox or Inbox(), abilities) as opened:
         yield Steered(
             opened.source,
             longest_s,

@@ -13,6 +13,7 @@ from footfall.common.files import release, spare_descriptors
 from footfall.common.outputs import check_outputs
 from footfall.deploy_options import DEFAULTS, FULL, LYING, SIMULATED, VIRTUAL, DeployOptions
 from footfall.options import PolicyName
+from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
@@ -27,7 +28,9 @@ SAFE, FALLEN = "IDLE", "FALLING"  # final states
 WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
 
 
-def deploy(policy: PolicyName, /, *, options: DeployOptions = DEFAULTS) -> int:
+def deploy(
+    policy: PolicyName, /, *, options: DeployOptions = DEFAULTS, pages: RunPageOptions = NO_PAGES
+) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
     check_outputs(options.json, options.log)
     from footfall.common.config import unstructure
@@ -36,8 +39,10 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DEFAULTS) -> int:
     from footfall.policies.spec import add_settings
     from footfall.result import write_and_show
     from footfall.robots.description import load_robot
-    from footfall.steered import named_policies, steered
+    from footfall.steered import COCKPIT, named_policies, steered
 
+    if options.by == COCKPIT:
+        options, pages = replace(options, by=None), replace(pages, cockpit=True)
     robot = load_robot(options.robot)
     named = [*options.also, *named_policies(options.by)]
     spec, *also = add_settings([policy, *(each for each in named if each != policy)], options.settings)
@@ -46,8 +51,12 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DEFAULTS) -> int:
     run = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
-        everyone = {spec: decider, **others}
-        with steered(options.by, options.command, options.duration, everyone, robot) as steering:
+        everyone, inbox = {spec: decider, **others}, inbox_of(pages)
+        with (
+            steered(options.by, options.command, options.duration, everyone, robot, inbox) as steering,
+            run_pages(pages, robot, options.feed, steering, inbox) as (steering, feed),
+        ):
+            options = replace(options, feed=feed)
             figures = about | run(robot, decider, lasting_spec(spec), others, options, steering)
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
@@ -64,7 +73,9 @@ def _simulated(
     from footfall.terrain.declaration import load_ground
 
     if steering.odometry and options.ground_truth:
-        raise UserError("--ground-truth takes the place of the odometry that --from needs: leave it out")
+        raise UserError(
+            "--ground-truth takes the place of the odometry that --from and pages need: leave it out"
+        )
 
     def display(loop: "ControlLoop", velocity: Callable[[], np.ndarray]) -> AbstractContextManager[None]:
         return _display(loop, velocity, (), steering)
@@ -167,6 +178,7 @@ def _display(
 
     for line in (*said, *steering.about):
         print(line, flush=True)
+    steering.attach(loop)
     return live_state(loop, velocity, steering.duration_s, line=steering.line)
 
 

@@ -1,0 +1,132 @@
+"""The loop's end of the cockpit: a thread that passes a page's commands on to the inbox, and the state back.
+
+The page is served by another process, so that nothing of it runs in the loop's. If that process stalls or
+ends, the inbox hears nothing any more, and its rules for a silent operator hold.
+"""
+
+import json
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from footfall.deploy.command_source import Status
+from footfall.operate.inbox import Inbox
+from footfall.policies.live_settings import DECLARED
+
+EVERY_S = 0.1  # between states
+LONGEST_BYTES = 4096  # of a message
+PATIENCE_S = 1.0  # for a process that takes nothing
+
+
+class CockpitLink:
+    """Connects a page's process to an inbox."""
+
+    def __init__(
+        self, inbox: Inbox, connection: Connection, more: Callable[[], Mapping[str, Any]] = dict
+    ) -> None:
+        """Begin.
+
+        Args:
+            inbox: takes the commands.
+            connection: to the process that serves the page.
+            more: further facts about the run, for JSON; called from the link's thread.
+        """
+        self._inbox, self._connection, self._more = inbox, connection, more
+        self._steered, self._ended = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="cockpit", daemon=True)
+        self._thread.start()
+
+    def wait_until_steered(self, timeout_s: float | None = None) -> bool:
+        """Wait until somebody has taken control; False after the timeout."""
+        return self._steered.wait(timeout_s)
+
+    def close(self) -> None:
+        """Send a last state, and end."""
+        self._ended.set()
+        self._thread.join(PATIENCE_S)
+
+    def _run(self) -> None:
+        next_s = time.monotonic()
+        with suppress(OSError, EOFError):  # the other process is gone: its silence is what counts
+            while not self._ended.is_set():
+                if self._connection.poll(max(0.0, next_s - time.monotonic())):
+                    self._take(self._connection.recv_bytes(LONGEST_BYTES))
+                if time.monotonic() >= next_s:
+                    next_s = time.monotonic() + EVERY_S
+                    self._send({"run": self._state()})
+            self._send({"run": self._state() | {"ended": True}})
+
+    def _take(self, content: bytes) -> None:
+        message = json.loads(content)
+        operator = message.pop("operator")
+        try:
+            refused = self._act(operator, **message)
+        except Exception as error:  # a visitor must not be able to end this thread
+            refused = f"{type(error).__name__}: {error}"[:200]
+        if refused:
+            self._send({"to": operator, "refused": refused})
+
+    def _act(self, operator: str, do: str, **given: Any) -> str:
+        """Do what an operator asks for; returns why it is refused, or an empty string."""
+        match do:
+            case "take":
+                refused = self._inbox.take_over(operator)
+                if not refused:
+                    self._steered.set()
+                return refused
+            case "release":
+                return self._inbox.release(operator)
+            case "stop":
+                damp = given.get("damp") is True
+                if damp or self._inbox.stopped is None:  # a page repeats itself until it sees the stop
+                    self._inbox.stop(operator, damp=damp)
+                return ""
+            case "put" if self._inbox.owner == operator:
+                return self._inbox.put(operator, **given)
+        return "take control first" if do == "put" else f"there is no '{do}'"
+
+    def _send(self, message: Mapping[str, Any]) -> None:
+        self._connection.send_bytes(json.dumps(message).encode())
+
+    def _state(self) -> dict[str, Any]:
+        """The run, for JSON."""
+        status, stop = self._inbox.status, self._inbox.stopped
+        state = {"owner": self._inbox.owner, "stopped": None if stop is None else stop.reason}
+        return state | ({} if status is None else described(status)) | dict(self._more())
+
+
+def described(status: Status) -> dict[str, Any]:
+    """A run's status for JSON, where what is unknown is None."""
+    offer = status.offer
+    return {
+        "now_s": round(status.now_s, 3),
+        "walking_s": round(status.walking_s, 3),
+        "mode": status.mode.value,
+        "policy": status.policy,
+        "command": _numbers(status.command),
+        "velocity": _numbers(status.velocity),
+        "height_m": _number(status.height_m),
+        "pose": _numbers(status.pose),
+        "faults": list(status.faults),
+        "notes": list(status.notes)[-20:],
+        "charge": _number(status.charge),
+        "policies": list(offer.policies),
+        "gaits": list(offer.gaits),
+        "ranges": None if offer.commands is None else [list(each) for each in vars(offer.commands).values()],
+        "settings": [
+            {"name": name, "about": DECLARED[name].about, "unit": DECLARED[name].unit, **span._asdict()}
+            for name, span in offer.settings.items()
+        ],
+    }
+
+
+def _numbers(values: Any) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if math.isfinite(value) else None

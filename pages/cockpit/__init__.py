@@ -1,0 +1,1 @@
+"""The cockpit: our own page, from which a robot is steered and stopped."""

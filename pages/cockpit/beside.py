@@ -1,0 +1,93 @@
+"""The cockpit's page, served by a process of its own beside the control loop."""
+
+import asyncio
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
+from footfall.operate.cockpit_link import CockpitLink
+from footfall.operate.inbox import Inbox
+from footfall.pages.cockpit.access import Access
+from footfall.pages.cockpit.joints import JointNames, joint_figures
+from footfall.pages.cockpit.server import Cockpit
+from footfall.pages.page import check_address
+from footfall.pages.run_feed import RunFeed
+from footfall.robots.description import Robot
+
+START_S = 30.0
+NICENESS = 5
+
+
+@contextmanager
+def cockpit(
+    inbox: Inbox,
+    host: str,
+    port: int,
+    robot: Robot,
+    feed: Path,
+    more: Callable[[], Mapping[str, Any]] = dict,
+) -> Iterator[tuple[CockpitLink, str]]:
+    """Serve the page for as long as the context lasts; the link to it, and the address to open.
+
+    Args:
+        inbox: takes the page's commands.
+        host, port: where to listen.
+        robot: that runs.
+        feed: socket of the run's feed.
+        more: further facts about the run, for JSON.
+
+    Raises:
+        UserError: websockets is not installed, or the address cannot be had.
+    """
+    with needs_extra("cockpit", "the cockpit needs"):
+        import websockets  # noqa: F401
+    check_address(host, port)
+    access = Access(host, port)
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    joints = JointNames(robot.joint_names, robot.motor.peak_torque.tolist())
+    arguments = theirs, host, port, access.token, feed, joints
+    process = spawn.Process(target=_serve, args=arguments, name="cockpit", daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        if not ours.poll(START_S) or "serving" not in _first(ours):
+            raise UserError(f"the cockpit at {host}:{port} did not start")
+        link = CockpitLink(inbox, ours, more)
+        try:
+            yield link, f"http://{_in_address(host)}:{port}/?token={access.token}"
+        finally:
+            link.close()
+    finally:
+        process.join(1.0)
+        process.terminate()
+        process.join()
+        ours.close()
+
+
+def _first(connection: Connection) -> dict[str, Any]:
+    try:
+        return dict(json.loads(connection.recv_bytes()))
+    except EOFError:
+        return {}
+
+
+def _in_address(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _serve(link: Connection, host: str, port: int, token: str, feed: Path, joints: JointNames) -> None:
+    """In the other process: serve until the loop's process ends the link or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the loop, which tells us
+    os.nice(NICENESS)
+    more = partial(joint_figures, RunFeed(feed), joints)
+    asyncio.run(Cockpit(Access(host, port, token), link, more).serve(host, port))

@@ -1,0 +1,51 @@
+"""Whether what a page sends was said just now, or lay in a network that stalled."""
+
+import random
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+LATEST_S = 0.5  # between a challenge and the command that answers it
+
+
+class Freshness:
+    """Challenges to one page, and the commands that answer them.
+
+    A command has to repeat a challenge that the page was given within the last half second, and to have a
+    number above that of the command before. So a command that was on its way for longer, or comes twice, or
+    overtakes another one, is refused.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """`clock`: gives local time, s."""
+        self._clock = clock
+        self._given: deque[tuple[int, float]] = deque(maxlen=64)  # challenges, and when
+        self._last = -1
+        self.round_trip_s = 0.0  # of the latest challenge that was answered
+
+    def challenge(self) -> int:
+        """A new challenge."""
+        number = random.getrandbits(48)  # not a secret: whoever reads it has the connection
+        self._given.append((number, self._clock()))
+        return number
+
+    def refusal(self, number: Any, answer: Any) -> str:
+        """Why a command is refused; empty if it is not.
+
+        Args:
+            number: of the command.
+            answer: the challenge that it repeats.
+        """
+        if type(number) is not int or type(answer) is not int:
+            return "a command has a number and an answer"
+        if number <= self._last:
+            return "an old command is refused"
+        given_s = next((at_s for challenge, at_s in self._given if challenge == answer), None)
+        if given_s is None:
+            return "a command with a wrong answer is refused"
+        age_s = self._clock() - given_s
+        if age_s > LATEST_S:
+            return f"a command that is {age_s:.1f} s old is refused"
+        self._last, self.round_trip_s = number, age_s
+        return ""

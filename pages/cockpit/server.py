@@ -1,0 +1,170 @@
+"""The cockpit's server: one page, and a WebSocket for each visitor."""
+
+import asyncio
+import json
+import logging
+import secrets
+from collections.abc import Callable
+from contextlib import suppress
+from http import HTTPStatus
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from footfall.pages.cockpit.access import Access
+from footfall.pages.cockpit.freshness import Freshness
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+PAGE = Path(__file__).with_name("cockpit.html")
+SOCKET = "/steer"
+EVERY_S = 0.1  # between states
+LONGEST_BYTES = 2048  # of a visitor's message
+MOST_A_SECOND = 100  # messages of one visitor
+MOST_VISITORS = 8
+# What a visitor may ask for, and the values that go with it. Nothing resets a fault.
+COMMANDS = {"take": (), "release": (), "put": ("velocity", "wish", "policy", "gait", "settings")}
+HEADERS = {
+    "Content-Type": "text/html; charset=utf-8",
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+POLICY = (
+    "default-src 'none'; script-src 'nonce-{0}'; style-src 'nonce-{0}'; connect-src 'self'; img-src data:;"
+    " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+
+
+class Cockpit:
+    """Serves the page. Commands go to the process of the loop, whose state comes back."""
+
+    def __init__(self, access: Access, link: Connection, more: Callable[[], dict[str, Any]] = dict) -> None:
+        """`link` leads to a `CockpitLink`; `more` gives further facts about the run, for JSON."""
+        self._access, self._link, self._more = access, link, more
+        self._state: dict[str, Any] = {}  # of the run, as it came last
+        self._visitors: dict[str, ServerConnection] = {}
+        self._count = 0
+        self._ended = asyncio.Event()
+
+    async def serve(self, host: str, port: int) -> None:
+        """Serve until the process of the loop is gone. Tells it once by `serving` that visitors may come."""
+        from websockets.asyncio.server import serve
+
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        loop = asyncio.get_running_loop()
+        options: dict[str, Any] = {"max_size": LONGEST_BYTES, "compression": None, "ping_interval": None}
+        async with serve(self._talk, host, port, process_request=self._answer, **options):
+            self._link.send_bytes(b'{"serving": true}')
+            loop.add_reader(self._link.fileno(), self._hear)
+            await self._ended.wait()
+            loop.remove_reader(self._link.fileno())
+            for visitor in list(self._visitors.values()):
+                with suppress(Exception):
+                    await asyncio.wait_for(visitor.send(self._message(None)), EVERY_S)
+
+    def _answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
+        """The page, an error, or None to go on to a WebSocket."""
+        path = urlsplit(request.path).path
+        reason = self._access.refusal(request.path, request.headers, socket=path != "/")
+        if reason is not None:
+            return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
+        if path == SOCKET:
+            if len(self._visitors) < MOST_VISITORS:
+                return None
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many visitors\n")
+        if path != "/":
+            return connection.respond(HTTPStatus.NOT_FOUND, "there is no such page\n")
+        nonce = secrets.token_urlsafe(16)
+        response = connection.respond(HTTPStatus.OK, PAGE.read_text(encoding="utf-8").replace("NONCE", nonce))
+        del response.headers["Content-Type"]
+        for name, value in HEADERS.items():
+            response.headers[name] = value
+        response.headers["Content-Security-Policy"] = POLICY.format(nonce)
+        response.headers["Set-Cookie"] = self._access.set_cookie
+        return response
+
+    async def _talk(self, connection: "ServerConnection") -> None:
+        """Speak with one visitor for as long as he is there."""
+        self._count += 1
+        name, fresh = f"page {self._count}", Freshness()
+        self._visitors[name] = connection
+        sender = asyncio.create_task(self._send_states(name, connection, fresh))
+        try:
+            with suppress(Exception):  # gone, in whatever way
+                await self._listen(name, connection, fresh)
+        finally:
+            sender.cancel()
+            del self._visitors[name]
+            if self._state.get("owner") == name:
+                self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
+
+    async def _send_states(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
+        with suppress(Exception):
+            while True:
+                await connection.send(self._message(name, fresh))
+                await asyncio.sleep(EVERY_S)
+
+    def _message(self, name: str | None, fresh: Freshness | None = None) -> str:
+        """The state of the run for a visitor, with a challenge."""
+        message: dict[str, Any] = {"you": name, "run": self._state}
+        if fresh is not None:
+            message |= {"challenge": fresh.challenge(), "round_trip_s": round(fresh.round_trip_s, 3)}
+        return json.dumps(message)
+
+    async def _listen(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
+        """Pass on what a visitor sends, until he leaves or sends too much."""
+        loop = asyncio.get_running_loop()
+        second, count = 0, 0
+        async for content in connection:
+            now = int(loop.time())
+            second, count = now, count + 1 if now == second else 1
+            if count > MOST_A_SECOND:
+                return
+            refused = self._command(name, content, fresh)
+            if refused:
+                await connection.send(json.dumps({"refused": refused}))
+
+    def _command(self, name: str, content: str | bytes, fresh: Freshness) -> str:
+        """Pass a message on; returns why it is refused. A stop is never too old."""
+        try:
+            message = json.loads(content)
+        except (ValueError, RecursionError):
+            message = None
+        if not isinstance(message, dict):
+            return "a message is a JSON object"
+        do = message.get("do")
+        if do == "stop":
+            self._pass_on(name, {"do": "stop", "damp": message.get("damp") is True})
+            return ""
+        if not isinstance(do, str) or do not in COMMANDS:
+            return "there is no such command"
+        if refused := fresh.refusal(message.get("number"), message.get("answer")):
+            return refused
+        self._pass_on(name, {"do": do} | {key: message[key] for key in COMMANDS[do] if key in message})
+        return ""
+
+    def _pass_on(self, name: str, message: dict[str, Any]) -> None:
+        try:
+            self._link.send_bytes(json.dumps({"operator": name} | message).encode())
+        except OSError:
+            self._ended.set()
+
+    def _hear(self) -> None:
+        """Take what the process of the loop sends."""
+        try:
+            message = json.loads(self._link.recv_bytes())
+        except (OSError, EOFError):
+            self._ended.set()
+            return
+        if "run" in message:
+            self._state = message["run"] | self._more()
+            if self._state.get("ended"):
+                self._ended.set()
+        elif (visitor := self._visitors.get(message["to"])) is not None:
+            task = asyncio.ensure_future(visitor.send(json.dumps({"refused": message["refused"]})))
+            task.add_done_callback(lambda done: done.exception())

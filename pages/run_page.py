@@ -1,0 +1,45 @@
+"""The 3-D page of a run, served by a process of its own beside the control loop."""
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from footfall.common.errors import UserError
+from footfall.pages.page import check_page
+from footfall.robots.description import Robot, load_robot
+
+NICENESS = 5
+
+
+@contextmanager
+def viewed(robot: Robot, feed: Path, host: str, port: int) -> Iterator[str]:
+    """Serve the page for as long as the context lasts; gives its address.
+
+    Raises:
+        UserError: viser is not installed, or the address cannot be had.
+    """
+    check_page(host, port)
+    arguments = (robot.folder, feed, host, port)
+    process = multiprocessing.get_context("spawn").Process(target=_serve, args=arguments, daemon=True)
+    process.start()
+    try:
+        yield f"http://{host}:{port}"
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _serve(folder: Path, feed: Path, host: str, port: int) -> None:
+    """In the other process: serve until it is terminated."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the loop
+    os.nice(NICENESS)
+    from footfall.pages.live import show_run
+
+    try:
+        show_run(load_robot(folder), feed, host, port)
+    except UserError as error:
+        print(f"footfall: the page ended: {error}", file=sys.stderr)

@@ -1,0 +1,229 @@
+"""The cockpit's server as programs see it: who is let in, which commands count, and what a silence does."""
+
+import json
+import socket
+import time
+from collections.abc import Iterator
+from http.client import HTTPConnection
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+from walking_run import WALKING, eventually
+
+from footfall.common.errors import UserError
+from footfall.deploy.modes import Mode
+from footfall.operate.inbox import Inbox
+from footfall.pages.cockpit.freshness import LATEST_S, Freshness
+from footfall.robots.description import Robot
+
+pytest.importorskip("websockets")
+
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from footfall.pages.cockpit.beside import cockpit
+
+PATIENCE_S = 20.0
+STANDING = WALKING._replace(mode=Mode.STANDING)
+
+
+@pytest.fixture(scope="module")
+def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """A cockpit whose run has no feed, with the inbox that takes its commands."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        port = int(probe.getsockname()[1])
+    inbox = Inbox()
+    with cockpit(inbox, "localhost", port, go1, tmp_path_factory.mktemp("none") / "feed") as (link, address):
+        token = parse_qs(urlsplit(address).query)["token"][0]
+        yield SimpleNamespace(
+            inbox=inbox, link=link, port=port, token=token, origin=f"http://localhost:{port}"
+        )
+
+
+class Visitor:
+    """A program that speaks as the page does."""
+
+    def __init__(self, served: SimpleNamespace, token: str | None = None, origin: str | None = None) -> None:
+        address = f"ws://localhost:{served.port}/steer?token={served.token if token is None else token}"
+        self.socket: ClientConnection = connect(address, origin=origin or served.origin)  # type: ignore[arg-type]
+        self.number = 0
+        self.hear()
+
+    def hear(self) -> dict[str, Any]:
+        """The next state."""
+        while "challenge" not in (message := json.loads(self.socket.recv(PATIENCE_S))):
+            pass
+        self.challenge, self.name = message["challenge"], message["you"]
+        return message
+
+    def ask(self, **message: Any) -> None:
+        self.number += 1
+        self.socket.send(json.dumps({"number": self.number, "answer": self.challenge} | message))
+
+    def refusal(self) -> str:
+        """Why the last message was refused."""
+        while "refused" not in (message := json.loads(self.socket.recv(PATIENCE_S))):
+            pass
+        return str(message["refused"])
+
+    def take_control(self, inbox: Inbox) -> None:
+        self.hear()
+        self.ask(do="take")
+        assert eventually(lambda: inbox.owner == self.name, PATIENCE_S)
+
+
+@pytest.fixture
+def visitor(served: SimpleNamespace) -> Iterator[Visitor]:
+    visitor = Visitor(served)
+    with visitor.socket:
+        yield visitor
+
+
+def page_status(served: SimpleNamespace, path: str, **headers: str) -> tuple[int, dict[str, str]]:
+    connection = HTTPConnection("localhost", served.port, timeout=PATIENCE_S)
+    connection.request("GET", path, headers={"Host": f"localhost:{served.port}"} | headers)
+    answer = connection.getresponse()
+    answer.read()
+    return answer.status, dict(answer.getheaders())
+
+
+class TestWhoIsLetIn:
+    def test_only_the_printed_address_opens_the_page_which_then_keeps_the_token(
+        self, served: SimpleNamespace
+    ) -> None:
+        status, headers = page_status(served, f"/?token={served.token}")
+        assert status == 200
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert {"HttpOnly", "SameSite=Strict"} <= set(headers["Set-Cookie"].split("; "))
+        kept = headers["Set-Cookie"].split(";")[0]
+        assert page_status(served, "/", Cookie=kept)[0] == 200
+        for path in ("/", "/?token=", "/?token=%C3%A4", f"/?token={served.token}x"):
+            assert page_status(served, path)[0] == 403
+        assert page_status(served, "/", Cookie=f"{kept}x")[0] == 403
+        assert page_status(served, f"/?token={served.token}", Host="evil.example")[0] == 403
+
+    @pytest.mark.parametrize(
+        "wrong",
+        [
+            {"token": ""},
+            {"token": "guess"},
+            {"origin": "http://evil.example"},
+            {"origin": "http://localhost:1"},
+        ],
+    )
+    def test_no_other_page_or_token_gets_a_connection(
+        self, served: SimpleNamespace, wrong: dict[str, str]
+    ) -> None:
+        with pytest.raises(InvalidStatus) as caught:
+            Visitor(served, **wrong)
+        assert caught.value.response.status_code == 403
+
+    def test_nor_does_one_without_an_origin(self, served: SimpleNamespace) -> None:
+        with pytest.raises(InvalidStatus):
+            connect(f"ws://localhost:{served.port}/steer?token={served.token}")
+
+
+class TestCommands:
+    def test_who_has_taken_control_moves_the_robot_until_he_leaves(
+        self, served: SimpleNamespace, visitor: Visitor
+    ) -> None:
+        visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
+        assert "take control" in visitor.refusal()
+        visitor.take_control(served.inbox)
+        visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
+        assert eventually(lambda: asked(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
+        other = Visitor(served)
+        other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
+        assert "take control" in other.refusal()
+        other.take_control(served.inbox)
+        other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
+        assert eventually(lambda: asked(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
+        other.hear()
+        other.socket.close()
+        assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
+
+    def test_what_is_old_or_wrong_is_refused_and_changes_nothing(
+        self, served: SimpleNamespace, visitor: Visitor
+    ) -> None:
+        visitor.take_control(served.inbox)
+        visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
+        assert eventually(lambda: asked(served.inbox)[0] == 0.2, PATIENCE_S)
+        for message in (
+            {"number": 1, "answer": visitor.challenge},
+            {"number": 99, "answer": visitor.challenge + 1},
+            {"number": 99, "answer": str(visitor.challenge)},
+            {"number": None},
+            {"do": "reset"},
+            {"do": ["put"]},
+            {"velocity": [1.0]},
+            {"velocity": "fast"},
+            {"velocity": [0.1, float("nan"), 0.0]},
+            {"gait": {"a": 1}},
+            {"settings": [1]},
+        ):
+            visitor.hear()
+            visitor.ask(**({"do": "put", "velocity": [0.9, 0.0, 0.0]} | message))
+            assert visitor.refusal()
+        for content in ("", "[]", "null", "{", '"put"', b"\xff"):
+            visitor.socket.send(content)
+            if isinstance(content, str):
+                assert visitor.refusal()
+        assert asked(served.inbox).tolist() == [0.2, 0.0, 0.0]
+
+    def test_a_flood_ends_the_connection(self, served: SimpleNamespace) -> None:
+        flooding = Visitor(served)
+        with pytest.raises(ConnectionClosed), flooding.socket:
+            flood(flooding)
+
+    def test_a_stop_is_taken_from_anyone_and_whatever_its_age_and_a_page_repeats_it(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        with socket.socket() as probe:
+            probe.bind(("localhost", 0))
+            port = int(probe.getsockname()[1])
+        inbox = Inbox()
+        with cockpit(inbox, "localhost", port, go1, tmp_path / "feed") as (_, address):
+            token = parse_qs(urlsplit(address).query)["token"][0]
+            here = SimpleNamespace(port=port, token=token, origin=f"http://localhost:{port}")
+            with Visitor(here).socket as stopping:
+                for _ in range(5):
+                    stopping.send('{"do": "stop"}')
+                assert eventually(lambda: inbox.stopped is not None, PATIENCE_S)
+                time.sleep(0.1)
+                assert inbox.stopped is not None
+                assert not inbox.stopped.damp
+                stopping.send('{"do": "stop", "damp": true}')
+                assert eventually(lambda: inbox.stopped is not None and inbox.stopped.damp, PATIENCE_S)
+            taken = cockpit(inbox, "localhost", port, go1, tmp_path)
+            with pytest.raises(UserError, match="in use"), taken:
+                pytest.fail("the port is taken")
+
+
+def flood(visitor: Visitor) -> None:
+    for _ in range(2000):
+        visitor.ask(do="put", velocity=[0.0, 0.0, 0.0])
+        visitor.socket.recv(PATIENCE_S)
+
+
+def asked(inbox: Inbox) -> np.ndarray:
+    """The velocity that the owner asked for last, however long ago."""
+    return inbox.poll(STANDING).velocity
+
+
+class TestFreshness:
+    def test_a_command_that_was_on_its_way_for_long_is_refused(self) -> None:
+        now = SimpleNamespace(s=10.0)
+        fresh = Freshness(lambda: now.s)
+        challenge = fresh.challenge()
+        now.s += 0.9 * LATEST_S
+        assert fresh.refusal(1, challenge) == ""
+        assert "old" in fresh.refusal(1, challenge)  # comes twice
+        now.s += 0.2 * LATEST_S
+        assert "old" in fresh.refusal(2, challenge)  # on its way for too long
+        assert fresh.refusal(2, fresh.challenge()) == ""
+        assert fresh.round_trip_s == 0.0
