@@ -1,10 +1,15 @@
-"""Completes a log that was cut short or damaged: the copy has the index that other tools need."""
+"""Copies logs: one that was cut short or damaged gets its end, and a long one is cut to a time range."""
 
+import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
 from footfall.deploy.log_file import Damage, definitions_first, records
+from footfall.deploy.telemetry.mcap_file import ENDED, METADATA
+
+CUT = "cut_s"  # metadata: start and end in the log that this one was cut from
 
 
 class Recovered(NamedTuple):
@@ -20,15 +25,76 @@ def recover(torn: Path, whole: Path) -> Recovered:
     Raises:
         UserError: the log cannot be read or the copy not written.
     """
+    damage = Damage()
+    return _copy(_read(torn, whole, damage), whole, damage)
+
+
+def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
+    """Copy a time range of a log, with the last message before it of each latched topic, as of its start.
+
+    Args:
+        path: the log.
+        out: its cut copy.
+        from_s, to_s: seconds since the log's first message.
+
+    Raises:
+        UserError: the log cannot be read, the range holds no messages, or the copy cannot be written.
+    """
+    from mcap.records import Message
+
+    damage = Damage()
+    found = _read(path, out, damage)
+    times = [record.log_time for record in found if isinstance(record, Message)]
+    if not times:
+        raise UserError(f"{path} holds no messages")
+    first, last = min(times), max(times)
+    start_ns, end_ns = first + round(from_s * 1e9), first + round(min(to_s, 1e9) * 1e9)
+    if not any(start_ns <= each <= end_ns for each in times):
+        raise UserError(
+            f"{path} is {(last - first) * 1e-9:.3f} s long: nothing is from {from_s:g} to {to_s:g} s"
+        )
+    return _copy(_within(found, start_ns, end_ns, end_ns >= last, (from_s, to_s)), out, damage)
+
+
+def _within(
+    found: list[Any], start_ns: int, end_ns: int, to_the_end: bool, span: tuple[float, float]
+) -> list[Any]:
+    """The records of a time range, those without a time included."""
+    from mcap.records import Channel, Message, Metadata
+
+    latched = {
+        record.id
+        for record in found
+        if isinstance(record, Channel) and "transient_local" in str(record.metadata)
+    }
+    held: dict[int, Message] = {}
+    kept: list[Any] = []
+    for record in found:
+        if isinstance(record, Metadata) and record.name == METADATA and ENDED in record.metadata:
+            kept += [record] if to_the_end else []
+        elif not isinstance(record, Message) or start_ns <= record.log_time <= end_ns:
+            kept.append(record)
+        elif record.log_time < start_ns and record.channel_id in latched:
+            held[record.channel_id] = record
+    for record in held.values():
+        record.log_time = start_ns
+    return [Metadata(METADATA, {CUT: json.dumps(span)}), *held.values(), *kept]
+
+
+def _read(path: Path, out: Path, damage: Damage) -> list[Any]:
+    if out.exists() and out.samefile(path):
+        raise UserError(f"{out} is the log itself: give another file for its copy")
+    return list(records(path, damage))
+
+
+def _copy(found: Iterable[Any], whole: Path, damage: Damage) -> Recovered:
     from mcap.records import Channel, Header, Message, Metadata, Schema
     from mcap.writer import Writer
 
-    if whole.exists() and whole.samefile(torn):
-        raise UserError(f"{whole} is the log itself: give another file for its recovered copy")
-    count, damage = 0, Damage()
+    found = definitions_first(found)
+    count = 0
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    found = definitions_first(records(torn, damage))
     header = next((each for each in found if isinstance(each, Header)), Header("", ""))
     try:
         with whole.open("wb") as file:

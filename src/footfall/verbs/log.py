@@ -1,13 +1,138 @@
 """`footfall log`: what can be done with a run's log."""
 
+import math
+import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
+from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs
-from footfall.options import OptionalPath
+from footfall.options import AS_TYPED, OptionalPath
+
+if TYPE_CHECKING:
+    from footfall.deploy.log_analysis.findings import LogFindings
 
 log = App(name="log", help="Work on the log of a run.")
+
+RobotOfLog = Annotated[str | None, AS_TYPED]
+
+
+@log.command
+def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
+    """Tell what a log holds and how its run went; exit 1 after a fault or a jump in a path.
+
+    Parameters
+    ----------
+    file
+        The log.
+    robot
+        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+    """
+    from rich.console import Console
+    from rich.table import Table
+
+    from footfall.deploy.telemetry.topics import TOPICS
+
+    found = _findings(file, robot)
+    columns, console = found.columns, Console()
+    for line in (_headline(found), *found.verdicts()):
+        console.print(line, highlight=False, soft_wrap=True)
+    facts = Table(show_header=False, box=None)
+    for what, value in found.extremes():
+        facts.add_row(what, value)
+    console.print(facts, highlight=False)
+    topics = Table("topic", "message", "messages", "Hz", box=None)
+    for topic, count in sorted(columns.counts.items()):
+        kind = TOPICS[topic].kind if topic in TOPICS else ""
+        rate = f"{(count - 1) / columns.duration_s:.1f}" if count > 1 and columns.duration_s else ""
+        topics.add_row(topic, kind.replace("/msg/", "/"), str(count), rate)
+    console.print(topics, highlight=False)
+    return 0 if found.good else 1
+
+
+@log.command
+def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -> int:
+    """Draw a log on one HTML page: joints, torques, heat, contacts, paths of the feet, timing, faults.
+
+    Parameters
+    ----------
+    file
+        The log.
+    out
+        Where to write the page (default: FILE.html, beside it).
+    robot
+        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+    """
+    from footfall.evaluate.report.extra import check_installed
+
+    page = file.with_suffix(".html") if out is None else out
+    check_outputs(page)
+    check_installed()
+    found = _findings(file, robot)
+    from footfall.common.outputs import write_text
+    from footfall.evaluate.report.log_page import render
+
+    write_text(page, render(found, _headline(found)))
+    print(f"{page}: {' '.join(found.verdicts())}")
+    return 0
+
+
+@log.command
+def cut(
+    file: Path,
+    /,
+    *,
+    start: Annotated[float, Parameter(name="--from")] = 0.0,
+    end: Annotated[float, Parameter(name="--to")] = math.inf,
+    out: OptionalPath = None,
+) -> int:
+    """Copy a time range of a log.
+
+    Parameters
+    ----------
+    file
+        The log.
+    start
+        Seconds from the log's start.
+    end
+        Likewise (default: the log's end).
+    out
+        Where to write the copy (default: FILE.cut.mcap, beside it).
+    """
+    if not 0.0 <= start < end:
+        raise UserError(f"from {start:g} to {end:g} s is no time range: give --from and --to, s, in order")
+    part = _beside(file, "cut", out)
+    from footfall.deploy.recover import cut as cut_log
+
+    found = cut_log(file, part, start, end)
+    print(f"{found.messages} messages in {part}{_lost(found.damaged)}")
+    return 0
+
+
+@log.command
+def frames(file: Path, /, *, out: OptionalPath = None) -> int:
+    """Write a log's CAN frames as candump does; --log-frames of deploy records them.
+
+    Parameters
+    ----------
+    file
+        The log.
+    out
+        Where to write the text (default: to the terminal).
+    """
+    check_outputs(out)
+    from footfall.deploy.log_analysis.candump import write_candump
+
+    if out is None:
+        write_candump(file, sys.stdout)
+        return 0
+    with out.open("w") as text:
+        count = write_candump(file, text)
+    print(f"{count} frames in {out}")
+    return 0
 
 
 @log.command
@@ -21,11 +146,59 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     out
         Where to write the whole copy (default: FILE.recovered.mcap, beside it).
     """
-    whole = file.parent / f"{file.stem}.recovered{file.suffix}" if out is None else out
-    check_outputs(whole)
+    whole = _beside(file, "recovered", out)
     from footfall.deploy.recover import recover as recover_log
 
     found = recover_log(file, whole)
-    lost = f", {found.damaged} damaged parts left out" if found.damaged else ""
-    print(f"{found.messages} messages in {whole}{lost}")
+    print(f"{found.messages} messages in {whole}{_lost(found.damaged)}")
     return 0
+
+
+def _beside(file: Path, what: str, out: Path | None) -> Path:
+    """Where a copy of a log goes, which can be written."""
+    copy = file.parent / f"{file.stem}.{what}{file.suffix}" if out is None else out
+    check_outputs(copy)
+    return copy
+
+
+def _lost(damaged: int) -> str:
+    return f", {damaged} damaged parts left out" if damaged else ""
+
+
+def _findings(file: Path, robot: str | None) -> "LogFindings":
+    """What a log tells; of feet only if its robot is here."""
+    from footfall.deploy.log_analysis.columns import read_columns
+    from footfall.deploy.log_analysis.findings import LogFindings
+    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.robots.description import load_robot
+
+    columns = read_columns(file)
+    found = None
+    if robot is not None:
+        found = load_robot(robot)
+        if list(found.joint_names) != columns.joints:
+            raise UserError(
+                f"{file} is of another robot than {robot}: its joints are {', '.join(columns.joints)}"
+            )
+    with suppress(UserError):
+        found = found or logged_robot(columns.log)
+    return LogFindings(columns, found)
+
+
+def _headline(found: "LogFindings") -> str:
+    """When, what and for how long."""
+    from datetime import UTC, datetime
+
+    from footfall.deploy.clock import LOCKSTEP_START_NS
+
+    columns = found.columns
+    about = columns.log.metadata
+    simulated = columns.start_ns < LOCKSTEP_START_NS + 10**14  # a day of simulated time
+    when = (
+        ""
+        if simulated
+        else f" on {datetime.fromtimestamp(columns.start_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    )
+    walked = sum(end - start for start, end in found.walking)
+    policy, robot, bus = (str(about.get(key, "?")) for key in ("policy", "robot", "bus"))
+    return f"{policy} on {robot}, bus {bus}{when}: {columns.duration_s:.1f} s, walking {walked:.1f} s."

@@ -1,6 +1,5 @@
 """`footfall replay`."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,6 @@ from footfall.common.errors import UserError
 from footfall.options import AS_TYPED, PolicyName
 
 if TYPE_CHECKING:
-    from footfall.deploy.log_file import LogFile
     from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
 
@@ -31,6 +29,7 @@ class ReplayOptions:
 
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
+    from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
     from footfall.deploy.replay import OTHERS
     from footfall.deploy.replay import replay as replay_log
@@ -38,7 +37,7 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     from footfall.robots.description import load_robot
 
     named = read_log(log, topics=())
-    robot = _logged_robot(named) if options.robot is None else load_robot(options.robot)
+    robot = logged_robot(named) if options.robot is None else load_robot(options.robot)
     if options.policy is None:
         policy = _logged_policy(named.text("policy_spec"), robot)
     else:
@@ -66,23 +65,3 @@ def _logged_policy(spec: str, robot: "Robot") -> "Policy":
         return load_policy(spec, robot)
     except UserError as error:
         raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
-
-
-def _logged_robot(named: "LogFile") -> "Robot":
-    """The robot that a log was made with, wherever it lies.
-
-    Raises:
-        UserError: it is not here, or has changed since.
-    """
-    from footfall.robots.description import load_robot
-
-    name, folder, digest = (named.text(part) for part in ("robot", "robot_folder", "robot_digest"))
-    for where in (name, folder):
-        with suppress(UserError):
-            robot = load_robot(where)
-            if robot.digest == digest:
-                return robot
-    raise UserError(
-        f"the log was made with robot {name} of {folder},"
-        " which is not here or has changed since: give --robot"
-    )

@@ -1,0 +1,36 @@
+"""The CAN frames of a log as text, as candump writes it."""
+
+from pathlib import Path
+from typing import TextIO
+
+from footfall.common.errors import UserError
+from footfall.deploy.log_file import read_log
+
+RECEIVED, SENT = "/from_can_bus", "/to_can_bus"
+
+
+def write_candump(path: Path, out: TextIO) -> int:
+    """Write a log's CAN frames in the order of their times; returns how many.
+
+    Raises:
+        UserError: the log cannot be read or holds no frames.
+    """
+    from can import CanutilsLogWriter, Message
+
+    entries = sorted(read_log(path, (RECEIVED, SENT)).entries, key=lambda entry: entry.time_ns)
+    if not entries:
+        raise UserError(f"{path} holds no CAN frames: record the run with --log-frames")
+    writer = CanutilsLogWriter(out)
+    for topic, time_ns, frame in entries:
+        writer.on_message_received(
+            Message(
+                timestamp=time_ns * 1e-9,
+                arbitration_id=frame.id,
+                is_extended_id=frame.is_extended,
+                dlc=frame.dlc,
+                data=bytes(frame.data[: frame.dlc]),
+                channel=frame.header.frame_id,
+                is_rx=topic == RECEIVED,
+            )
+        )
+    return len(entries)

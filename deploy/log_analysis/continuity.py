@@ -1,0 +1,41 @@
+"""Whether paths are continuous: a step between two samples that nothing around it explains is a jump."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+AROUND = 5  # samples before and after a step that it is held against
+TIMES_LARGER = 2.0  # than each of them, and
+FOOT_JUMP_M = 0.005  # larger by this, a step of a foot is a jump
+JOINT_JUMP_RAD = 0.03  # likewise of a joint
+
+
+class Continuity(NamedTuple):
+    """What was found of several paths."""
+
+    largest: float  # step between two samples
+    largest_s: float  # when
+    jumps: list[tuple[float, int, float]]  # time s, path, size
+
+
+def continuity(time_s: np.ndarray, paths: np.ndarray, least: float) -> Continuity:
+    """Look for jumps.
+
+    Args:
+        time_s: (T,) times of the samples, s.
+        paths: (T, paths, d) places.
+        least: by which a jump is larger than twice the steps around it.
+    """
+    if len(time_s) < 2:
+        return Continuity(0.0, 0.0, [])
+    steps = np.nan_to_num(np.linalg.norm(np.diff(paths, axis=0), axis=2))  # (T - 1, paths)
+    padded = np.pad(steps, ((AROUND, AROUND), (0, 0)))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0)
+    around = np.delete(windows, AROUND, axis=2).max(axis=2)
+    found = np.argwhere(steps > TIMES_LARGER * around + least)
+    row, path = np.unravel_index(int(steps.argmax()), steps.shape)
+    return Continuity(
+        float(steps[row, path]),
+        float(time_s[row + 1]),
+        [(float(time_s[row + 1]), int(path), float(steps[row, path])) for row, path in found],
+    )

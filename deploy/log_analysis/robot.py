@@ -1,0 +1,27 @@
+"""The robot that a log was made with."""
+
+from contextlib import suppress
+
+from footfall.common.errors import UserError
+from footfall.deploy.log_file import LogFile
+from footfall.robots.description import Robot
+
+
+def logged_robot(log: LogFile) -> Robot:
+    """The robot that a log was made with, wherever it lies.
+
+    Raises:
+        UserError: it is not here, or has changed since.
+    """
+    from footfall.robots.description import load_robot
+
+    name, folder, digest = (log.text(part) for part in ("robot", "robot_folder", "robot_digest"))
+    for where in (name, folder):
+        with suppress(UserError):
+            robot = load_robot(where)
+            if robot.digest == digest:
+                return robot
+    raise UserError(
+        f"the log was made with robot {name} of {folder},"
+        " which is not here or has changed since: give --robot"
+    )

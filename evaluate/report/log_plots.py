@@ -1,0 +1,221 @@
+"""Plots of one run's log: states, joints, torques, temperatures, contacts, paths of the feet, timing."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+
+from footfall.deploy.log_analysis.columns import Column
+from footfall.deploy.log_analysis.findings import LogFindings
+from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
+
+MOST_POINTS = 700  # of a line
+READINGS = 120  # of a panel, for the pointer
+PATH_SHOWN_S = 4.0
+NOTHING = Column(np.zeros(0), np.zeros((0, 0)))
+STANDS = 0.5  # probability from which a foot stands
+
+
+def plots(found: LogFindings) -> list[Plot]:
+    """Every plot that the log has numbers for."""
+    made = (velocity(found), joints(found), torques(found), temperatures(found), contacts(found))
+    return [plot for plot in (*made, paths(found), timing(found)) if plot.panels]
+
+
+def velocity(found: LogFindings) -> Plot:
+    """Commanded and estimated velocity."""
+    columns, panels = found.columns, []
+    command, odometry = columns.column("/cmd_vel", 6), columns.column("/odom", 42)
+    shown = (("forward", "m/s", 0, 0), ("leftward", "m/s", 1, 1), ("yaw rate", "rad/s", 5, 5))
+    for name, unit, commanded, estimated in shown:
+        if not len(command.time_s):
+            continue
+        with Panel(f"velocity-{commanded}") as panel:
+            ax = panel.axes
+            ax.plot(*_thin(command.time_s, command.values[:, commanded]), color=INK, lw=1.0)
+            if len(odometry.time_s):
+                ax.plot(*_thin(odometry.time_s, odometry.values[:, estimated]), **line(0))
+            ax.set(xlabel="time, s", ylabel=unit, title=name)
+            panels.append(panel.svg(f"Commanded and estimated velocity, {name}"))
+    return Plot("Velocity", "Thin: the command that the policy was given. Blue: odometry's estimate.", panels)
+
+
+def joints(found: LogFindings) -> Plot:
+    """Positions of joints, and their targets."""
+    read, sent = found.columns.readings, found.columns.targets
+
+    def draw(ax: Axes, joint: int, **style: Any) -> None:
+        ax.plot(*_thin(sent.time_s, sent.values[:, joint]), color=INK, lw=0.7)
+        ax.plot(*_thin(read.time_s, read.values[:, joint]), **style)
+
+    values = read.values[:, : len(found.columns.joints)]
+    panels = _by_limb(found, "joints", "rad", draw, Column(read.time_s, values))
+    return Plot("Joints", "Position as read; thin: the target that went out.", panels)
+
+
+def torques(found: LogFindings) -> Plot:
+    """Torques that the motors reported."""
+    time_s, values = found.columns.readings
+    torque = values[:, 2 * len(found.columns.joints) :]
+
+    def draw(ax: Axes, joint: int, **style: Any) -> None:
+        ax.plot(*_thin(time_s, torque[:, joint]), lw=1.0, **style)
+
+    panels = _by_limb(found, "torques", "N m", draw, Column(time_s, torque))
+    return Plot("Torques", "As the motors reported them.", panels)
+
+
+def temperatures(found: LogFindings) -> Plot:
+    """Temperatures of the motors."""
+    count = len(found.columns.joints)
+    time_s, values = found.columns.column("/motor_health", 3 * count)
+    until = np.append(time_s, found.columns.duration_s)
+
+    def draw(ax: Axes, joint: int, **style: Any) -> None:
+        ax.plot(until, np.append(values[:, joint], values[-1:, joint]), drawstyle="steps-post", **style)
+
+    known = Column(time_s, values[:, :count]) if np.isfinite(values[:, :count]).any() else NOTHING
+    return Plot("Temperatures", "Of the motors.", _by_limb(found, "heat", "°C", draw, known))
+
+
+def _by_limb(
+    found: LogFindings, what: str, unit: str, draw: Callable[..., None], values: Column
+) -> list[Markup]:
+    """A panel for each limb: `draw` draws one joint; `values` (T, n) are shown under the pointer."""
+    if not len(values.time_s):
+        return []
+    panels = []
+    for number, (name, members) in enumerate(_limbs(found)):
+        with Panel(f"{what}-{number}") as panel:
+            for place, joint in enumerate(members):
+                draw(panel.axes, joint, color=colour(place), label=found.columns.joints[joint])
+            panel.axes.set(xlabel="time, s", ylabel=unit, title=name)
+            if len(members) > 1:
+                panel.axes.legend(fontsize=9, frameon=False, loc="best")
+            panels.append(panel.svg(f"{what} of {name}", _readings(found, values, members, unit)))
+    return panels
+
+
+def contacts(found: LogFindings) -> Plot:
+    """Which feet stand, as estimated."""
+    column = found.columns.columns.get("/contacts", NOTHING)
+    time_s, probability = column.time_s, column.values
+    if not len(time_s):
+        return Plot("Contacts", "", [])
+    names = _feet(found, probability.shape[1])
+    probability = probability[:, probability.shape[1] - len(names) :]
+    with Panel("contacts", height=80.0 + 26.0 * len(names)) as panel:
+        ax = panel.axes
+        for row, stands in enumerate((probability > STANDS).T):
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], stands.astype(int), [0]])))
+            until = np.append(time_s, time_s[-1])
+            bars = [(until[a], until[b] - until[a]) for a, b in edges.reshape(-1, 2)]
+            ax.broken_barh(bars, (row - 0.36, 0.72), color=colour(0), lw=0)
+        ax.set_yticks(range(len(names)), names)
+        ax.set(xlabel="time, s", ylim=(len(names) - 0.5, -0.5))
+        ax.grid(visible=False, axis="y")
+        return Plot(
+            "Contacts", "Bars: a foot stands, by the estimate.", [panel.svg("Feet that stand over time")]
+        )
+
+
+def paths(found: LogFindings) -> Plot:
+    """Paths of the feet, seen from the side."""
+    if found.robot is None or not len(found.measured.time_s):
+        return Plot("Paths of the feet", "", [])
+    panels = []
+    feet = [foot.name for foot in found.robot.description.feet]
+    read_s, sent_s = found.measured.time_s, found.decided.time_s
+    start_s = (found.walking[0][1] if found.walking else read_s[-1]) - PATH_SHOWN_S
+    for foot, name in enumerate(feet):
+        with Panel(f"paths-{foot}") as panel:
+            ax = panel.axes
+            wanted = _window(sent_s[: len(found.decided_feet)], found.decided_feet[:, foot], start_s)
+            walked = _window(read_s, found.measured_feet[:, foot], start_s)
+            ax.plot(wanted[:, 0], wanted[:, 2], color=INK, lw=0.7)
+            ax.plot(walked[:, 0], walked[:, 2], color=colour(0), lw=1.2)
+            ax.set(xlabel="forward of the base, m", ylabel="up, m", title=name)
+            panels.append(panel.svg(f"Path of foot {name} from the side"))
+    return Plot(
+        "Paths of the feet",
+        f"From the base, seen from the side, over {PATH_SHOWN_S:g} s of walking. Thin: where the policy's"
+        " joint targets would put it.",
+        panels,
+    )
+
+
+def timing(found: LogFindings) -> Plot:
+    """How long ticks took, and how late they began."""
+    time_s, values = found.columns.column("/loop_timing", 2)
+    panels: list[Markup] = []
+    for number, name in enumerate(("work of a tick", "lateness of a tick")):
+        if not len(time_s):
+            continue
+        p50, p99 = np.percentile(values[:, number], (50, 99))
+        with Panel(f"timing-{number}") as panel:
+            panel.axes.plot(*_peaks(time_s, values[:, number]), color=colour(number), lw=1.0)
+            panel.axes.set(xlabel="time, s", ylabel="µs", title=f"{name}: p50 {p50:.0f}, p99 {p99:.0f} µs")
+            panel.axes.set_yscale("symlog", linthresh=100.0)
+            panel.axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            panels.append(panel.svg(f"{name} over time, largest of each stretch"))
+    return Plot("Loop timing", "The largest of each stretch of the run, by the wall clock.", panels)
+
+
+def _limbs(found: LogFindings) -> Iterator[tuple[str, list[int]]]:
+    """Joints of each limb, under the name of its foot; without a robot, all joints in groups of three."""
+    joints = list(range(len(found.columns.joints)))
+    if found.robot is None:
+        for start in joints[::3]:
+            yield found.columns.joints[start], joints[start : start + 3]
+        return
+    legs = found.robot.legs
+    of_limbs = [legs.joints[leg][legs.present[leg]].tolist() for leg in range(legs.count)]
+    for foot, members in zip(found.robot.description.feet, of_limbs, strict=True):
+        yield foot.name, members
+    if others := [joint for joint in joints if not any(joint in members for members in of_limbs)]:
+        yield "other joints", others
+
+
+def _feet(found: LogFindings, most: int) -> list[str]:
+    if found.robot is not None:
+        return [foot.name for foot in found.robot.description.feet]
+    return [f"foot {number}" for number in range(most)]
+
+
+def _readings(found: LogFindings, values: Column, members: Sequence[int], unit: str) -> list[Reading]:
+    """Numbers for the pointer."""
+    rows = np.unique(np.linspace(0, len(values.time_s) - 1, READINGS).astype(int))
+    return [
+        Reading(float(values.time_s[row]), None, _text(found, values, members, unit, row)) for row in rows
+    ]
+
+
+def _text(found: LogFindings, values: Column, members: Sequence[int], unit: str, row: int) -> str:
+    names = found.columns.joints
+    lines = [f"{names[joint]} {values.values[row, joint]:.3g} {unit}" for joint in members]
+    return "\n".join([f"{values.time_s[row]:.2f} s", *lines])
+
+
+def _window(time_s: np.ndarray, places: np.ndarray, start_s: float) -> np.ndarray:
+    return places[(time_s >= start_s) & (time_s <= start_s + PATH_SHOWN_S)]
+
+
+def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The smallest and the largest value of each stretch, so that peaks stay."""
+    size = -(-len(values) // (MOST_POINTS // 2))
+    if size <= 2:
+        return time_s, values
+    whole = len(values) // size * size
+    parts = values[:whole].reshape(-1, size)
+    ends = np.sort(np.stack([parts.argmin(axis=1), parts.argmax(axis=1)], axis=1), axis=1)
+    rows = (ends + size * np.arange(len(parts))[:, None]).ravel()
+    return time_s[rows], values[rows]
+
+
+def _peaks(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest value of each stretch."""
+    size = -(-len(values) // MOST_POINTS)
+    whole = len(values) // size * size
+    return time_s[:whole:size], values[:whole].reshape(-1, size).max(axis=1)

@@ -1,0 +1,92 @@
+"""`footfall log` on the log of a short run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from can import CanutilsLogReader
+from deploy_policies import FailingPolicy, Sway, not_a_number, short_episode
+from mcap.reader import make_reader
+from shell import Shell
+
+from footfall.deploy.log_analysis.continuity import continuity
+from footfall.deploy.log_file import read_log
+from footfall.plant.episode import run_episode
+from footfall.robots.description import Robot
+
+FIRST_NS = 10**18
+
+
+@pytest.fixture(scope="module")
+def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second of swaying, with its CAN frames."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    run_episode(go1, Sway(go1), short_episode(log=path, log_frames=True))
+    return path
+
+
+def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path) -> None:
+    told = shell("log", "info", logged)
+    assert told.status == 0
+    for part in ("sway on go1", "in order", "No fault", "Each foot path is continuous", "/joint_states"):
+        assert part in told.out, told.out
+    assert shell("log", "plot", logged, "--out", tmp_path / "page.html").status == 0
+    page = (tmp_path / "page.html").read_text()
+    for part in ("sway on go1", "Torques", "Paths of the feet", "Temperatures", "FR_hip_joint", "WALKING"):
+        assert part in page
+    assert page.count("<svg") >= 4 * 4
+
+
+def test_info_and_page_of_a_fault(shell: Shell, go1: Robot, tmp_path: Path) -> None:
+    run_episode(go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(log=tmp_path / "bad.mcap"))
+    told = shell("log", "info", "bad.mcap")
+    assert told.status == 1
+    assert "the policy's command is not finite" in told.out
+    assert shell("log", "plot", "bad.mcap").status == 0
+    assert "is not finite" in (tmp_path / "bad.html").read_text()
+
+
+def test_a_jump_is_found_and_a_swing_is_none() -> None:
+    time_s = np.arange(500) * 0.002
+    path = np.stack([0.1 * np.sin(9.0 * time_s), np.maximum(0.0, 0.05 * np.sin(30.0 * time_s))], axis=1)
+    assert continuity(time_s, path[:, None], 0.005).jumps == []
+    path[300:, 0] += 0.02
+    (jump,) = continuity(time_s, path[:, None], 0.005).jumps
+    assert jump == (pytest.approx(0.6), 0, pytest.approx(0.02, abs=0.003))
+
+
+def test_a_cut_keeps_its_range_and_what_still_holds(shell: Shell, logged: Path, tmp_path: Path) -> None:
+    assert shell("log", "cut", logged, "--from", "0.6", "--to", "0.8", "--out", "part.mcap").status == 0
+    whole, part = read_log(logged), read_log(tmp_path / "part.mcap")
+    inside = [entry for entry in whole.entries if 6 * 10**8 <= entry.time_ns - FIRST_NS <= 8 * 10**8]
+    held = part.entries[: len(part.entries) - len(inside)]
+    assert {entry.topic for entry in held} >= {"/robot_description", "/tf_static", "/state", "/motor_health"}
+    assert {entry.time_ns - FIRST_NS for entry in held} == {6 * 10**8}
+    assert [entry[:2] for entry in part.entries[len(held) :]] == [entry[:2] for entry in inside]
+    assert not part.complete  # the end of the run is not in it
+    assert part.metadata["robot"] == "go1"
+    with (tmp_path / "part.mcap").open("rb") as file:
+        assert make_reader(file).get_summary() is not None
+    shell("log", "cut", logged, "--from", "0.6", "--out", "end.mcap")
+    assert read_log(tmp_path / "end.mcap").complete
+    for wrong in (("--from", "2", "--to", "1"), ("--from", "500"), ("--out", logged)):
+        shell.refuses("log", "cut", logged, *wrong)
+
+
+def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Path, tmp_path: Path) -> None:
+    assert shell("log", "frames", logged, "--out", "can.log").status == 0
+    frames = list(CanutilsLogReader(tmp_path / "can.log"))
+    logged_frames = read_log(logged, ["/from_can_bus", "/to_can_bus"]).entries
+    assert len(frames) == len(logged_frames) > 10_000
+    assert [frame.timestamp for frame in frames] == sorted(frame.timestamp for frame in frames)
+    assert {frame.channel for frame in frames} == {"can0", "can1", "can2", "can3"}
+    first = min(logged_frames, key=lambda entry: entry.time_ns).message
+    assert (frames[0].arbitration_id, bytes(frames[0].data)) == (first.id, bytes(first.data[: first.dlc]))
+
+
+def test_garbage_and_logs_without_frames_are_refused(shell: Shell, go1: Robot, tmp_path: Path) -> None:
+    (tmp_path / "garbage.mcap").write_bytes(b"no MCAP")
+    for verb in ("info", "plot", "cut", "frames", "recover"):
+        assert "no MCAP" in shell.refuses("log", verb, "garbage.mcap")
+    run_episode(go1, Sway(go1), short_episode(duration_s=0.02, log=tmp_path / "a.mcap"))
+    assert "--log-frames" in shell.refuses("log", "frames", "a.mcap")
