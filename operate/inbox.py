@@ -31,7 +31,7 @@ FASTEST = 100.0  # m/s or rad/s: a velocity beyond it is a mistake
 class InboxConfig:
     """How long an owner may be silent."""
 
-    still_after_s: float = 0.5  # then the velocity is zero
+    still_after_s: float = 0.45  # then the velocity is zero: within 0.5 s, a policy step included
     lie_down_after_s: float = 10.0  # then the robot stops and lies down, and the run ends
 
     def __post_init__(self) -> None:

@@ -42,6 +42,11 @@ SOURCES = {
         "footfall.operate.udp:UdpConfig",
         "a program on this computer or another one",
     ),
+    "ros2": Source(
+        "footfall.operate.ros2.run:steered_by_ros2",
+        "footfall.operate.ros2.bridge_process:Ros2Config",
+        "topics, services and an action of ROS 2",
+    ),
 }
 
 

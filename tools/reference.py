@@ -9,9 +9,10 @@ import html
 import inspect
 import io
 import json
+import math
 import textwrap
 import tokenize
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,9 @@ import yaml
 
 from footfall.cli import app
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.telemetry.topics import TOPICS
 from footfall.evaluate.scenarios import Scenario
+from footfall.operate.ros2 import table
 from footfall.plant.episode import Episode
 from footfall.plant.trace import Trace
 from footfall.policies.contract import Contract
@@ -232,6 +235,34 @@ def _shown(value: Any) -> str:
     return str(value)
 
 
+def ros2() -> str:
+    """Names that a run has in ROS 2: topics, services, the action."""
+    published = [
+        (table.absolute(each.name), TOPICS[each.feed].kind, _at_most(each.rate_hz), each.about)
+        for each in table.PUBLISHED
+    ]
+    topics = [(table.absolute(each.name), each.kind, each.about) for each in table.SUBSCRIBED]
+    offered = (*table.SERVICES, *table.CHOICES.values(), table.WAVE, table.FOLLOW_PATH)
+    services = [(table.absolute(each.name), each.kind, each.about) for each in offered]
+    return "\n\n".join(
+        [
+            _table(("published", "type", "at most, Hz", "content"), published),
+            _table(("listened to", "type", "content"), topics),
+            _table(("service or action (rclpy)", "type", "what it does"), services),
+        ]
+    )
+
+
+def _at_most(rate_hz: float) -> str:
+    return f"{rate_hz:g}" if math.isfinite(rate_hz) else ""
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose first two columns are code."""
+    lines = [f"| `{first}` | `{second}` | {' | '.join(rest)} |" for first, second, *rest in rows]
+    return "\n".join([f"| {' | '.join(head)} |", "| --- " * len(head) + "|", *lines])
+
+
 SECTIONS: dict[str, Callable[[], str]] = {
     "command-line": command_line,
     "presets": lambda: settings(TrainConfig),
@@ -246,4 +277,5 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "terms": terms,
     "measurements": measurements,
     "faults": faults,
+    "ros2": ros2,
 }

@@ -4,11 +4,12 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Literal
 
 import footfall
 from footfall.common.errors import UserError
@@ -23,12 +24,12 @@ OPEN_NETWORK = "other computers can see and steer this robot: DDS asks nobody fo
 
 
 @dataclass(frozen=True)
-class Ros2Options:
+class Ros2Config:
     """How a run takes part in ROS 2."""
 
-    python: Path | None = None  # that has rclpy; None finds one
-    stamped: bool = False  # velocities come as TwistStamped
-    arguments: Sequence[str] = ()  # of rclpy, such as -r __ns:=/robot
+    cmd_vel: Literal["twist", "stamped"] = "twist"  # its type: Twist or TwistStamped
+    python: str = ""  # that has rclpy; empty finds one
+    arguments: tuple[str, ...] = ()  # of ROS, such as -r __ns:=/robot
 
 
 @dataclass(frozen=True)
@@ -40,25 +41,26 @@ class Backend:
     about: str  # one line for people
 
 
-def find_backend(options: Ros2Options) -> Backend:
+def find_backend(config: Ros2Config) -> Backend:
     """The back end that this computer has.
 
     Raises:
         UserError: it has none, or the Python that was named has no rclpy.
     """
-    if options.python is not None:
-        python = str(options.python)
+    if python := config.python:
         if not _has_rclpy(python):
-            raise UserError(f"{python} cannot import rclpy: source ROS 2 first, or name another --ros-python")
+            raise UserError(f"python: {python} cannot import rclpy: source ROS 2, or name another one")
         return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
     for python in (sys.executable, SYSTEM_PYTHON):
         if _has_rclpy(python):
             return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
     if find_spec("cyclonedds") is None:
         raise UserError(
-            "no ROS 2 is found here: source its setup.bash, name a Python that has rclpy with --ros-python,"
-            f" or have topics alone: {install_extras('ros2')}"
+            "no ROS 2 is found here: source its setup.bash, name a Python that has rclpy in a YAML file for"
+            f" --from ros2:FILE, or have topics alone: {install_extras('ros2')}"
         )
+    if config.arguments:
+        raise UserError("arguments: cyclonedds takes none of ROS: source ROS 2, or leave them out")
     about = "ROS 2 by cyclonedds: topics only; services, parameters and actions need rclpy"
     return Backend(sys.executable, CYCLONE, about)
 
@@ -71,29 +73,29 @@ def _has_rclpy(python: str) -> bool:
         return False
 
 
-def network_note(environment: "os._Environ[str]" = os.environ) -> str:
+def network_note(environment: Mapping[str, str] = os.environ) -> str:
     """A warning if the environment opens ROS to the network; empty if it does not."""
     asked = environment.get(RANGE, "LOCALHOST").upper()
     return "" if asked in ("LOCALHOST", "OFF") else f"{RANGE} is {asked}: {OPEN_NETWORK}"
 
 
 @contextmanager
-def bridge(backend: Backend, feed: Path, steer: Path | None, options: Ros2Options) -> Iterator[None]:
+def bridge(backend: Backend, feed: Path, steer: Path | None, config: Ros2Config) -> Iterator[None]:
     """Run the bridge for a while.
 
     Args:
         backend: see `find_backend`.
         feed: socket of the run's telemetry; it may come to be later.
         steer: socket that takes commands; None for a bridge that publishes only.
-        options: of the run.
+        config: of the run.
 
     Raises:
         UserError: it does not start.
     """
     command = [backend.python, "-m", backend.module, "--feed", str(feed), "--child"]
     command += [] if steer is None else ["--steer", str(steer)]
-    command += ["--cmd-vel", "stamped" if options.stamped else "twist"]
-    command += ["--ros-args", *options.arguments] if options.arguments else []
+    command += ["--cmd-vel", config.cmd_vel]
+    command += ["--ros-args", *config.arguments] if config.arguments else []
     with ExitStack() as resources:
         folder = Path(resources.enter_context(tempfile.TemporaryDirectory(prefix="footfall-ros2-")))
         errors = resources.enter_context((folder / "errors").open("w+b"))

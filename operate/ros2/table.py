@@ -48,6 +48,10 @@ PUBLISHED = (
     Published("/tf", "/tf", 50.0, "`odom` to `base_link`, and the links"),
     Published("/tf_static", "/tf_static", about="links without a joint; latched"),
     Published("/contacts", "foot_contacts", 50.0, "probability that each foot stands, 0 to 1"),
+    Published("/markers", "markers", 20.0, "centre of mass, capture point, footholds, forces, velocities"),
+    Published("/battery_state", "battery_state", 1.0, "of robots with a battery in `robot.yaml`"),
+    Published("/diagnostics", "/diagnostics", about="state, faults, motors, loop timing"),
+    Published("/rosout", "/rosout", about="changes of state, faults, notes"),
     Published("/cmd_vel", "~/command", 50.0, "velocity that the policy is given, after clipping"),
     Published("/state", "~/state", about="of the supervisor; latched"),
     Published("/notes", "~/notes", about="what was refused, clipped or changed"),
@@ -76,7 +80,7 @@ def velocity_kinds(stamped: bool) -> tuple[str, str]:
 def other_type(topic: str, expected: str, found: str) -> str:
     """What to do about velocities of another type than expected, in one line."""
     option = "stamped" if found == TWIST_STAMPED else "twist"
-    return f"{topic} comes as {found}, and {expected} is expected: start the run with --cmd-vel {option}"
+    return f"{topic} comes as {found}, and {expected} is expected: start the run with --from ros2:{option}"
 
 
 TRIGGER = "std_srvs/srv/Trigger"

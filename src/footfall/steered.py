@@ -33,6 +33,7 @@ class Steered(NamedTuple):
     realtime: bool = False  # a person steers
     odometry: bool = False  # it needs the pose
     attach: "Callable[[ControlLoop], None]" = lambda _: None  # tells pages whose timing to show
+    feed: Path | None = None  # socket at which it expects the run's telemetry
     failed: Callable[[], bool] = bool  # whether it did not reach what it was for
 
 
@@ -110,6 +111,7 @@ def steered(
             opened.about,
             realtime=True,
             odometry=opened.odometry,
+            feed=opened.feed,
         )
 
 

@@ -20,6 +20,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.operate.ros2.bridge_process import Ros2Config
 from footfall.robots.description import ROBOTS, load_robot
 from footfall.robots.robot_yaml import Description
 from footfall.train.config import PRESETS, TrainConfig, load_preset
@@ -128,6 +129,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "preset": lambda path: load_preset(str(path), load_robot("go1")),
     "randomisation": lambda path: load(path, Randomisation),
+    "ros2": lambda path: load(path, Ros2Config),
     "robot": lambda path: structure(with_changes(GO1, path), Description, str(path)),
     "sweep": lambda path: load(path, SweepConfig),
     "training": lambda path: with_changes(yaml.safe_load((PRESETS / "gpu.yaml").read_text()), path),

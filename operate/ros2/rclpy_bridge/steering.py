@@ -28,7 +28,6 @@ class Steering:
         self._node = node
         self._status: dict[str, Any] = {}
         self._offered: dict[str, Any] = {}
-        self._faults: list[str] = []
         self.link = Link(path, self._take, self._refused)
         self._commands = Commands(node, self.link, stamped)
         self._services = Services(node, self.link)
@@ -41,13 +40,7 @@ class Steering:
         node.create_timer(UPDATE_EVERY_S, self._update)
 
     def _take(self, status: dict[str, Any]) -> None:
-        """From the link's thread. Whatever is new goes to `/rosout`."""
-        log = self._node.get_logger()
-        for note in status["notes"]:
-            log.warning(note)
-        for fault in status["faults"][len(self._faults) :]:
-            log.error(fault)
-        self._faults = status["faults"]
+        """From the link's thread."""
         self._status = status
 
     def _refused(self, why: str) -> None:

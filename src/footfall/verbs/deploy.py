@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,7 +94,7 @@ def _simulated(
         realtime=options.realtime or steering.realtime,
         log=options.log,
         log_frames=options.log_frames,
-        feed=options.feed,
+        feed=_feed(options, steering),
         policy_spec=spec,
         others=others,
         record=False,
@@ -133,7 +134,7 @@ def _on_interface(
         command_source=steering.source,
         duration_s=steering.duration_s,
         log=options.log,
-        feed=options.feed,
+        feed=_feed(options, steering),
         facts=facts,
         others=others,
         config=_config(robot, options, steering),
@@ -180,6 +181,13 @@ def _display(
         print(line, flush=True)
     steering.attach(loop)
     return live_state(loop, velocity, steering.duration_s, line=steering.line)
+
+
+def _feed(options: DeployOptions, steering: "Steered") -> Path | None:
+    """Where the run serves its telemetry; whoever steers finds it, too."""
+    if options.feed is not None and steering.feed is not None:
+        steering.feed.symlink_to(options.feed.absolute())
+    return options.feed or steering.feed
 
 
 def _config(robot: "Robot", options: DeployOptions, steering: "Steered") -> "DeployConfig":

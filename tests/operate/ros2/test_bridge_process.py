@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.feed import Feed, listen
 from footfall.operate.inbox import Inbox
-from footfall.operate.ros2.bridge_process import Backend, Ros2Options, bridge, find_backend, network_note
+from footfall.operate.ros2.bridge_process import Backend, Ros2Config, bridge, find_backend, network_note
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
 
@@ -28,7 +28,7 @@ def finds_fake_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path) -> None:
     inbox, feed_path, steer_path = Inbox(), tmp_path / "feed", tmp_path / "steer"
     steering = SteeringSocket(steer_path, inbox, PathSource(inbox, "ros2", abilities), "ros2")
-    with bridge(FAKE, feed_path, steer_path, Ros2Options()):
+    with bridge(FAKE, feed_path, steer_path, Ros2Config()):
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.25)
         feed = Feed(listen(feed_path), {})  # a run makes it when it begins
 
@@ -43,14 +43,14 @@ def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path)
 
 
 def test_a_bridge_that_fails_says_why_in_one_line(tmp_path: Path) -> None:
-    failing = Ros2Options(arguments=("fail",))
+    failing = Ros2Config(arguments=("fail",))
     with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
         pass
 
 
 def test_a_python_without_ros_is_refused() -> None:
-    with pytest.raises(UserError, match="ros-python"):
-        find_backend(Ros2Options(python=Path("/bin/false")))
+    with pytest.raises(UserError, match="rclpy"):
+        find_backend(Ros2Config(python="/bin/false"))
 
 
 def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:

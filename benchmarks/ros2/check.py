@@ -1,0 +1,71 @@
+"""Runs a robot that ROS 2 steers, and looks at it by true rclpy: each finding, and 1 if one is wrong.
+
+    python benchmarks/ros2/interfaces.py jazzy/bin/python    # tf2_msgs and nav2_msgs for ROS from PyPI
+    python benchmarks/ros2/check.py jazzy/bin/python [--backend cyclonedds]
+
+The first argument is a Python with rclpy; docs/ros2.md tells how to have one from PyPI.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from footfall.common.config import unstructure
+from footfall.deploy.telemetry.topics import TOPICS
+from footfall.operate.ros2.table import CHOICES, PUBLISHED, SERVICES, TRIGGER, WAVE, absolute
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from relaxed_limits import RELAXED
+
+DOMAIN = "87"  # of these checks alone
+PATIENCE_S = 300.0
+
+
+def table(backend: str) -> dict[str, list]:
+    """What has to be seen."""
+    published = [(absolute(p.name), TOPICS[p.feed].kind, TOPICS[p.feed].latched) for p in PUBLISHED]
+    if backend == "cyclonedds":
+        return {"published": published, "services": []}
+    chosen = {"gait": "trot", "policy": "stand"}
+    names = [CHOICES[key].name.format(name) for key, name in chosen.items()]
+    services = [(s.name, s.kind) for s in (*SERVICES, WAVE)] + [(name, TRIGGER) for name in names]
+    return {"published": published, "services": [(absolute(name), kind) for name, kind in services]}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("python", type=Path, help="a Python that has rclpy")
+    parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
+    options = parser.parse_args()
+    environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    with tempfile.TemporaryDirectory() as folder:
+        config, expected, ros = (Path(folder) / name for name in ("config.yaml", "table.json", "ros2.yaml"))
+        config.write_text(json.dumps(unstructure(RELAXED)))
+        expected.write_text(json.dumps(table(options.backend)))
+        ros.write_text(json.dumps({"python": str(options.python)} if options.backend == "rclpy" else {}))
+        command = [sys.executable, "-m", "footfall", "deploy", "trot", "--also", "stand", "--duration", "600"]
+        command += ["--from", f"ros2:{ros}", "--config", str(config)]
+        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as run:
+            looks = [str(options.python), str(Path(__file__).with_name("looks.py")), str(expected)]
+            seen = subprocess.run(
+                looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=PATIENCE_S, check=False
+            )
+            run.terminate()
+            summary = run.communicate()[0]
+    findings = [json.loads(line) for line in seen.stdout.splitlines() if line.startswith("{")]
+    for finding in findings:
+        print("ok   " if finding["ok"] else "WRONG", finding["check"], "-", finding["seen"])
+    print(summary)
+    complete = seen.returncode == 0
+    return 0 if complete and all(finding["ok"] for finding in findings) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

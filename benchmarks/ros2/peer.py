@@ -1,0 +1,66 @@
+"""A node of true rclpy that keeps what it hears, for `looks.py`. It needs nothing of footfall."""
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+
+class Peer:
+    """A node that keeps what it hears."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self.node = rclpy.create_node("peer")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.heard: dict[str, list[tuple[float, Any]]] = {}
+
+    def listen(self, topic: str, kind: Any, quality: Any = 10) -> None:
+        kept = self.heard.setdefault(topic, [])
+        self.node.create_subscription(kind, topic, lambda m: kept.append((time.monotonic(), m)), quality)
+
+    def spin(self, seconds: float) -> None:
+        self.until(lambda: False, seconds)
+
+    def until(self, done: Callable[[], Any], patience_s: float) -> Any:
+        """The first true value of a function, or its last one."""
+        end_s = time.monotonic() + patience_s
+        while not (found := done()) and time.monotonic() < end_s:
+            self.executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """The answer of a service; None if it does not answer."""
+        client = self.node.create_client(kind, name)
+        try:
+            if not self.until(client.service_is_ready, 5.0):
+                return None
+            future = client.call_async(request)
+            self.until(future.done, 5.0)
+            return future.result() if future.done() else None
+        finally:
+            self.node.destroy_client(client)
+
+    def latest(self, topic: str) -> Any:
+        return self.heard[topic][-1][1] if self.heard[topic] else None
+
+    def rate_hz(self, topic: str, seconds: float = 2.0) -> float:
+        before = len(self.heard[topic])
+        began_s = time.monotonic()
+        self.spin(seconds)
+        return (len(self.heard[topic]) - before) / (time.monotonic() - began_s)
+
+    def drive(self, publisher: Any, message: Any, seconds: float) -> None:
+        """Publish a velocity 20 times a second."""
+        for _ in range(round(20 * seconds)):
+            publisher.publish(message)
+            self.spin(0.05)
+
+
+def found(name: str, right: Any, seen: Any) -> None:
+    """Print a finding in JSON: its name, whether it is as it should be, and what was seen."""
+    print(json.dumps({"check": name, "ok": bool(right), "seen": seen}), flush=True)

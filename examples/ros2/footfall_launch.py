@@ -1,0 +1,44 @@
+"""Launches a run that ROS 2 steers: `ros2 launch footfall_launch.py robot:=go1 policy:=trot rviz:=true`.
+
+The command `footfall` has to be on the PATH, or `footfall:=/path/to/.venv/bin/footfall` names it.
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, Shutdown
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+ARGUMENTS = {
+    "footfall": ("footfall", "the command"),
+    "robot": ("go1", "name or folder of the robot"),
+    "policy": ("trot", "who walks"),
+    "bus": ("sim", "sim, socketcan, or another kind of python-can"),
+    "cmd_vel": ("twist", "type of /cmd_vel: twist or stamped"),
+    "duration": ("86400", "longest walking time, s"),
+    "rviz": ("false", "whether RViz is opened, too"),
+}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The run, and RViz if it is asked for; the end of the run ends the launch."""
+    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    command = [given["footfall"], "deploy", given["policy"], "--robot", given["robot"], "--bus", given["bus"]]
+    run = ExecuteProcess(
+        cmd=[*command, "--duration", given["duration"], "--from", ["ros2:", given["cmd_vel"]]],
+        output="screen",
+        on_exit=Shutdown(),
+    )
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", str(Path(__file__).with_name("footfall.rviz"))],
+        condition=IfCondition(given["rviz"]),
+    )
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=about)
+        for name, (default, about) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, run, rviz])
