@@ -192,7 +192,12 @@ def main() -> None:
     )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--rooms", default="", help="A,B (default: all)")
-    parser.add_argument("--python", default=sys.executable, help="which has pytest and footfall's libraries")
+    parser.add_argument(
+        "--python",
+        default=sys.executable,
+        type=os.path.abspath,  # tests run in another folder
+        help="path of one that has pytest and footfall's libraries",
+    )
     parser.add_argument("--out", type=Path, default=Path("faults.jsonl"))
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one pytest")
     parser.add_argument("--failing", type=Path, help="file of tests that fail on an unchanged copy, too")

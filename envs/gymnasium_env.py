@@ -73,7 +73,7 @@ class GymnasiumEnv(gymnasium.Env):
         self._reset = jax.jit(partial(reset_one, env))
         self._step = jax.jit(partial(step_one, EpisodesWithInfo(env)), donate_argnums=0)
         self._camera = Camera(robot)
-        self._state: State | None = None
+        self.state: State | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -85,24 +85,24 @@ class GymnasiumEnv(gymnasium.Env):
         """
         refuse(options)
         super().reset(seed=seed)
-        self._state, *seen = self._reset(draw_key(self.np_random))
+        self.state, *seen = self._reset(draw_key(self.np_random))
         observation, command = map(np.array, seen)  # copies: the next step takes the state's memory
         return observation, {"command": command}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One control step."""
-        if self._state is None:
+        if self.state is None:
             raise gymnasium.error.ResetNeeded("reset the environment before its first step")
-        self._state, seen = self._step(self._state, np.asarray(action, np.float32))
+        self.state, seen = self._step(self.state, np.asarray(action, np.float32))
         info = {name: np.array(value) if value.ndim else float(value) for name, value in seen.info.items()}
         ended = bool(seen.terminated), bool(seen.truncated)
         return np.array(seen.observation), float(seen.reward), *ended, info
 
     def render(self) -> np.ndarray | None:
         """The robot as it stands, (height, width, 3) bytes, if made with render mode rgb_array."""
-        if self.render_mode is None or self._state is None:
+        if self.render_mode is None or self.state is None:
             return None
-        return self._camera.picture(np.asarray(self._state.qpos))
+        return self._camera.picture(np.asarray(self.state.qpos))
 
     def close(self) -> None:
         """Let go of the renderer."""
@@ -139,7 +139,7 @@ class GymnasiumVectorEnv(VectorEnv):
         self._reset = jax.jit(jax.vmap(partial(reset_one, env)))
         self._step = jax.jit(partial(step_many, EpisodesWithInfo(env)), donate_argnums=0)
         self._camera = Camera(robot)
-        self._state: State | None = None
+        self.state: State | None = None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -161,7 +161,7 @@ class GymnasiumVectorEnv(VectorEnv):
             kept if one is None else seeding.np_random(one)
             for kept, one in zip(self._generators, seed, strict=True)
         ]
-        self._state, *seen = self._reset(np.stack([draw_key(generator) for generator in self.np_random]))
+        self.state, *seen = self._reset(np.stack([draw_key(generator) for generator in self.np_random]))
         observations, commands = map(np.array, seen)
         return observations, masked({"command": commands}, np.ones(self.num_envs, bool))
 
@@ -179,17 +179,17 @@ class GymnasiumVectorEnv(VectorEnv):
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of all."""
-        if self._state is None:
+        if self.state is None:
             raise gymnasium.error.ResetNeeded("reset the environments before their first step")
-        self._state, *seen = self._step(self._state, np.asarray(actions, np.float32))
+        self.state, *seen = self._step(self.state, np.asarray(actions, np.float32))
         observations, commands, last = jax.tree.map(np.array, seen)
         return observations, last.reward, last.terminated, last.truncated, gathered(last, commands)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture of each robot, if made with render mode rgb_array."""
-        if self.render_mode is None or self._state is None:
+        if self.render_mode is None or self.state is None:
             return None
-        return tuple(self._camera.picture(qpos) for qpos in np.asarray(self._state.qpos))
+        return tuple(self._camera.picture(qpos) for qpos in np.asarray(self.state.qpos))
 
     def close_extras(self, **_: Any) -> None:
         """Let go of the renderer."""

@@ -68,8 +68,8 @@ class Balance:
         self._most_force = np.full(body.points, config.most_force * body.weight_n)
         self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         rest = standing(body, robot)
-        self._height = float((rest.centre - rest.middle)[2])
-        self._start_height, self._start_pose = self._height, self._default
+        self.com_height_m = float((rest.centre - rest.middle)[2])
+        self._start_height, self._start_pose = self.com_height_m, self._default
         self._stance = np.ones(body.feet)
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -82,7 +82,7 @@ class Balance:
         config, sensed = self._config, inputs.sensed
         dynamics = observed(self.control.body, inputs)
         share = min(1.0, inputs.time_s / config.settle_s)
-        height = self._start_height + share * (self._height - self._start_height)
+        height = self._start_height + share * (self.com_height_m - self._start_height)
         pose = self._start_pose + share * (self._default - self._start_pose)
         wanted = Wanted(
             centre=self._centre(dynamics, height),
@@ -105,7 +105,7 @@ class Balance:
         """The wanted acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
         place = dynamics.centre - dynamics.middle
-        rate = pendulum_rate(self._height)
+        rate = pendulum_rate(self.com_height_m)
         capture = place + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture
         ahead = math.hypot(pressure[0], pressure[1])

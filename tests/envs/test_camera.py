@@ -66,7 +66,7 @@ class TestPictures:
         assert many.render() is None  # nothing has begun
         places = np.zeros((2, 19))
         places[:, 0], places[:, 3] = [1.0, 2.0], 1.0
-        many._state = type("S", (), {"qpos": places})()
+        many.state = type("S", (), {"qpos": places})()
         assert len(many.render() or ()) == 2
         assert [each[0][0] for each in renderer[1:]] == [1.0, 2.0]
         many.close()
@@ -74,7 +74,7 @@ class TestPictures:
 
     def test_nothing_is_shown_unless_asked_for(self, renderer: list[Any]) -> None:
         one = GymnasiumEnv(ROBOT, SMOKE)
-        one._state = type("S", (), {"qpos": np.zeros(19)})()
+        one.state = type("S", (), {"qpos": np.zeros(19)})()
         assert one.render() is None
         assert one.metadata["render_fps"] == 50
         assert GymnasiumVectorEnv(ROBOT, replace(SMOKE, control_rate_hz=25.0)).metadata["render_fps"] == 25

@@ -77,7 +77,7 @@ class TestOne:
     def test_the_command_in_the_information_is_the_one_to_go_on_with(self, one: GymnasiumEnv) -> None:
         _, info = one.reset(seed=4)
         for _ in range(3):
-            assert np.array_equal(info["command"], one._state.command)
+            assert np.array_equal(info["command"], one.state.command)
             *_, info = one.step(np.zeros(12))
 
     def test_actions_reach_the_soft_limit_that_is_further_away(self, one: GymnasiumEnv) -> None:
@@ -192,13 +192,13 @@ class TestMany:
         assert np.array_equal(info["_final_obs"], ended)
         for last, observation, end in zip(info["final_obs"], observations, ended, strict=True):
             assert last is None if not end else (last != observation).any()
-        assert np.array_equal(np.asarray(many._state.steps) == 0, ended)
+        assert np.array_equal(np.asarray(many.state.steps) == 0, ended)
 
     def test_a_fall_terminates_and_a_timeout_truncates(self, many: GymnasiumVectorEnv) -> None:
         many.reset(seed=8)
-        upside_down = many._state.qpos.at[0, 2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
-        at_its_end = many._state.steps.at[1].set(many.env.episode_steps - 1)
-        many._state = many._state._replace(qpos=upside_down, steps=at_its_end)
+        upside_down = many.state.qpos.at[0, 2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
+        at_its_end = many.state.steps.at[1].set(many.env.episode_steps - 1)
+        many.state = many.state._replace(qpos=upside_down, steps=at_its_end)
         _, _, terminated, truncated, info = many.step(np.zeros((MANY, 12)))
         assert np.flatnonzero(terminated).tolist() == [0]
         assert np.flatnonzero(truncated).tolist() == [1]

@@ -72,7 +72,7 @@ class TestCentre:
 
     def test_the_pressure_lies_beyond_the_capture_point(self, policy: Balance) -> None:
         """x = c + v / w, p = 1.5 x, and the acceleration is w^2 (c - p)."""
-        rate = math.sqrt(9.81 / policy._height)
+        rate = math.sqrt(9.81 / policy.com_height_m)
         capture = np.array([0.02 + 0.1 / rate, -0.01 - 0.05 / rate])
         expected = rate**2 * (np.array([0.02, -0.01]) - 1.5 * capture)
         found = self.at(policy, (0.02, -0.01, 0.6), (0.1, -0.05, 0.0), 0.6)
@@ -81,7 +81,7 @@ class TestCentre:
 
     def test_the_pressure_is_wanted_no_farther_from_the_middle_than_allowed(self, policy: Balance) -> None:
         """A fast fall forward and a little to the left: 0.2 m in that direction."""
-        rate = math.sqrt(9.81 / policy._height)
+        rate = math.sqrt(9.81 / policy.com_height_m)
         velocity = np.array([1.2, 0.5, 0.0])
         pressure = 0.2 * velocity[:2] / 1.3
         np.testing.assert_allclose(self.at(policy, (0.0, 0.0, 0.6), velocity, 0.6)[:2], -(rate**2) * pressure)
@@ -135,7 +135,7 @@ class TestAct:
         for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
             dynamics, *_, asked, _ = wanted(policy, monkeypatch, seen(time_s, crouch=1.0))
             np.testing.assert_allclose(asked.joints, -40.0 * share * off, atol=1e-9)
-            low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy._height
+            low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy.com_height_m
             assert asked.centre[2] == pytest.approx(-60.0 * share * low)
             assert abs(low) > 1e-3
 
@@ -166,8 +166,8 @@ class TestAct:
 
     def test_its_height_is_that_of_the_default_pose(self, policy: Balance) -> None:
         rest = standing(policy.control.body, G1)
-        assert policy._height == pytest.approx(rest.centre[2] - rest.foot[:, 2].mean())
-        assert 0.4 < policy._height < 0.9
+        assert policy.com_height_m == pytest.approx(rest.centre[2] - rest.foot[:, 2].mean())
+        assert 0.4 < policy.com_height_m < 0.9
 
 
 @pytest.mark.parametrize("name", ["rate_hz", "most_lead_m", "most_force", "settle_s"])

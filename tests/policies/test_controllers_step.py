@@ -115,7 +115,7 @@ class TestWanted:
     def test_it_falls_as_a_pendulum_as_high_as_it_will_stand(self, policy: Step) -> None:
         rest = standing(policy.control.body, G1)
         height = rest.centre[2] - rest.foot[:, 2].mean() - 0.06
-        assert policy._height == pytest.approx(height)
+        assert policy.com_height_m == pytest.approx(height)
         assert policy.footwork.fall_rate == pytest.approx(math.sqrt(9.81 / height))
         assert policy.footwork.side.tolist() == [1.0, -1.0]
         assert (policy.rate_hz, policy.footwork.dt_s) == (CONFIG.rate_hz, pytest.approx(1.0 / CONFIG.rate_hz))
@@ -126,7 +126,7 @@ class TestWanted:
         """x = c + v / w off the middle, p = x + 2 x, and the acceleration is w^2 (c - p)."""
         w = policy.footwork.fall_rate
         velocity = np.array([0.05, -0.02, 0.0])
-        dynamics = moment((0.01, -0.02, policy._height), velocity)
+        dynamics = moment((0.01, -0.02, policy.com_height_m), velocity)
         place = dynamics.centre[:2] - MIDDLE[:2]
         *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
         assert policy.footwork.phase is Phase.STAND
@@ -165,14 +165,14 @@ class TestWanted:
         for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
             rising = moment((0.0, 0.0, 0.55), (0.0, 0.0, 0.1))
             *_, wanted, _ = asked(policy, monkeypatch, seen(time_s), rising)
-            height = 0.5 + share * (policy._height - 0.5)
+            height = 0.5 + share * (policy.com_height_m - 0.5)
             assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
 
     def test_ground_is_where_the_feet_are_that_bear(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """A foot that bears a quarter of what the other one does counts a fifth."""
-        dynamics = moment((0.0, 0.0, policy._height))
+        dynamics = moment((0.0, 0.0, policy.com_height_m))
         dynamics.foot[RIGHT, 2] += 0.1
         policy.footwork.load = np.array([1.0, 0.25])
         *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)

@@ -12,7 +12,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift, rolling_of
-from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
+from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot
 
@@ -55,7 +55,7 @@ def test_a_steady_stance_goes_back_with_the_ground() -> None:
 
 def lift_feet(cycle: FootCycle, *feet: int) -> None:
     for foot in feet:
-        cycle._feet[foot].lift_off(0.03)
+        cycle.each_foot[foot].lift_off(0.03)
 
 
 class TestRolling:
@@ -188,7 +188,7 @@ class TestCycle:
         self, cycle: FootCycle
     ) -> None:
         """It stands for 0.6 of 2 s: the second foot is 0.1 m behind, the first 0.1 m ahead, both in turn."""
-        first, second = cycle._feet
+        first, second = cycle.each_foot
         first.x, second.x = first.place_x + 0.1, second.place_x - 0.1
         cycle.begin_anew(TIMING, OFFSETS, [0.2, 0.0, 0.0])
         waits = (0.6 - cycle.phases()) % 1.0
@@ -205,12 +205,12 @@ class TestCycle:
         rng = np.random.default_rng(seed)
         timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
         velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
-        for foot in cycle._feet:
+        for foot in cycle.each_foot:
             foot.x += float(rng.uniform(-0.1, 0.1))
         worst = []
         for clock in np.arange(24) / 24:
             waits_s = (0.6 - clock - offsets) % 1.0 * timing.period_s
-            carried = [foot.carried(velocity) for foot in cycle._feet]
+            carried = [foot.carried(velocity) for foot in cycle.each_foot]
             worst.append(max(np.array(carried) + np.hypot(*velocity[:2]) * waits_s))
         cycle.begin_anew(timing, offsets, velocity)
         assert cycle.clock == np.argmin(worst) / 24
@@ -251,13 +251,13 @@ class TestCycle:
     ) -> None:
         """Its own height in the plan does not matter: the body may have tipped it down."""
         lift_feet(cycle, 1)
-        cycle._feet[0].z, cycle._feet[1].z = -0.002, 0.02
+        cycle.each_foot[0].z, cycle.each_foot[1].z = -0.002, 0.02
         cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.002, stands_m], atol=1e-12)
 
     def test_with_no_foot_standing_one_that_touches_down_stays_where_it_is(self, cycle: FootCycle) -> None:
         lift_feet(cycle, 0, 1)
-        cycle._feet[1].z = 0.02
+        cycle.each_foot[1].z = 0.02
         cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
         assert cycle.feet[1, 2] == pytest.approx(0.02)
 
@@ -272,91 +272,6 @@ class TestWalk:
         robot = load_robot("hexapod")
         config = controller_settings(robot, "tripod", WalkConfig)
         return SimpleNamespace(policy=Walk(robot, "tripod", config), config=config, robot=robot)
-
-    def test_a_command_is_shortened_to_what_one_stance_can_carry_back(self, walk: SimpleNamespace) -> None:
-        """The whole command, in one proportion: speed and turn at the farthest foot, times the stance."""
-        policy, config = walk.policy, walk.config
-        farthest = np.linalg.norm(policy._footing.places[:, :2], axis=1).max()
-        asked = np.array([0.6, -0.8, 2.0])
-        carried = (1.0 + 2.0 * farthest) * policy._cycle.timing.stance_s
-        assert carried > config.step.length_m
-        np.testing.assert_allclose(policy._within_limits(asked), asked * config.step.length_m / carried)
-        slow = np.array([0.01, 0.0, -0.01])
-        np.testing.assert_array_equal(policy._within_limits(slow), slow)
-
-    def test_a_turn_to_the_right_carries_feet_as_far_as_one_to_the_left(self, walk: SimpleNamespace) -> None:
-        left = walk.policy._within_limits(np.array([0.0, 0.1, 0.5])).copy()
-        right = walk.policy._within_limits(np.array([0.0, 0.1, -0.5]))
-        np.testing.assert_allclose(right, left * [1.0, 1.0, -1.0])
-
-    @pytest.mark.parametrize(("period_s", "share"), [(1.0, 0.4 / 1.3), (0.5, 1.0)])
-    def test_with_a_sway_a_command_is_approached_within_two_cycles(
-        self, walk: SimpleNamespace, period_s: float, share: float
-    ) -> None:
-        """Steps of 0.04 m in stances of 0.65 periods: 0.04 / 0.65 m/s in 2 s; at 0.1 m/s^2 that is 0.31."""
-        policy, config = walk.policy, walk.config
-        assert policy._calm(0.01) == 0.01
-        policy._config = replace(config, command=replace(config.command, acceleration_m_s2=0.1))
-        policy._step = replace(config.step, length_m=0.04)
-        policy._cycle.begin(GaitTiming(period_s, 0.65), policy._cycle.offsets)
-        policy._sway_plan = SwayPlan(np.array([0.0, 0.01j]), np.array([0.0, 0.02j]))
-        assert policy._calm(0.01) == pytest.approx(0.01 * share)
-
-    def test_while_the_body_sways_its_feet_are_on_the_other_side(self, walk: SimpleNamespace) -> None:
-        policy = walk.policy
-        policy._sway = SimpleNamespace(at=lambda clock: np.array([0.01, -0.02 + clock]))
-        policy._cycle.clock = 0.05
-        upright = np.array([1.0, 0.0, 0.0, 0.0])
-        level = SimpleNamespace(sensed=SimpleNamespace(quaternion=upright, gyro=np.zeros(3)))
-        tips = policy._tips(level, 0.004)
-        off = tips - policy._footing.places
-        np.testing.assert_allclose(off[:, :2], np.tile([-0.01, -0.03], (6, 1)), atol=1e-12)
-        np.testing.assert_allclose(off[:, 2], walk.robot.legs.foot_radius - walk.config.step.body_height_m)
-
-    def test_it_goes_by_the_share_that_limits_leave_and_asks_them_again_for_other_steps(
-        self, walk: SimpleNamespace
-    ) -> None:
-        policy, looked = walk.policy, []
-
-        def pace(steady: SteadyWalk) -> Pace:
-            looked.append(steady.step_height_m)
-            return Pace(0.4, 0.5)
-
-        policy._limits = SimpleNamespace(pace=pace)
-        slow = np.array([0.02, 0.0, -0.01])
-        for _ in range(3):
-            np.testing.assert_allclose(policy._within_limits(slow), 0.4 * slow)
-        np.testing.assert_allclose(policy._within_limits(slow + 0.001), 0.4 * (slow + 0.001))
-        policy.change(step=replace(walk.config.step, height_m=0.05))
-        policy._within_limits(slow)
-        assert looked == [walk.config.step.height_m, 0.05]
-
-    def test_on_its_way_to_a_slower_walk_it_keeps_to_the_tempo_of_the_faster_one(
-        self, walk: SimpleNamespace
-    ) -> None:
-        """The tempo falls at once and rises by 0.5 a second."""
-        policy, wanted = walk.policy, np.array([0.02, 0.0, 0.0])
-        policy._pace_before, policy._pace = Pace(1.0, 0.3), Pace(1.0, 0.9)
-        policy._command.value = np.array([0.05, 0.0, 0.0])
-        policy._set_tempo(wanted, 0.1)
-        assert policy._tempo == pytest.approx(0.3)
-        policy._command.value = wanted.copy()
-        policy._set_tempo(wanted, 0.1)
-        assert policy._tempo == pytest.approx(0.35)
-        policy._set_tempo(wanted, 10.0)
-        assert policy._tempo == pytest.approx(0.9)
-
-    def test_a_foot_that_is_carried_too_far_slows_the_body_down_and_stops_it(
-        self, walk: SimpleNamespace
-    ) -> None:
-        """From 0.6 of a step's length to 0.9, five times a second at most."""
-        policy, length = walk.policy, walk.config.step.length_m
-        policy._command.value, foot = np.array([0.06, 0.0, 0.0]), policy._cycle._feet[2]
-        for carried, share in ((0.5, 1.0), (0.6, 1.0), (0.75, 0.5), (0.9, 0.0), (1.4, 0.0), (0.6, 1.0)):
-            foot.x = foot.place_x - carried * length
-            np.testing.assert_allclose(policy._with_room(1.0), [share * 0.06, 0.0, 0.0], atol=2e-4)
-        foot.x = foot.place_x - length
-        np.testing.assert_allclose(policy._with_room(0.02), [0.9 * 0.06, 0.0, 0.0])
 
     def test_it_plans_contacts_with_a_tenth_of_the_stance_at_each_edge(self, walk: SimpleNamespace) -> None:
         policy = walk.policy
@@ -380,7 +295,7 @@ class TestWalk:
         policy, config = walk.policy, walk.config.touch_down
         cycle, (least, enough) = policy._cycle, config.force_share
         lift_feet(cycle, 0, 1, 2)
-        for foot, progress in zip(cycle._feet, [0.999, 0.999, config.from_progress / 2], strict=False):
+        for foot, progress in zip(cycle.each_foot, [0.999, 0.999, config.from_progress / 2], strict=False):
             foot.progress = progress
         pushed = np.array([1.1 * enough, 0.9 * enough, 1.1 * enough, 0.9 * least, 1.1 * least, enough])
         policy._meet_ground(pushed, cycle.feet[:, 2], 0.01)

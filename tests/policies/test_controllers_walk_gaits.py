@@ -281,16 +281,6 @@ class TestChanges:
             assert policy._gait == gait
         assert rates(np.concatenate(targets), policy).max() < FASTEST + 1e-9
 
-    def test_another_gait_begins_when_all_feet_stand(self) -> None:
-        policy = Walk(ROBOT, "ripple")
-        trial = Trial(policy)
-        trial.walk((0.06, 0.0, 0.0), 2.0)
-        policy.change(GaitConfig("tripod", 1.0))
-        while policy._gait.name == "ripple":
-            flew = policy._cycle.swings.copy()
-            trial.walk((0.06, 0.0, 0.0), 1 / policy.rate_hz)
-        assert not flew.any()
-
     def test_the_body_changes_its_height_slowly(self) -> None:
         policy = Walk(ROBOT, "tripod")
         trial = Trial(policy)
@@ -320,16 +310,3 @@ def test_they_are_controllers_by_name(gait: str) -> None:
     assert isinstance(policy, Walk)
     assert policy.name == gait
     assert list(Hold(ROBOT).notes) == []
-
-
-def test_feet_that_should_stand_and_find_no_ground_are_lowered_a_little() -> None:
-    """Nothing but the foot's own torque says that it stands."""
-    policy = Walk(ROBOT, "wave")
-    trial = Trial(policy)
-    trial.walk((0.05, 0.0, 0.0), 1.5)
-    pushed = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
-    before = policy._cycle.feet[:, 2].copy()
-    policy._meet_ground(pushed, before, 0.1)
-    lowered = policy._cycle.feet[:, 2] - before
-    assert lowered[3] == pytest.approx(-0.002)
-    np.testing.assert_array_equal(np.delete(lowered, 3), 0.0)

@@ -7,8 +7,6 @@ import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -92,8 +90,8 @@ def trainer(shared: RslRlTrainer, run: Path) -> RslRlTrainer:
 
 @pytest.fixture
 def environment(trainer: RslRlTrainer) -> Iterator[TorchEnvironment]:
-    yield trainer._environment
-    trainer._environment._metrics.clear()
+    yield trainer.environment
+    trainer.environment._metrics.clear()
 
 
 def newest(folder: Path) -> Path:
@@ -115,20 +113,6 @@ def test_torch_sees_the_memory_of_jax(environment: TorchEnvironment) -> None:
         assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
 
 
-def test_jax_sees_the_memory_of_torch(environment: TorchEnvironment, monkeypatch: pytest.MonkeyPatch) -> None:
-    received: list[int] = []
-    step = environment._step
-
-    def listening(episodes, action, steps_done):
-        received.append(action.unsafe_buffer_pointer())
-        return step(episodes, action, steps_done)
-
-    monkeypatch.setattr(environment, "_step", listening)
-    actions = some_actions()
-    environment.step(actions)
-    assert received == [actions.data_ptr()]
-
-
 def test_what_is_handed_over_is_what_was_computed(environment: TorchEnvironment) -> None:
     for _ in range(3):
         copied = jax.device_put(some_actions().numpy(), jax.devices()[0])
@@ -139,12 +123,6 @@ def test_what_is_handed_over_is_what_was_computed(environment: TorchEnvironment)
         assert np.array_equal(reward, step.reward)
         assert np.array_equal(done, np.maximum(step.terminated, step.truncated))
         assert np.array_equal(extras["time_outs"], step.truncated)
-
-
-def test_the_step_is_compiled_once(environment: TorchEnvironment) -> None:
-    for _ in range(3):
-        environment.step(some_actions())
-    assert environment._step._cache_size() == 1
 
 
 def test_a_time_out_is_told_from_a_fall(environment: TorchEnvironment) -> None:
@@ -173,7 +151,7 @@ def test_metrics_are_means_since_they_were_last_taken(environment: TorchEnvironm
 
 
 def test_the_preset_reaches_upstream(trainer: RslRlTrainer) -> None:
-    algorithm = trainer._runner.alg
+    algorithm = trainer.runner.alg
     assert (algorithm.gamma, algorithm.lam, algorithm.clip_param) == (PPO.gamma, PPO.lam, PPO.clip_param)
     assert (algorithm.num_learning_epochs, algorithm.num_mini_batches) == (
         PPO.num_learning_epochs,
@@ -195,7 +173,7 @@ def test_the_learning_rate_falls_with_its_limit(run: Path) -> None:
 def test_an_adaptive_learning_rate_moves_below_its_limit(
     trainer: RslRlTrainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    algorithm = trainer._runner.alg
+    algorithm = trainer.runner.alg
     monkeypatch.setattr(algorithm, "schedule", "adaptive")
     algorithm.optimizer.zero_grad()  # nothing to learn: the step only sets the rate
     for wanted, used in ((1e-2, 5e-4), (1e-4, 1e-4)):
@@ -207,7 +185,7 @@ def test_an_adaptive_learning_rate_moves_below_its_limit(
 def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -> None:
     mirror = make_environment(go1, SMOKE.env).mirror()
     augment = make_augmentation(mirror, torch.device("cpu"))
-    actions, seen = some_actions(), trainer._environment.get_observations()
+    actions, seen = some_actions(), trainer.environment.get_observations()
     seen_twice, actions_twice = augment(None, seen, actions)
     assert np.allclose(actions_twice, np.concatenate([actions, mirror.action(actions.numpy())]))
     for name, image in mirror.observation.items():
@@ -233,7 +211,7 @@ def test_the_run_folder_is_like_any_other(run: Path) -> None:
 
 
 def test_the_artifact_is_the_one_that_brax_makes(run: Path, trainer: RslRlTrainer, tmp_path: Path) -> None:
-    seen = trainer._environment.get_observations()
+    seen = trainer.environment.get_observations()
     sizes = {name: value.shape[1] for name, value in seen.items()}
     nets = networks.make_networks(sizes, 12, PPO)
     normalizer = running_statistics.init_state({name: jnp.zeros(size) for name, size in sizes.items()})
@@ -335,7 +313,7 @@ def test_a_weight_that_is_not_finite_ends_the_training_and_is_not_kept(
     run = api.open_run(api.begin(request(preset, tmp_path / "run")))
     monkeypatch.setattr(trainer, "_run", run)
     monkeypatch.setattr(trainer, "iteration", 0)
-    algorithm = trainer._runner.alg
+    algorithm = trainer.runner.alg
     update = algorithm.update
 
     def breaking() -> dict[str, float]:
@@ -364,7 +342,7 @@ def corrupt(model: torch.nn.Module) -> None:
 
 @pytest.mark.parametrize("part", ["actor", "critic", "optimizer", "episodes"])
 def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) -> None:
-    algorithm, environment = trainer._runner.alg, trainer._environment
+    algorithm, environment = trainer.runner.alg, trainer.environment
     assert trainer.broken() == []
     if part == "optimizer":
         next(iter(algorithm.optimizer.state.values()))["exp_avg"].view(-1)[0] = torch.inf
@@ -474,14 +452,3 @@ def test_every_setting_reaches_upstream() -> None:
     algorithm = runner_settings(replace(config, desired_kl=None), max)["algorithm"]
     assert algorithm["schedule"] == "fixed"
     assert algorithm["symmetry_cfg"] == {"data_augmentation_func": max, "use_data_augmentation": True}
-
-
-def test_metrics_are_means_over_steps_and_environments_and_lengths_of_episodes_that_ended() -> None:
-    steps = [{"done": 0.25, "length": 2.0, "a": 1.0}, {"done": 0.5, "length": 5.0, "a": 2.0}]
-    seen: Any = SimpleNamespace(_metrics=list(steps), num_envs=4, _period_s=0.05)
-    metrics = TorchEnvironment.take_metrics(seen)
-    # Three episodes ended, after 28 control steps in all.
-    assert metrics == pytest.approx({"a": 1.5, "episode/length_s": 28 / 3 * 0.05})
-    assert seen._metrics == []
-    seen._metrics.append({"done": 0.0, "length": 0.0, "a": 3.0})
-    assert TorchEnvironment.take_metrics(seen) == {"a": 3.0, "episode/length_s": 0.0}

@@ -49,16 +49,16 @@ class RslRlTrainer(Trainer):
         self.iteration = 0
         env = make_environment(robot, run.config.env)
         self._contract, self._note = env.contract, env.note
-        self._environment = TorchEnvironment(env, self._ppo.num_envs, run.provenance.seed)
-        device = self._environment.device
+        self.environment = TorchEnvironment(env, self._ppo.num_envs, run.provenance.seed)
+        device = self.environment.device
         torch.manual_seed(run.provenance.seed)
         augment = make_augmentation(env.mirror(), device) if self._ppo.symmetry else None
         settings = runner_settings(self._ppo, augment)
         with redirect_stdout(io.StringIO()):  # it prints its networks
-            self._runner = OnPolicyRunner(self._environment, settings, device=str(device))
+            self.runner = OnPolicyRunner(self.environment, settings, device=str(device))
         cuda = device.type == "cuda"
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
-        self._seen = np.zeros((0, self._environment.get_observations()["state"].shape[1]), np.float32)
+        self._seen = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
 
     def prepare(self, say: Callable[[str], None]) -> None:
         """Show the environment's note: `__init__` has compiled, and drawn the networks from the seed."""
@@ -80,17 +80,17 @@ class RslRlTrainer(Trainer):
             raise TrainingFailedError(self.iteration + 1, not_finite(broken)) from None
 
     def _iterate(self) -> dict[str, float]:
-        algorithm = self._runner.alg
+        algorithm = self.runner.alg
         algorithm.limit = float(self._ppo.learning_rate_limit(np.float32(self.iteration)))
-        self._environment.steps_done = self.iteration * self._ppo.steps_per_iteration
-        self._runner.current_learning_iteration = self.iteration
-        self._runner.learn(1)
+        self.environment.steps_done = self.iteration * self._ppo.steps_per_iteration
+        self.runner.current_learning_iteration = self.iteration
+        self.runner.learn(1)
         self.iteration += 1
         seen = algorithm.storage.observations["state"].flatten(0, 1)
         self._seen = seen[-LOGGED_OBSERVATIONS:].cpu().numpy()
         losses = algorithm.losses
         total = losses["surrogate"] + losses["value"] - self._ppo.entropy_coef * losses["entropy"]
-        return self._environment.take_metrics() | {
+        return self.environment.take_metrics() | {
             "learning/total_loss": total,
             "learning/policy_loss": losses["surrogate"],
             "learning/v_loss": losses["value"],
@@ -109,20 +109,20 @@ class RslRlTrainer(Trainer):
         broken = self.broken()
         if broken:
             raise TrainingFailedError(self.iteration, not_finite(broken))
-        episodes = serialization.to_bytes(jax.device_get(self._environment.episodes))
+        episodes = serialization.to_bytes(jax.device_get(self.environment.episodes))
         infos = {
             "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),
-            "random": {self._environment.device.type: self._random.get_state()},
+            "random": {self.environment.device.type: self._random.get_state()},
             "seen": torch.from_numpy(self._seen),
         }
         content = io.BytesIO()
-        self._runner.save(content, infos)
+        self.runner.save(content, infos)
         checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
 
     def broken(self) -> list[str]:
         """Names of values that are not finite, in networks, optimiser and episodes."""
-        learned = jax.tree.map(_on_the_host, self._runner.alg.save())
-        return non_finite_leaves(learned | {"episodes": jax.device_get(self._environment.episodes)})
+        learned = jax.tree.map(_on_the_host, self.runner.alg.save())
+        return non_finite_leaves(learned | {"episodes": jax.device_get(self.environment.episodes)})
 
     def restore(self, path: Path) -> None:
         """Load a checkpoint; on the same machine the training continues to the same bits.
@@ -134,14 +134,14 @@ class RslRlTrainer(Trainer):
             # Not the runner's own `load`, which would run code from the file.
             content = torch.load(path, weights_only=True, map_location="cpu")
             infos = content["infos"]
-            fresh = self._environment.episodes
+            fresh = self.environment.episodes
             saved = serialization.msgpack_restore(infos["episodes"].numpy().tobytes())
             episodes = serialization.from_state_dict(fresh, with_event_steps(saved))
             same = jax.tree.map(lambda a, b: a.shape == b.shape, fresh, episodes)
             if not all(jax.tree.leaves(same)):
                 raise ValueError("array shapes differ from config.yaml's")
-            self._runner.alg.load(content, load_cfg=None, strict=True)
-            random = infos["random"].get(self._environment.device.type)
+            self.runner.alg.load(content, load_cfg=None, strict=True)
+            random = infos["random"].get(self.environment.device.type)
             if random is not None:  # otherwise of another kind of device: a CPU exports a GPU's run
                 self._random.set_state(random)
             self._seen = infos["seen"].numpy()
@@ -149,11 +149,11 @@ class RslRlTrainer(Trainer):
         except DAMAGES as error:
             reason = " ".join(str(error).split())[:120]
             raise UserError(f"{path} is not a checkpoint of this run: {reason}") from None
-        self._environment.put(episodes)
+        self.environment.put(episodes)
 
     def export(self, path: Path) -> float:
         """Write the policy; returns and raises as `footfall.train.export.export`."""
-        return export(trained_actor(self._runner.alg.get_policy()), self._contract, self._seen, path)
+        return export(trained_actor(self.runner.alg.get_policy()), self._contract, self._seen, path)
 
 
 def trained_actor(model: MLPModel) -> Actor:

@@ -34,11 +34,11 @@ class Step:
                 f"robot '{robot.name}' cannot be walked by 'step': it needs a left and a right foot"
             )
         self._default = robot.default_pose
-        self._height = float((rest.centre - rest.middle)[2]) - config.lower_m
-        self.footwork = Footwork(config, np.sign(rest.foot[:, 1]), pendulum_rate(self._height))
+        self.com_height_m = float((rest.centre - rest.middle)[2]) - config.lower_m
+        self.footwork = Footwork(config, np.sign(rest.foot[:, 1]), pendulum_rate(self.com_height_m))
         points = np.bincount(body.foot_of_point)
         self._most_force = (config.most_force * body.weight_n / points)[body.foot_of_point]
-        self._begin(self._height + config.lower_m)
+        self._begin(self.com_height_m + config.lower_m)
 
     def reset(self, inputs: PolicyInput) -> None:
         dynamics = observed(self.control.body, inputs)
@@ -72,7 +72,7 @@ class Step:
         load = self.footwork.load
         bearing = load > UNLOADED
         ground = float(load @ dynamics.foot[:, 2] / load.sum())
-        height = self._start_height + settled * (self._height - self._start_height)
+        height = self._start_height + settled * (self.com_height_m - self._start_height)
         acceleration = np.zeros(3)
         acceleration[:2] = self.footwork.fall_rate**2 * (dynamics.centre[:2] - pressure)
         deviation = np.array([dynamics.centre[2] - ground - height])

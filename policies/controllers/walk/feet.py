@@ -25,7 +25,7 @@ class FootCycle:
     """
 
     def __init__(self, footing: Footing, timing: GaitTiming, offsets: np.ndarray) -> None:
-        self._feet = [
+        self.each_foot = [
             Foot(*each) for each in zip(footing.places.tolist(), footing.rolling.tolist(), strict=True)
         ]
         self.begin(timing, offsets)
@@ -34,7 +34,7 @@ class FootCycle:
     def reset(self) -> None:
         """All feet in their places on the ground, the clock at 0."""
         self.clock = 0.0
-        for foot in self._feet:
+        for foot in self.each_foot:
             foot.reset()
 
     def begin(self, timing: GaitTiming, offsets: np.ndarray) -> None:
@@ -49,13 +49,13 @@ class FootCycle:
         """
         self.begin(timing, offsets)
         speed = math.hypot(*velocity[:2])
-        carried = np.array([foot.carried(velocity) for foot in self._feet])
+        carried = np.array([foot.carried(velocity) for foot in self.each_foot])
         waits_s = (timing.duty - leg_phases(_CLOCKS[:, None], offsets)) % 1.0 * timing.period_s
         self.clock = float(_CLOCKS[np.argmin((carried + speed * waits_s).max(axis=1))])
 
     def carried(self, velocity: list[float]) -> float:
         """How far a body of a velocity has carried those feet that stand out of their places at most, m."""
-        return max((foot.carried(velocity) for foot in self._feet if not foot.swings), default=0.0)
+        return max((foot.carried(velocity) for foot in self.each_foot if not foot.swings), default=0.0)
 
     @property
     def offsets(self) -> np.ndarray:
@@ -65,22 +65,22 @@ class FootCycle:
     @property
     def feet(self) -> np.ndarray:
         """Where the feet are, (feet, 3) m."""
-        return np.array([(foot.x, foot.y, foot.z) for foot in self._feet])
+        return np.array([(foot.x, foot.y, foot.z) for foot in self.each_foot])
 
     @property
     def swings(self) -> np.ndarray:
         """Which feet swing, boolean (feet,)."""
-        return np.array([foot.swings for foot in self._feet])
+        return np.array([foot.swings for foot in self.each_foot])
 
     @property
     def flies(self) -> bool:
         """Whether any foot swings."""
-        return any(foot.swings for foot in self._feet)
+        return any(foot.swings for foot in self.each_foot)
 
     @property
     def progress(self) -> np.ndarray:
         """How far each swing has come, (feet,), in [0, 1]; 0 in stance."""
-        return np.array([foot.progress for foot in self._feet])
+        return np.array([foot.progress for foot in self.each_foot])
 
     def footholds(self, body: np.ndarray, height_m: float) -> np.ndarray:
         """Where feet that swing land, (feet, 3) m, from a base above `body` (2,) m; NaN for the others."""
@@ -88,7 +88,7 @@ class FootCycle:
         return np.array(
             [
                 (foot.lands[0] - x, foot.lands[1] - y, -height_m) if foot.swings else (math.nan,) * 3
-                for foot in self._feet
+                for foot in self.each_foot
             ]
         )
 
@@ -98,7 +98,7 @@ class FootCycle:
 
     def astray(self, by_m: float) -> list[bool]:
         """Which feet are farther than this from the middle of their stance."""
-        return [math.hypot(foot.x - foot.place_x, foot.y - foot.place_y) > by_m for foot in self._feet]
+        return [math.hypot(foot.x - foot.place_x, foot.y - foot.place_y) > by_m for foot in self.each_foot]
 
     def advance(
         self, velocity: list[float], dt_s: float, step_height_m: float, lift_off: Sequence[bool]
@@ -114,7 +114,7 @@ class FootCycle:
         timing, duty = self.timing, self.timing.duty
         phases = self._phases()
         self.clock = (self.clock + dt_s / timing.period_s) % 1.0
-        for foot, before, now, may in zip(self._feet, phases, self._phases(), lift_off, strict=True):
+        for foot, before, now, may in zip(self.each_foot, phases, self._phases(), lift_off, strict=True):
             if foot.swings and now < duty:
                 foot.land(0.0)
             elif before < duty <= now and may and not foot.swings:
@@ -139,13 +139,13 @@ class FootCycle:
         stands = ~self.swings
         above = height - self.feet[:, 2]
         ground = height - above[stands if stands.any() else feet].mean()
-        for foot, down, ground_m in zip(self._feet, feet.tolist(), ground.tolist(), strict=True):
+        for foot, down, ground_m in zip(self.each_foot, feet.tolist(), ground.tolist(), strict=True):
             if down:
                 foot.land(ground_m)
 
     def lower(self, feet: np.ndarray, by_m: float, least_m: float) -> None:
         """Lower standing feet (feet,) boolean, not below a height."""
-        for foot, lowers in zip(self._feet, feet.tolist(), strict=True):
+        for foot, lowers in zip(self.each_foot, feet.tolist(), strict=True):
             if lowers:
                 foot.lower(by_m, least_m)
 
