@@ -43,18 +43,6 @@ class TestLimits:
         for port in ("0", "65536", "80.5"):
             assert "--port" in shell.refuses("watch", "run", "--port", port)
 
-    def test_of_times_names_and_processes(self, shell: Shell) -> None:
-        for refused in (
-            *(("deploy", "stand", f"--duration={time}") for time in ("0", "-1", "nan", "inf", "soon")),
-            ("can", "monitor", "--duration", "86401"),
-            *(("evaluate", "stand", f"--scenarios={names}") for names in ("", ",", "push,,nominal", "a, ")),
-            *(
-                ("train", "--coordinator", "h:1", "--processes", "2", f"--process={process}")
-                for process in ("-1", "1.0")
-            ),
-        ):
-            assert refused[-1].partition("=")[0] in shell.refuses(*refused) or "--duration" in refused
-
     def test_of_a_velocity(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.plant.episode.run_episode", refuse)
         assert shell.refuses("deploy", "stand", "--command", "-100,99.5,100") == "enough"
@@ -172,28 +160,12 @@ class TestEndings:
         monkeypatch.setattr(sys, name, None)
         assert cli.main(["doctor"]) == 0
 
-    def test_arguments_are_those_of_the_process_without_its_name(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        given: list[Any] = []
-        monkeypatch.setattr(cli, "app", lambda tokens, **_: given.append(tokens))
-        monkeypatch.setattr(sys, "argv", ["footfall", "list", "--json"])
-        assert cli.main() == 0
-        assert given == [["list", "--json"]]
-
     def test_an_unknown_option_is_told_from_a_misspelt_one(self, shell: Shell) -> None:
         assert "Did you mean --seed?" in shell.refuses("train", "--sed", "3")
         assert "Did you mean --episodes?" in shell.refuses("evaluate", "stand", "--epsiodes=3")
         terrain = shell.refuses("train", "--terrain", "rough")
         assert "--set KEY=VALUE" in terrain
         assert "mean" not in terrain
-
-    def test_a_complaint_names_the_help_of_its_verb(self, shell: Shell) -> None:
-        assert shell.refuses("watch").endswith("(see footfall watch --help)")
-        assert shell.refuses("dance").endswith("(see footfall --help)")
-        assert shell.refuses("").endswith("(see footfall --help)")
-        assert "an empty argument" in shell.refuses("watch", "run", "--host", "")
-        assert shell.refuses("doctor", "one", "two").startswith("unexpected argument 'one' (see")
 
 
 class TestSmallVerbs:

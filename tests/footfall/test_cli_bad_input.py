@@ -166,16 +166,8 @@ def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str]
     ("line", "instead", "wanted"),
     [
         ("  substeps: 4", "  substeps: 0", ["substeps", "at least 2"]),
-        ("  substeps: 4", "  substeps: 1", ["substeps", "at least 2"]),
-        ("  substeps: 4", "  control_rate_hz: 0", ["control_rate_hz", "from 1 to 1000"]),
         ("  substeps: 4", "  control_rate_hz: 1.0e+9", ["control_rate_hz", "from 1 to 1000"]),
         ("gyro: 0.1", "gyro: -1", ["gyro", "from 0 to 100"]),
-        ("  episode_s: 2.0", "  episode_s: -1.0", ["episode_s", "above 0"]),
-        ("  total_steps: 4096", "  total_steps: 0", ["total_steps", "above 0"]),
-        ("  num_envs: 32", "  num_envs: 0", ["num_envs", "above 0"]),
-        ("  num_steps_per_env: 8", "  num_steps_per_env: 0", ["num_steps_per_env", "above 0"]),
-        ("  num_mini_batches: 2", "  num_mini_batches: 0", ["num_mini_batches", "above 0"]),
-        ("  num_learning_epochs: 2", "  num_learning_epochs: -2", ["num_learning_epochs", "above 0"]),
         # what a mistaken unit makes: degrees, millimetres, percents
         ("horizontal_m_s: 0.4", "horizontal_m_s: 500", ["horizontal_m_s", "from 0 to 100"]),
         ("frequency_hz: 2.5", "frequency_hz: 1000", ["frequency_hz", "from 0.05 to 50"]),

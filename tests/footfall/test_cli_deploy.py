@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -319,28 +318,3 @@ class TestOptions:
             figures = json.loads((tmp_path / "a.json").read_text())
             assert figures["policy"] == "stand@mine.yaml@kd=2.5"
             assert (figures["settings"]["kp"], figures["settings"]["kd"]) == (45.0, 2.5)
-
-    def test_bus_loads_and_late_ticks_are_told_where_there_are_any(
-        self, shell: Shell, called: Recorder
-    ) -> None:
-        buses = (BusLoad("can0", 0.42), BusLoad("can1", None), BusLoad("can2", 0.0))
-        called.replace("footfall.plant.episode.run_episode", ran(buses=buses))
-        told = words(shell("deploy", "stand").out)
-        assert "can0 42%, can2 0%" in told
-        assert "can1" not in told
-        assert "5 us p50, 6 us p99" in told
-        assert "7 of 800 ticks, 11" in told
-        in_time = ran().timing | {"lateness_us_max": 0.0}
-        called.replace("footfall.plant.episode.run_episode", ran(timing=in_time, wall_s=0.0))
-        told = words(shell("deploy", "stand").out)
-        assert "lateness" not in told
-        assert "of 800 ticks" not in told
-        assert "can0" not in told
-
-
-@dataclass
-class BusLoad:
-    """A bus's statistics, as far as a verb shows them."""
-
-    name: str
-    load: float | None

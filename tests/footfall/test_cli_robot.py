@@ -80,71 +80,6 @@ class TestVerdict:
         assert found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, frames of AK10-9 carry {most:g}"
 
 
-class TestShown:
-    def test_how_it_stood(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-        share = np.where(np.arange(12) == 7, 0.625, 0.25)
-        standing = stood(stood_s=3.5, sank_m=0.0123, tilt_rad=0.1, moved_m=0.045, torque_share=share)
-        robot_check.show_standing(go1, standing)
-        assert capsys.readouterr().out.splitlines() == [
-            "standing test, 3.5 s on the joint law over the simulated bus:",
-            "  sank 12 mm of 294",
-            "  tilted 5.7 degrees, moved 45 mm",
-            "  hardest at work: RR_thigh_joint, 62 % of its peak torque",
-            "",
-        ]
-
-    @pytest.mark.parametrize(
-        ("margin_m", "told"), [(0.0312, "31 mm inside"), (0.0, "0 mm inside"), (-0.0312, "31 mm outside")]
-    )
-    def test_where_the_centre_of_mass_is(
-        self, capsys: pytest.CaptureFixture[str], margin_m: float, told: str
-    ) -> None:
-        foot = SimpleNamespace(
-            name="FR", place=np.array([0.1, -0.2, -0.3]), gap_m=0.0024, reach_m=(0.1, 0.4123)
-        )
-        looked: Any = SimpleNamespace(feet=[foot], margin_m=margin_m)
-        robot_check.show_feet(looked)
-        out = capsys.readouterr().out
-        assert out.splitlines()[1].split() == [
-            *("FR", "0.100", "-0.200", "-0.300", "2.4", "0.100", "to", "0.412")
-        ]
-        assert f"the centre of mass is {told} the feet" in out
-
-    def test_the_tree_with_each_joints_own_figures(
-        self, go1: Robot, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        links = [
-            SimpleNamespace(name="trunk", depth=0, mass_kg=5.204, joints=("floating_base",)),
-            SimpleNamespace(name="leg", depth=2, mass_kg=0.68, joints=("FL_thigh_joint", "FL_calf_joint")),
-        ]
-        looked: Any = SimpleNamespace(links=links, centre_m=np.array([0.01, -0.02, 0.03]), mass_kg=5.884)
-        robot_check.show_tree(go1, looked)
-        lines = capsys.readouterr().out.splitlines()
-        assert lines[1].split() == ["trunk", "5.204"]
-        assert lines[2].startswith("    leg")
-
-        def figures(i: int) -> list[str]:
-            return [
-                f"{go1.lower_rad[i]:.2f}", "to", f"{go1.upper_rad[i]:.2f}", f"{go1.default_pose[i]:.2f}",
-                f"{go1.motor.peak_torque[i]:g}", f"{go1.kp[i]:.0f}",
-            ]  # fmt: skip
-
-        assert lines[2].split() == ["leg", "0.680", "FL_thigh_joint", *figures(4)]
-        assert lines[3].split() == ["FL_calf_joint", *figures(5)]
-        assert lines[4] == "total 5.88 kg, centre of mass 0.010 -0.020 0.030 m from the base's origin"
-
-    def test_how_it_lay(self, capsys: pytest.CaptureFixture[str]) -> None:
-        """A base that sinks into the ground is not below it."""
-        for clearance_m, told in ((0.0042, 4), (-0.003, 0)):
-            robot_check.show_lying(LyingResult("", clearance_m, 0.1))
-            assert capsys.readouterr().out.splitlines() == [
-                "lying test, from the ground to the default pose and back:",
-                f"  base {told} mm above the ground at the end",
-                "  tilted 5.7 degrees",
-                "",
-            ]
-
-
 def test_of_motors_that_no_frames_are_known_of_nothing_is_said_and_the_others_are_looked_at(
     go1: Robot,
 ) -> None:
@@ -200,36 +135,12 @@ class TestCheck:
         ]
         assert outcome.out.endswith("nothing wrong was found\n")
 
-    def test_by_default_it_stands_for_four_seconds(self, shell: Shell, asked: list[Any]) -> None:
-        shell("robot", "check", "go1")
-        assert asked[2] == ("stand", "go1", 4.0, 0)
-
     def test_anything_wrong_is_status_1(self, shell: Shell, asked: list[Any]) -> None:
         asked[0].findings = lambda **_: iter(["a foot is missing"])
         outcome = shell("robot", "check", "go1")
         assert outcome.status == 1
         assert outcome.out.endswith("wrong: a foot is missing\n")
         assert "nothing wrong" not in outcome.out
-
-    def test_all_that_was_looked_at_is_shown_and_all_that_is_wrong_told_in_order(
-        self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        asked[0].findings = lambda **_: iter(["a foot is missing"])
-        monkeypatch.setattr(robot_check, "beyond_frames", lambda _: ["a gain is cut"])
-        monkeypatch.setattr(robot_check, "wrong_standing", lambda *_: ["it sinks"])
-        monkeypatch.setattr(robot_check, "wrong_lying", lambda _: ["it tips over"])
-        paragraphs = shell("robot", "check", "go1").out.split("\n\n")
-        tree, feet, standing, lying, wrong = paragraphs
-        assert tree.split("  ")[0] == "link"
-        assert [part.strip() for part in tree.splitlines()[0].split("  ") if part] == [
-            "link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad",
-        ]  # fmt: skip
-        assert feet.startswith("foot  place in the default pose, m")
-        assert standing.startswith("standing test, 4.0 s")
-        assert lying.startswith("lying test, ")
-        assert wrong.splitlines() == [
-            "wrong: a foot is missing", "wrong: a gain is cut", "wrong: it sinks", "wrong: it tips over",
-        ]  # fmt: skip
 
     def test_a_robot_without_a_lying_pose_is_not_laid_down(
         self, shell: Shell, asked: list[Any], go1: Robot, monkeypatch: pytest.MonkeyPatch
@@ -301,21 +212,6 @@ def refuse(*_: Any, **__: Any) -> None:
 
 
 class TestRequest:
-    def test_what_a_new_robot_is_made_of_by_default(
-        self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path
-    ) -> None:
-        from footfall.deploy.drivers.mit import RANGES
-
-        made = SimpleNamespace(folder="there", guesses=[])
-        called.replace("footfall.robots.importer.create.import_robot", made)
-        called.replace("footfall.robots.description.load_robot", lambda _: go1)
-        assert shell("robot", "new", "--from", "a.urdf", "--out", "mine").status == 0
-        ((request,), _) = called.of("import_robot")
-        assert (request.feet, request.packages) == ((), ())
-        assert (request.peak_torque_nm, request.speed_rad_s, request.armature) == ({}, {}, {})
-        assert request.protocols is RANGES
-        assert called.of("load_robot") == ((tmp_path / "mine",), {})
-
     def test_figures_by_joint_may_have_spaces_between_them(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.robots.importer.create.import_robot", refuse)
         shell.refuses("robot", "new", "--from", "a.urdf", "--out", "mine", "--speed", "hip=1, knee=2")
