@@ -1,0 +1,139 @@
+"""Switches between policies at drawn moments of a walk: falls, and the largest step of a joint target.
+
+    python benchmarks/policy_switches.py --robot go1 --pair go1-flat,trot --switches 100 --workers 2
+
+Each episode walks with sensor noise, at commands that are drawn anew after each switch, and switches back and
+forth. Prints a JSON object: switches each way, falls, faults, the time from request to change, and the
+fastest that any joint target moved, as a share of the robot's target rate.
+"""
+
+import argparse
+import json
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from footfall.deploy.command_source import Request, Status
+from footfall.deploy.config import deploy_config
+from footfall.deploy.loop import ControlLoop
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+SWITCHES = 10  # of one episode
+BETWEEN_S = (0.6, 1.6)  # walking between two switches
+LONGEST_S = 120.0
+
+
+class Switcher:
+    """Walks at drawn commands, and asks for the other policy at drawn moments."""
+
+    stopped = None
+
+    def __init__(self, names: tuple[str, str], most: np.ndarray, rng: np.random.Generator) -> None:
+        self._names, self._most, self._rng = names, most, rng
+        self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that took over
+        self._asked_s: float | None = None
+        self._walk(0.0, names[0])
+
+    def poll(self, status: Status) -> Request:
+        now_s = status.walking_s
+        if self._asked_s is None:
+            if now_s >= self._next_s:
+                self._asked_s = now_s
+                self._request = self._request._replace(policy=self._other)
+        elif status.policy == self._other:
+            self.took_s[status.policy].append(now_s - self._asked_s)
+            self._walk(now_s, status.policy)
+        return self._request
+
+    @property
+    def done(self) -> bool:
+        return sum(map(len, self.took_s.values())) >= SWITCHES
+
+    def _walk(self, now_s: float, policy: str) -> None:
+        self._asked_s = None
+        self._other = next(name for name in self._names if name != policy)
+        self._next_s = now_s + self._rng.uniform(*BETWEEN_S)
+        self._request = Request(self._most * self._rng.uniform([-0.5, -1.0, -1.0], 1.0))
+
+
+def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], seed: int) -> dict[str, object]:
+    """One walk with `SWITCHES` switches, or until it falls."""
+    robot = load_robot(robot_name)
+    first, second = (load_policy(name, robot) for name in pair)
+    source = Switcher(pair, np.array(most), np.random.default_rng(seed))
+    config = deploy_config(robot)
+    fastest_rad, before = 0.0, robot.default_pose
+
+    def watch(loop: ControlLoop, _: object) -> None:
+        nonlocal fastest_rad, before
+        if loop.walking:
+            fastest_rad = max(fastest_rad, float(np.abs(loop.target - before).max()))
+            if source.done:
+                loop.finish()
+        before = loop.target
+
+    trace = run_episode(
+        robot,
+        first,
+        Episode(
+            source,
+            LONGEST_S,
+            seed=seed,
+            noise=load_scenarios(robot).noise,
+            config=replace(config, stop_s=0.0),
+            others={pair[1]: second},
+            record=False,
+        ),
+        watch,
+    )
+    most_rad = robot.description.target_rate_rad_s * config.tick_us * 1e-6
+    return {
+        "took_s": source.took_s,
+        "fell": trace.fell,
+        "faults": [*trace.faults],
+        "rate_share": fastest_rad / most_rad,
+    }
+
+
+def measure(robot: str, pair: tuple[str, str], most: tuple[float, ...], switches: int, workers: int) -> dict:
+    """Switches of a pair, `switches` each way at least."""
+    seeds = range(-(-2 * switches // SWITCHES))
+    with ProcessPoolExecutor(workers) as pool:
+        found = list(pool.map(partial(episode, robot, pair, most), seeds))
+    took = {name: [time for each in found for time in each["took_s"][name]] for name in pair}
+    every = [time for times in took.values() for time in times]
+    return {
+        "robot": robot,
+        "pair": pair,
+        "command": most,
+        "switches": {f"to {name}": len(times) for name, times in took.items()},
+        "falls": sum(each["fell"] for each in found),
+        "faults": [fault for each in found for fault in each["faults"]],
+        "took_s_mean": float(np.mean(every)),
+        "took_s_max": float(np.max(every)),
+        "target_rate_share_max": max(each["rate_share"] for each in found),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--pair", default="go1-flat,trot")
+    parser.add_argument(
+        "--command", default="0.5,0.2,0.5", help="largest forward, leftward m/s and yaw rad/s"
+    )
+    parser.add_argument("--switches", type=int, default=100, help="each way")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    first, second = given.pair.split(",")
+    most = tuple(float(part) for part in given.command.split(","))
+    print(json.dumps(measure(given.robot, (first, second), most, given.switches, given.workers), indent=1))
+
+
+if __name__ == "__main__":
+    main()
