@@ -12,6 +12,7 @@ import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,7 @@ class Switcher:
         self._names, self._most, self._rng = names, most, rng
         self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that took over
         self._asked_s: float | None = None
+        self._request = Request(np.zeros(3))
         self._walk(0.0, names[0])
 
     def poll(self, status: Status) -> Request:
@@ -61,7 +63,7 @@ class Switcher:
         self._request = Request(self._most * self._rng.uniform([-0.5, -1.0, -1.0], 1.0))
 
 
-def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], seed: int) -> dict[str, object]:
+def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], seed: int) -> dict[str, Any]:
     """One walk with `SWITCHES` switches, or until it falls."""
     robot = load_robot(robot_name)
     first, second = (load_policy(name, robot) for name in pair)

@@ -31,7 +31,6 @@ from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.policies.policy import Sensed
-from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 TAKEN_OVER = "the loop did not come back in time: a guard damped the robot and switched its motors off"
@@ -75,20 +74,16 @@ class ControlLoop:
         """
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
-        safety = config.safety
-        battery = battery_monitor(robot, safety.battery)
-        self._joints = JointLayer(
-            robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale, battery
-        )
+        kd, battery = config.safety.damping_kd, battery_monitor(robot, config.safety.battery)
+        imu, tick_s = open_imu(wiring), config.tick_us * 1e-6
+        self._joints = JointLayer(robot, driver, imu, tick_s, config.scale, battery)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)
         self._signals = SignalSource(
             robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
         )
         self._wiring_check = wiring_check
-        self.last_resort = LastResort(
-            driver, bus, clock, self._joints, wiring, safety.damping_kd, config.tick_us
-        )
+        self.last_resort = LastResort(driver, bus, clock, self._joints, wiring, kd, config.tick_us)
         self._sensed: Sensed | None = None  # of this tick
         self.state = State()
         self.timing = Timing(policy_ms=runner.durations_ms)
@@ -192,10 +187,9 @@ class ControlLoop:
 
     def _act(self, elapsed_us: int) -> None:
         """Readings in, decisions, frames out."""
-        now_us, joints = self.now_us, self._joints
+        now_us, joints, runner = self.now_us, self._joints, self._runner
         joints.absorb(self._bus.receive(now_us), now_us)
         self._sensed = None
-        runner = self._runner
         signals = self._signals.look(now_us, elapsed_us, self.state, runner.signals, runner.steering.stop)
         self._supervise(signals)
         if self.state.mode in DECIDING:
@@ -223,10 +217,7 @@ class ControlLoop:
         commanded = self.walking and not self.held_up
         step = runner.step(now_us, self.status, self.sensed, self._estimate.value, commanded)
         if log is not None:
-            runner.tell(now_us, log)
-            if step is not None:
-                given, decision = step
-                log.policy_step(now_us, given, JointCommand.of(decision), runner.deciding)
+            runner.tell(now_us, log, step)
 
     def _update_estimate(self, step_due: bool = False) -> None:
         if self._estimate.due(self.now_us, step_due):

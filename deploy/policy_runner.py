@@ -18,7 +18,8 @@ from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
 from footfall.deploy.steering import Steering
 from footfall.deploy.timing import Durations
-from footfall.policies.policy import Policy, PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.actuator import JointCommand
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
 FORKED = 1  # exit status of a copy of the process that comes back from a policy's step
@@ -77,11 +78,13 @@ class PolicyRunner:
                 noted[policy.name] = len(policy.notes)
         return notes
 
-    def tell(self, now_us: int, log: RunLog) -> None:
-        """Log changes and notes that were not logged before."""
+    def tell(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
+        """Log a step, with changes and notes that were not logged before; None for a step that failed."""
         for change in self._changes:
             log.change(now_us, change)
         self._changes.clear()
+        if step is not None:
+            log.policy_step(now_us, step[0], JointCommand.of(step[1]), self._policies.present.policy)
         notes = self.notes
         for note in notes[self._told :]:
             log.note(now_us, note)
@@ -110,7 +113,7 @@ class PolicyRunner:
             now_us * 1e-6,
             walking_s,
             state.mode,
-            self.deciding.name,
+            self._policies.present.policy.name,
             self._command,
             *estimate,
             pose,
@@ -132,11 +135,6 @@ class PolicyRunner:
     def due(self, now_us: int) -> bool:
         """Whether it is time for a step."""
         return self._policies.due(now_us - self._began_us)
-
-    @property
-    def deciding(self) -> Policy:
-        """The policy that decides."""
-        return self._policies.present.policy
 
     def stance(self) -> np.ndarray | None:
         """The policy's contact plan; None before its first step, or if it fails, which `signals` tell."""
@@ -212,6 +210,7 @@ class PolicyRunner:
         for change in steering.take_changes():
             policies.apply(change, walked_us)
             self._changes.append(change)
+            steering.refresh(policies.present.policy)
         self._command = STILL if policies.leaving else steering.command
         given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate)
         before = policies.present

@@ -98,6 +98,10 @@ class Steering:
             self._note("the battery is low: speed and torque are limited")
             self.command = self._limits.reduce(self.command, status.battery.allowed)
 
+    def refresh(self, policy: Policy) -> None:
+        """Ranges may have changed with the gait of the present policy."""
+        self.offer = self._offers[policy.name] = offer_of(policy)._replace(policies=self.offer.policies)
+
     def take_changes(self) -> list[Change]:
         """What the request changed since the last call."""
         changes, self._changes = self._changes, []

@@ -42,13 +42,35 @@ class Span(NamedTuple):
     default: float
 
 
+# Ranges as shares of a controller's own setting.
+SHARES = {
+    "step_period_s": (0.75, 1.6),
+    "step_height_m": (0.3, 1.5),
+    "step_length_m": (0.2, 1.0),
+    "body_height_m": (0.8, 1.05),
+}
+
+
+def shared(defaults: Mapping[str, float]) -> dict[str, Span]:
+    """Spans of settings about a controller's own values."""
+    return {
+        name: Span(SHARES[name][0] * value, SHARES[name][1] * value, value)
+        for name, value in defaults.items()
+    }
+
+
+def approached(value: float, goal: float, most: float) -> float:
+    """A value that is nearer to its goal by at most `most`."""
+    return value + min(max(goal - value, -most), most)
+
+
 @runtime_checkable
 class Steerable(Protocol):
     """A policy whose steps can be changed while it walks."""
 
     @property
     def live_settings(self) -> Mapping[str, Span]:
-        """The settings that it has, by their names in `DECLARED`."""
+        """The settings that it has with its present gait, by their names in `DECLARED`."""
 
     @property
     def gaits(self) -> Sequence[str]:

@@ -10,6 +10,8 @@ from footfall.common.config import require_positive
 from footfall.policies.gaits import find_gait, require_duty
 from footfall.robots.description import Robot
 
+_CLOCKS = np.arange(48) / 48
+
 
 @dataclass(frozen=True)
 class GaitConfig:
@@ -124,6 +126,14 @@ class StepClock:
         self.phase = 0.0
         self.walking = False
         self._known = self.phase, leg_phases(self.phase, self.offsets)
+
+    def take_up(self, timing: GaitTiming, offsets: np.ndarray) -> None:
+        """Another gait, for feet that all stand. Its clock begins where the least of a swing is over."""
+        self.timing, self.offsets = timing, offsets
+        phases = leg_phases(_CLOCKS[:, None], offsets)
+        begun = np.maximum(phases - timing.duty, 0.0).sum(axis=1)
+        self.phase = float(_CLOCKS[begun.argmin()])
+        self._known = self.phase, leg_phases(self.phase, offsets)
 
     def advance(self, dt_s: float, walk: bool) -> None:
         """Let time pass. A clock asked to stop finishes the swings that have begun."""

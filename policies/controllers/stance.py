@@ -23,15 +23,24 @@ def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) 
     return feet
 
 
-def tilt_correction(inputs: PolicyInput, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
+def tilt_correction(
+    inputs: PolicyInput,
+    gain: float,
+    rate_gain_s: float,
+    most_rad: float,
+    wanted: np.ndarray | None = None,
+) -> np.ndarray:
     """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
 
     The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
+    `wanted` is the roll and pitch (2,) that it turns back to; None for level.
     """
     up_x, up_y, _ = rotation_matrix(inputs.sensed.quaternion)[2].tolist()
     rates = inputs.sensed.gyro[:2].tolist()
-    wanted = [gain * tilt + rate_gain_s * rate for tilt, rate in zip((up_y, -up_x), rates, strict=True)]
-    return np.array([min(max(correction, -most_rad), most_rad) for correction in wanted])
+    roll, pitch = (0.0, 0.0) if wanted is None else wanted.tolist()
+    errors = (up_y - roll, -up_x - pitch)
+    corrections = [gain * error + rate_gain_s * rate for error, rate in zip(errors, rates, strict=True)]
+    return np.array([min(max(correction, -most_rad), most_rad) for correction in corrections])
 
 
 def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:

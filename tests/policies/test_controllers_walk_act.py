@@ -8,7 +8,7 @@ import pytest
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
-from footfall.policies.controllers.walk.limits import Pace
+from footfall.policies.controllers.walk.limits import Pace, WalkLimits
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -199,7 +199,7 @@ class TestHeading:
     def test_it_turns_at_the_gaits_own_pace(self, monkeypatch: pytest.MonkeyPatch, tempo: float) -> None:
         """A gait that is slowed to half takes twice as long for its steps, and for what they turn."""
         policy = Walk(ROBOT, "trot", replace(CONFIG, heading=HeadingConfig(2.0, 0.2)))
-        monkeypatch.setattr(policy._limits, "pace", lambda _: Pace(tempo=tempo))
+        monkeypatch.setattr(WalkLimits, "pace", lambda *_: Pace(tempo=tempo))
         policy.reset(seen())
         headings = []
         for k in range(90):
@@ -259,7 +259,7 @@ class TestTempo:
         """Of walks ahead, 0.6 s each, at commanded speeds that allow certain tempos: (phases, ticks)."""
         policy, allowed = make(), {round(speed, 6): tempo for speed, tempo in phases}
         monkeypatch.setattr(
-            policy._limits, "pace", lambda walk: Pace(tempo=allowed[round(walk.velocity[0], 6)])
+            WalkLimits, "pace", lambda _, walk: Pace(tempo=allowed[round(walk.velocity[0], 6)])
         )
         policy.reset(seen())
         clocks, ticks = [0.0], round(0.6 * CONFIG.rate_hz)

@@ -121,7 +121,9 @@ class MpcConfig:
     restart: Restart
     friction_compensation: float  # share of the gearbox friction that is fed forward
     settle_s: float  # time to move from the height found at reset to the stance, before any step
+    gaits: tuple[str, ...] = ()  # that it can change to while it walks, its own among them
+    most_attitude_rad: float = 0.1  # largest roll and pitch that can be asked for
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "settle_s")
-        require_not_negative(self, "friction_compensation")
+        require_not_negative(self, "friction_compensation", "most_attitude_rad")

@@ -6,7 +6,7 @@ into joint commands; at `solve_hz` it plans the forces anew.
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points
 from footfall.policies.controllers.mpc.grip import Grip
 from footfall.policies.controllers.mpc.legs import LegControl
+from footfall.policies.controllers.mpc.live import LiveMpc
 from footfall.policies.controllers.mpc.problem import ForceProblems
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
@@ -52,7 +53,7 @@ class Mpc:
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
         self.rate_hz = config.rate_hz
-        self._legs = robot.legs
+        self._robot, self._legs = robot, robot.legs
         self._body = nominal_body(robot)
         self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
         self._solver = BoundedSolver()
@@ -67,6 +68,8 @@ class Mpc:
         self._disturbance = Disturbance(config.restart)
         self.reference = Reference(config, self._body.centre)
         self.swing_feet = SwingFeet(config, places, self._legs.foot_radius)
+        self._live = LiveMpc(robot, config)
+        self.gaits, self.live_settings = config.gaits, self._live.spans
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
 
@@ -87,16 +90,28 @@ class Mpc:
         count = self._legs.count
         self._lookahead.reset()
         self._grip.reset()
+        self._live.reset()
+        gait = self._config.gait.clock(self._robot)
+        self.clock.timing, self.clock.offsets = gait.timing, gait.offsets
         self.clock.reset()
         self.command.reset()
         self.follower.reset()
         self._disturbance.reset()
         self.reference.begin(yaw, height)
         self.swing_feet.reset()
+        self.swing_feet.height_m = self._config.swing.height_m
         self.force = np.tile([0.0, 0.0, GRAVITY_M_S2 * self._body.mass / count], (count, 1))
         self.stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
         self._ticks_to_solve = 0
+
+    def set_live(self, values: Mapping[str, float]) -> None:
+        """See `Steerable`."""
+        self._live.want(values)
+
+    def take_up(self, gait: str) -> None:
+        """See `Steerable`. The feet in the air land first."""
+        self._live.gait = gait
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         dt_s = 1.0 / self.rate_hz
@@ -180,7 +195,10 @@ class Mpc:
         walk = self.command.wants_walk(inputs.command) or self._disturbance.present(
             base, self.clock.walking, dt_s
         )
-        self.clock.advance(dt_s, settled and walk)
+        self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
+        if self._live.gait and not self.clock.walking:
+            self._live.take_up(self.clock)
+        self.clock.advance(dt_s, settled and walk and not self._live.gait)
 
     def _plan(self, base: Base, feet: np.ndarray) -> None:
         """Solve for the feet's forces; where that fails, keep the last ones of the feet that still stand."""

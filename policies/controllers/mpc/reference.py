@@ -35,6 +35,8 @@ class Reference:
         """Start at the origin of the world, at rest."""
         self.place = self.velocity = 0j  # m and m/s, world, x + i y
         self.yaw, self.height = yaw, height  # rad, m
+        self.wanted_height = self._stance.height_m
+        self.attitude = np.zeros(2)  # roll and pitch, rad
 
     def advance(self, base: Base, command: np.ndarray, dt_s: float) -> None:
         """Move at the command (3,): forward m/s, leftward m/s, yaw rad/s."""
@@ -47,7 +49,7 @@ class Reference:
         turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
         most = stance.most_yaw_lead_rad
         self.yaw = base.yaw + min(most, max(-most, turned))
-        climb = stance.height_m - self.height
+        climb = self.wanted_height - self.height
         self.height += min(1.0, dt_s / self._settle_s) * climb
 
     def over_horizon(self, base: Base, command: np.ndarray) -> BodyState:
@@ -62,6 +64,7 @@ class Reference:
         place = ahead + velocity.cumsum() * self._step_s
         place += heading * complex(centre_x, centre_y)
         pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
+        pose[:, :2] = self.attitude
         pose[:, 2], rate[:, 2] = yaw, yaw_rate
         pose[:, 3], pose[:, 4] = place.real, place.imag
         rate[:, 3], rate[:, 4] = velocity.real, velocity.imag

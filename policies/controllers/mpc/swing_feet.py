@@ -27,6 +27,7 @@ class SwingFeet:
         self._ahead = (places[:, 0] + 1j * places[:, 1]).tolist()
         self._touch_down = np.zeros((len(places), 3))  # of the feet's centres, from the ground
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
+        self.height_m = config.swing.height_m
         self.reset()
 
     def reset(self) -> None:
@@ -87,7 +88,7 @@ class SwingFeet:
         lift_off, landing = self.lift_off.tolist(), (self.target + self._touch_down).tolist()
         motion = np.array(
             [
-                swing_motion(progress[leg], lift_off[leg], landing[leg], swing_s, self._swing.height_m)
+                swing_motion(progress[leg], lift_off[leg], landing[leg], swing_s, self.height_m)
                 for leg in swinging
             ]
         )

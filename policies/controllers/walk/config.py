@@ -41,10 +41,12 @@ class LevellingConfig:
     filter_s: float  # time constant: the feet's velocity must not carry the gyro's noise
     most_rad: float  # largest correction
     body_rate_m_s: float  # how fast the body's height changes
+    most_attitude_rad: float = 0.15  # largest roll and pitch that can be asked for
+    attitude_rate_rad_s: float = 0.3  # how fast they are approached
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "gain", "rate_gain_s", "most_rad")
-        require_positive(self, "filter_s", "body_rate_m_s")
+        require_not_negative(self, "gain", "rate_gain_s", "most_rad", "most_attitude_rad")
+        require_positive(self, "filter_s", "body_rate_m_s", "attitude_rate_rad_s")
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,7 @@ class WalkConfig:
     settle_s: float  # time to move from the pose found at reset to the stance
     stance: StanceConfig = StanceConfig()
     touch_down: TouchDownConfig | None = None  # None: the gait clock alone decides
+    gaits: tuple[str, ...] | None = None  # beside its own, that it can change to; None: all of the robot
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")

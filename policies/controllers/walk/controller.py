@@ -1,27 +1,31 @@
 """The gait generator as a controller: any named gait, on any robot whose feet it fits."""
 
-import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from footfall.common.rotations import rotation_matrix, wrap_angle, yaw_of
 from footfall.policies.controllers.command import ShapedCommand
-from footfall.policies.controllers.gait import GaitConfig, contact_trust
+from footfall.policies.controllers.gait import GaitConfig, GaitTiming, contact_trust
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
+from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing, rolling_of
 from footfall.policies.controllers.walk.ground import GroundForce
-from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
+from footfall.policies.controllers.walk.levelling import Levelling
+from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
+from footfall.policies.controllers.walk.live import ATTITUDE, all_gaits, changed_step, live_settings
+from footfall.policies.controllers.walk.pacing import Pacing
 from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway
+from footfall.policies.live_settings import Span, approached
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-_CHANGE = np.array([0.005, 0.005, 0.02])  # of the wanted velocity, after which the limits are looked at again
-_TEMPO_RATE = 0.5  # 1/s, how fast the tempo may rise; it falls at once
+_PERIOD_RATE = 0.1  # s of the gait's period in each second
 _FAR, _TOO_FAR = 0.6, 0.9  # of a step's length, from which on a foot slows the body down, and stops it
 _ROOM_RATE = 5.0  # 1/s, how fast it does
 _NO_SWAY = np.zeros(2, complex)
@@ -34,8 +38,8 @@ _ASTRAY_M = 0.01  # a robot that has come to rest brings feet farther away than 
 class Walk:
     """Position control of all joints: feet that stand carry the body at the commanded velocity.
 
-    `change` asks for another gait or other steps while it walks. `notes` has once for each gait what the
-    limits made of what was asked for.
+    `change` asks for another gait or other steps while it walks. `notes` says once for each gait how limits
+    changed what was asked for.
     """
 
     needs_estimate = False
@@ -49,20 +53,21 @@ class Walk:
         self._robot, self._legs = robot, robot.legs
         body = nominal_body(robot)
         self._centre = body.centre
-        self._limits = WalkLimits(robot, body.centre[:2], config.limits)
         down = config.touch_down
         self._ground = None if down is None else GroundForce(robot, body, down.filter_s, down.inertia_doubt)
         self._footing = self._stand(config)
-        self._farthest = float(np.hypot(*self._footing.places[:, :2].T).max())
+        farthest_m = float(np.hypot(*self._footing.places[:, :2].T).max())
+        self._pacing = Pacing(WalkLimits(robot, body.centre[:2], config.limits), farthest_m)
         clock = config.gait.clock(robot)
         self._cycle = FootCycle(self._footing, clock.timing, clock.offsets)
-        self._sway = Sway()
+        self._sway, self._levelling = Sway(), Levelling(config.levelling)
         self._command = ShapedCommand(config.command)
-        self._kp = np.full(len(robot.joint_names), config.kp)
-        self._kd = np.full(len(robot.joint_names), config.kd)
         self._no_torque = np.zeros(len(robot.joint_names))
+        self._kp, self._kd = self._no_torque + config.kp, self._no_torque + config.kd
         self._most_step_rad = robot.description.target_rate_rad_s / config.rate_hz
         self.notes: list[str] = []
+        self._all_gaits = all_gaits(robot, config)
+        self.gaits = tuple(self._all_gaits)
         self._begin(robot.default_pose)
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -76,7 +81,7 @@ class Walk:
         self._cycle.reset()
         self._command.reset()
         self._start = self._previous = joint_position
-        self._tilt = np.zeros(2)
+        self._levelling.reset()
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
         self._height_m = self._step.body_height_m
@@ -84,11 +89,7 @@ class Walk:
         self._sway_plan = self._plan_sway()
         self._steps, self._room = False, 1.0
         self._yaw: float | None = None  # that it keeps to, while it steps
-        self._asked = [0.0, 0.0, 0.0]
-        self._attainable = np.zeros(3)
-        self._pace = self._pace_before = Pace()
-        self._tempo = 1.0
-        self._looked_at: np.ndarray | None = None
+        self._pacing.reset()
 
     def change(self, gait: GaitConfig | None = None, step: StrideConfig | None = None) -> None:
         """Ask for another gait, or other steps, without a jump in a joint's target.
@@ -102,8 +103,29 @@ class Walk:
         if gait is not None:
             gait.clock(self._robot)
             self._wanted_gait = gait
-        if step is not None:
-            self._step, self._looked_at = step, None
+        if step is not None and step != self._step:
+            self._step = step
+            self._pacing.look_again()
+
+    @property
+    def live_settings(self) -> dict[str, Span]:
+        """See `Steerable`."""
+        return live_settings(self._config, self._all_gaits[self._wanted_gait.name].period_s)
+
+    def set_live(self, values: Mapping[str, float]) -> None:
+        """See `Steerable` and `change`. The period and the attitude are approached."""
+        self.change(step=changed_step(self._step, values))
+        if "step_period_s" in values:
+            same, span = self._wanted_gait == self._gait, self.live_settings["step_period_s"]
+            period_s = min(max(values["step_period_s"], span.lowest), span.highest)
+            self._wanted_gait = replace(self._wanted_gait, period_s=period_s)
+            self._gait = self._wanted_gait if same else self._gait
+        wanted = self._levelling.wanted.tolist()
+        self._levelling.wanted = np.array([values.get(*each) for each in zip(ATTITUDE, wanted, strict=True)])
+
+    def take_up(self, gait: str) -> None:
+        """See `Steerable`. The gait begins with its own period."""
+        self.change(self._all_gaits[gait])
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, dt_s = self._config, 1.0 / self.rate_hz
@@ -159,17 +181,19 @@ class Walk:
         walk = command.wants_walk(wanted)
         if self._wanted_gait != self._gait and not cycle.flies:
             self._take_up_gait()
+        if cycle.timing.period_s != self._gait.period_s:
+            self._approach_period(dt_s)
         astray = cycle.astray(_ASTRAY_M)
         changes = self._wanted_gait != self._gait
         lift_off = [not changes and (walk or away) for away in astray]
         if walk:
-            self._set_tempo(wanted, dt_s)
+            self._pacing.set_tempo(self._command.value.tolist() == wanted.tolist(), dt_s)
         wants = walk or cycle.flies or any(lift_off)
         goal = plan.body if wants else _NO_SWAY
-        self._sway.approach(goal, self._tempo * dt_s / cycle.timing.period_s)
+        self._sway.approach(goal, self._pacing.tempo * dt_s / cycle.timing.period_s)
         self._steps = ready and (wants or self._sway.misses(_NO_SWAY) > _STILL_M)
         if self._steps:
-            passed_s = self._tempo * dt_s
+            passed_s = self._pacing.tempo * dt_s
             forward, leftward, yaw_rate = self._with_room(dt_s)
             yaw_rate += self._turn_back(inputs, yaw_rate * passed_s)
             cycle.advance([forward, leftward, yaw_rate], passed_s, self._step.height_m, lift_off)
@@ -210,65 +234,44 @@ class Walk:
 
     def _tips(self, inputs: PolicyInput, dt_s: float) -> np.ndarray:
         """Where the tips should be, (legs, 3) m, base frame."""
-        levelling = self._config.levelling
-        tilt = tilt_correction(inputs, levelling.gain, levelling.rate_gain_s, levelling.most_rad)
-        self._tilt += min(1.0, dt_s / levelling.filter_s) * (tilt - self._tilt)
         feet = self._cycle.feet
         feet[:, :2] -= self._sway.at(self._cycle.clock)
         feet[:, 2] -= self._below()
-        return level_feet(feet, self._tilt)
+        return self._levelling.apply(feet, inputs, dt_s)
 
     def _below(self) -> np.ndarray:
         return self._height_m - self._legs.foot_radius
 
     def _within_limits(self, command: np.ndarray) -> np.ndarray:
-        """The command as far as steps' length, legs' reach and the stability margin allow.
+        """The command that the walk can follow; once for each gait a note says what is left out."""
+        stance_s, length_m = self._cycle.timing.stance_s, self._step.length_m
+        within = self._pacing.within(command, stance_s, length_m, self._steady)
+        reason, gait = self._pacing.reason, self._gait.name
+        if reason and not any(note.startswith(f"{gait}: ") for note in self.notes):
+            self.notes.append(f"{gait}: {reason}")
+        return within
 
-        No foot is carried back farther than a step's length in one stance.
-        """
-        asked = command.tolist()
-        if self._looked_at is not None and asked == self._asked:
-            return self._attainable
-        self._asked = asked
-        forward, leftward, yaw_rate = asked
-        speed = math.hypot(forward, leftward) + abs(yaw_rate) * self._farthest
-        carried = speed * self._cycle.timing.stance_s
-        within = command * min(1.0, self._step.length_m / max(carried, 1e-9))
-        if self._looked_at is None or np.any(np.abs(within - self._looked_at) >= _CHANGE):
-            self._look_at_limits(within)
-        self._attainable = self._pace.stride * within
-        return self._attainable
-
-    def _look_at_limits(self, velocity: np.ndarray) -> None:
-        """Find the pace for a velocity, and note what it costs."""
-        self._looked_at = velocity.copy()
-        cycle = self._cycle
-        steady = SteadyWalk(
-            self._footing,
-            cycle.timing,
-            cycle.offsets,
-            velocity,
-            self._step.height_m,
-            self._sway_plan,
-            self._below(),
-        )
-        self._pace_before, self._pace = self._pace, self._limits.pace(steady)
-        if self._pace.reason and not any(note.startswith(f"{self._gait.name}: ") for note in self.notes):
-            self.notes.append(f"{self._gait.name}: {self._pace.reason}")
-
-    def _set_tempo(self, wanted: np.ndarray, dt_s: float) -> None:
-        """On the way from one velocity to another the tempo suits both."""
-        most = self._pace.tempo
-        if self._command.value.tolist() != wanted.tolist():
-            most = min(most, self._pace_before.tempo)
-        self._tempo = min(most, self._tempo + _TEMPO_RATE * dt_s)
+    def _steady(self, velocity: np.ndarray) -> SteadyWalk:
+        """The present walk at a steady velocity (3,)."""
+        cycle, height_m = self._cycle, self._step.height_m
+        footing, timing, offsets = self._footing, cycle.timing, cycle.offsets
+        return SteadyWalk(footing, timing, offsets, velocity, height_m, self._sway_plan, self._below())
 
     def _take_up_gait(self) -> None:
         self._gait = self._wanted_gait
         clock = self._gait.clock(self._robot)
         self._cycle.begin_anew(clock.timing, clock.offsets, self._command.value.tolist())
         self._sway_plan = self._plan_sway()
-        self._looked_at = None
+        self._pacing.look_again()
+
+    def _approach_period(self, dt_s: float) -> None:
+        """Change the period slowly: the clock goes on, and so does each foot on its way."""
+        timing = self._cycle.timing
+        period_s = approached(timing.period_s, self._gait.period_s, _PERIOD_RATE * dt_s)
+        self._cycle.timing = GaitTiming(period_s, timing.duty)
+        if period_s == self._gait.period_s:
+            self._sway_plan = self._plan_sway()
+            self._pacing.look_again()
 
     def _plan_sway(self) -> SwayPlan:
         """The sway of the present gait."""

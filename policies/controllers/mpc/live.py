@@ -1,0 +1,66 @@
+"""Live settings of model-predictive control: what is asked for, approached at a bounded rate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from footfall.policies.controllers.gait import GaitConfig, GaitTiming, StepClock
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.reference import Reference
+from footfall.policies.controllers.mpc.swing_feet import SwingFeet
+from footfall.policies.live_settings import Span, approached, shared
+from footfall.robots.description import Robot
+
+_RATES = {  # of each setting, its unit in a second
+    "step_period_s": 0.1,
+    "step_height_m": 0.05,
+    "body_height_m": 0.05,
+    "roll_rad": 0.3,
+    "pitch_rad": 0.3,
+}
+
+
+class LiveMpc:
+    """Values on their way to what is asked for, and the gait that comes."""
+
+    def __init__(self, robot: Robot, config: MpcConfig) -> None:
+        self._robot, self._config = robot, config
+        most = config.most_attitude_rad
+        own = {
+            "step_period_s": config.gait.period_s,
+            "step_height_m": config.swing.height_m,
+            "body_height_m": config.stance.height_m,
+        }
+        self.spans = shared(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-most, most, 0.0))
+        self.reset()
+
+    def reset(self) -> None:
+        """The controller's own settings and gait."""
+        self._now = {name: span.default for name, span in self.spans.items()}
+        self._wanted = dict(self._now)
+        self._moves = False
+        self.gait = ""  # to take up once all feet stand; empty for none
+
+    def want(self, values: Mapping[str, float]) -> None:
+        """Approach these values."""
+        self._wanted |= values
+        self._moves = True
+
+    def advance(self, clock: StepClock, reference: Reference, feet: SwingFeet, dt_s: float) -> None:
+        """Bring the values nearer, and hand them on."""
+        if not self._moves:
+            return
+        now = {
+            name: approached(value, self._wanted[name], _RATES[name] * dt_s)
+            for name, value in self._now.items()
+        }
+        self._moves, self._now = now != self._wanted, now
+        clock.timing = GaitTiming(now["step_period_s"], clock.timing.duty)
+        reference.wanted_height, feet.height_m = now["body_height_m"], now["step_height_m"]
+        reference.attitude = np.array([now["roll_rad"], now["pitch_rad"]])
+
+    def take_up(self, clock: StepClock) -> None:
+        """Begin the gait that was asked for; all feet stand."""
+        new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
+        clock.take_up(new.timing, new.offsets)
+        self.gait = ""

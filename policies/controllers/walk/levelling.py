@@ -1,0 +1,30 @@
+"""How the legs turn the base to a wanted roll and pitch, level as a rule."""
+
+import numpy as np
+
+from footfall.policies.controllers.stance import level_feet, tilt_correction
+from footfall.policies.controllers.walk.config import LevellingConfig
+from footfall.policies.policy import PolicyInput
+
+
+class Levelling:
+    """Moves the feet up and down against the base's tilt, and towards the wanted one."""
+
+    def __init__(self, config: LevellingConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Level, and no tilt measured."""
+        self._tilt, self._attitude = np.zeros(2), np.zeros(2)
+        self.wanted = np.zeros(2)  # roll and pitch, rad; approached slowly
+
+    def apply(self, feet: np.ndarray, inputs: PolicyInput, dt_s: float) -> np.ndarray:
+        """Feet (legs, 3) m, base frame, for a base that turns to the wanted attitude."""
+        config = self._config
+        if self._attitude.tolist() != self.wanted.tolist():
+            most = config.attitude_rate_rad_s * dt_s
+            self._attitude = self._attitude + (self.wanted - self._attitude).clip(-most, most)
+        tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.most_rad, self._attitude)
+        self._tilt += min(1.0, dt_s / config.filter_s) * (tilt - self._tilt)
+        return level_feet(feet, self._tilt - self._attitude)
