@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from footfall.common.config import unstructure
@@ -42,12 +43,13 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("python", type=Path, help="a Python that has rclpy")
+    parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
     parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
     options = parser.parse_args()
     environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     with tempfile.TemporaryDirectory() as folder:
         config, expected, ros = (Path(folder) / name for name in ("config.yaml", "table.json", "ros2.yaml"))
-        config.write_text(json.dumps(unstructure(RELAXED)))
+        config.write_text(json.dumps(unstructure(replace(RELAXED, realtime_priority=options.priority))))
         expected.write_text(json.dumps(table(options.backend)))
         ros.write_text(json.dumps({"python": str(options.python)} if options.backend == "rclpy" else {}))
         command = [sys.executable, "-m", "footfall", "deploy", "trot", "--also", "stand", "--duration", "600"]

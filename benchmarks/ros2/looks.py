@@ -57,6 +57,7 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
     """Nodes, topics with their types and quality of service."""
     node = peer.node
     peer.until(lambda: "/footfall/state" in dict(node.get_topic_names_and_types()), 40.0)
+    peer.until(lambda: "footfall" in node.get_node_names(), 2.0)
     names = node.get_node_names()
     found("node list (without rclpy there is no node)", not table["services"] or "footfall" in names, names)
     types = dict(node.get_topic_names_and_types())
@@ -245,10 +246,17 @@ def follow(peer: Peer) -> None:
     far.path.poses[-1].pose.position.x += 3.0
     sending = client.send_goal_async(far)
     peer.until(sending.done, 5.0)
+    if not sending.done() or not sending.result().accepted:
+        found("action takes another goal", False, "")
+        return
     cancelling = sending.result().cancel_goal_async()
     getting = sending.result().get_result_async()
     peer.until(lambda: cancelling.done() and getting.done(), 10.0)
-    found("action is cancelled", getting.done() and getting.result().status == 5, str(getting.done()))
+    found(
+        "action is cancelled",
+        getting.done() and getting.result().status == 5,
+        getting.done() and getting.result().status,
+    )
 
 
 def ask_by_topics(peer: Peer) -> None:

@@ -18,6 +18,7 @@ from footfall.operate.missions.source import MissionSource
 class PathState(NamedTuple):
     """How far the walk along a path is."""
 
+    goal: int  # number that whoever asked gave it
     distance_m: float  # from its end, straight
     outcome: str = ""  # once it is over: `missions.source.DONE`, or why it gave up
 
@@ -25,11 +26,11 @@ class PathState(NamedTuple):
 class _Walk:
     """One path: asked for in `odom`, and from the next poll on a mission in the frame where that begins."""
 
-    def __init__(self, points: Any, yaw_rad: float | None) -> None:
+    def __init__(self, points: Any, yaw_rad: float | None, goal: int) -> None:
         _mission(points, yaw_rad)  # refuses what is no path
         self.points, self.yaw_rad = np.array(points, dtype=float), yaw_rad
         self.mission: MissionSource | None = None
-        self.state = PathState(math.nan)
+        self.state = PathState(goal, math.nan)
 
     def begin(self, status: Status, abilities: Callable[[str], Abilities]) -> MissionSource:
         pose = status.pose
@@ -63,14 +64,14 @@ class PathSource:
         walk = self._walk
         return None if walk is None else walk.state
 
-    def follow(self, points: Any, yaw_rad: Any = None) -> str:
+    def follow(self, points: Any, yaw_rad: Any = None, goal: int = 0) -> str:
         """Walk along points (n, 2), m, in `odom`, and turn to a heading there; an earlier path is left.
 
         Returns:
             Why it is refused, in one line; empty if it is not.
         """
         try:
-            walk = _Walk(points, yaw_rad)
+            walk = _Walk(points, yaw_rad, goal)
         except (UserError, TypeError, ValueError) as error:
             return str(error)
         refused = self._inbox.put(self._operator, velocity=STILL)
@@ -122,7 +123,8 @@ class PathSource:
             except UserError as error:
                 outcome = str(error)
         refused = self._inbox.put(self._operator, velocity=velocity)
-        walk.state = PathState(math.dist(status.pose[:2], walk.points[-1]), outcome or refused)
+        distance_m = math.dist(status.pose[:2], walk.points[-1])
+        walk.state = walk.state._replace(distance_m=distance_m, outcome=outcome or refused)
 
 
 def _mission(points: Any, yaw_rad: Any) -> Mission:

@@ -4,7 +4,7 @@ From the bridge, one request a line, each with some of these keys:
 
     {"id": 7, "velocity": [0.5, 0, 0], "wish": "walk", "gait": "trot", "settings": {"roll_rad": 0.1}}
     {"id": 8, "stop": "a service"}    {"id": 9, "take_over": true}    {"note": "for the run's notes"}
-    {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57}    {"id": 11, "path": null}
+    {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57, "goal": 3}    {"id": 11, "path": null}
 
 To the bridge: `{"id": 7, "refused": ""}`, the reason or nothing, for each; and `{"status": {...}}`, ten times
 a second. The inbox checks every value. When the bridge is gone, its ownership of the steering ends.
@@ -63,6 +63,7 @@ class SteeringSocket:
                 with bridge, suppress(OSError):
                     bridge.settimeout(STATUS_EVERY_S)
                     self._converse(bridge)
+                self._paths.leave()
                 self._inbox.release(self._operator)
                 if not self._ended.is_set():
                     self._inbox.note(f"{self._operator}: the bridge is gone")
@@ -113,11 +114,11 @@ class SteeringSocket:
             return f"there is no request '{unknown[0]}': {', '.join((*ASKED, *OTHERS))}"
         return self._paths.put(**request)
 
-    def _path(self, path: Any, yaw_rad: Any = None) -> str:
+    def _path(self, path: Any, yaw_rad: Any = None, goal: Any = 0) -> str:
         if path is None:
             self._paths.leave()
             return ""
-        return self._paths.follow(path, yaw_rad)
+        return self._paths.follow(path, yaw_rad, goal)
 
 
 def described(status: Status, owner: str, path: PathState | None, notes_from: int = 0) -> dict[str, Any]:

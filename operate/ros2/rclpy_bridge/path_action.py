@@ -12,6 +12,7 @@ from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
 
 SPACING_M = 0.05
+MOST_UNLIKE = 5  # some are older than the goal
 
 
 class PathAction:
@@ -55,9 +56,10 @@ class PathAction:
         number = self._goals
         poses = [each.pose for each in handle.request.path.poses]
         points = thinned([[pose.position.x, pose.position.y] for pose in poses])
-        refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation))
+        refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation), goal=number)
         if refused:
             return self._aborted(handle, result, refused)
+        unlike = 0  # statuses in a row that tell of no path or another one
         while True:
             status = await self._status
             if number != self._goals:
@@ -67,16 +69,23 @@ class PathAction:
                 handle.canceled()
                 return result
             path = status["path"]
-            if path is None or path["outcome"]:
+            if path is None or path["goal"] != number:
+                unlike += 1
+                if unlike > MOST_UNLIKE:
+                    return self._aborted(handle, result, "something else than this path is asked for")
+                continue
+            unlike = 0
+            if path["outcome"]:
                 break
-            feedback = self._type.Feedback()
-            feedback.distance_to_goal = float(path["distance_m"])
-            feedback.speed = math.hypot(*status["velocity"][:2])
-            handle.publish_feedback(feedback)
-        if path is not None and path["outcome"] == "done":
-            handle.succeed()
-            return result
-        return self._aborted(handle, result, "cmd_vel took over" if path is None else path["outcome"])
+            if math.isfinite(path["distance_m"]):  # the walk has begun
+                feedback = self._type.Feedback()
+                feedback.distance_to_goal = float(path["distance_m"])
+                feedback.speed = math.hypot(*status["velocity"][:2])
+                handle.publish_feedback(feedback)
+        if path["outcome"] != "done":
+            return self._aborted(handle, result, path["outcome"])
+        handle.succeed()
+        return result
 
     def _aborted(self, handle: Any, result: Any, why: str) -> Any:
         self._node.get_logger().error(f"path: {why}")

@@ -24,8 +24,13 @@ def inbox() -> Inbox:
 
 
 @pytest.fixture
-def path(inbox: Inbox, tmp_path: Path) -> Iterator[Path]:
-    server = SteeringSocket(tmp_path / "steer", inbox, PathSource(inbox, "ros2", abilities), "ros2")
+def paths(inbox: Inbox) -> PathSource:
+    return PathSource(inbox, "ros2", abilities)
+
+
+@pytest.fixture
+def path(inbox: Inbox, paths: PathSource, tmp_path: Path) -> Iterator[Path]:
+    server = SteeringSocket(tmp_path / "steer", inbox, paths, "ros2")
     yield tmp_path / "steer"
     server.close()
 
@@ -76,12 +81,17 @@ def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
 
 
-def test_a_bridge_that_is_gone_steers_no_more_and_another_one_may_come(inbox: Inbox, path: Path) -> None:
+def test_a_bridge_that_is_gone_steers_no_more_and_another_one_may_come(
+    inbox: Inbox, paths: PathSource, path: Path
+) -> None:
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(str(path))
         raw.sendall(b'{"velocity": [0.2, 0, 0]}\n')
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
-    assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.0, 0.4), "before its silence counts"
+        raw.sendall(b'{"path": [[5, 2]], "goal": 1}\n')
+        assert eventually(lambda: paths.state), "a walk along a path, which needs no more messages"
+        assert paths.poll(WALKING).velocity[0] > 0.0
+    assert eventually(lambda: paths.poll(WALKING).velocity[0] == 0.0, 0.4), "before its silence counts"
     assert inbox.owner == ""
     assert "gone" in eventually(lambda: inbox.poll(WALKING).note)
     link = Link(str(path), lambda _: None, lambda _: None)
