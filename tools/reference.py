@@ -25,7 +25,12 @@ from footfall.cli import app
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.evaluate.scenarios import Scenario
+from footfall.operate.gamepad import GamepadConfig
+from footfall.operate.keyboard import KeyboardConfig
+from footfall.operate.missions.mission import MissionSettings
+from footfall.operate.missions.steps import STEPS
 from footfall.operate.ros2 import table
+from footfall.operate.udp import UdpConfig
 from footfall.plant.episode import Episode
 from footfall.plant.trace import Trace
 from footfall.policies.contract import Contract
@@ -193,6 +198,19 @@ def terms() -> str:
     return "\n".join(parts)
 
 
+def missions() -> str:
+    """The settings of a mission, and the keys of each kind of step."""
+    steps = [settings(cls).replace("## Top level", f"## `{kind}`", 1) for kind, cls in STEPS.items()]
+    return "\n".join([settings(MissionSettings), *steps])
+
+
+def operators() -> str:
+    """The settings of what a person or a program steers with."""
+    kinds = {"keyboard": KeyboardConfig, "gamepad": GamepadConfig, "udp": UdpConfig}
+    parts = [settings(cls).replace("## Top level", f"## {kind}", 1) for kind, cls in kinds.items()]
+    return "\n".join(part.replace("## ", "### ") for part in parts)
+
+
 def measurements() -> str:
     """Every table of `docs/measurements.yaml` with its condition, command and machine."""
     tables = yaml.safe_load(MEASUREMENTS.read_text(encoding="utf-8"))
@@ -269,6 +287,8 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "robot-yaml": lambda: settings(Description),
     "deploy-yaml": lambda: settings(DeployConfig),
     "scenarios-yaml": lambda: settings(Scenario),
+    "mission-yaml": missions,
+    "steering-yaml": operators,
     "contract": lambda: settings(Contract),
     "episode": lambda: attributes(Episode),
     "trace": lambda: attributes(Trace),

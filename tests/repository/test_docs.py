@@ -20,6 +20,8 @@ from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.operate.gamepad import GamepadConfig
+from footfall.operate.missions.mission import load_mission
 from footfall.operate.ros2.bridge_process import Ros2Config
 from footfall.robots.description import ROBOTS, load_robot
 from footfall.robots.robot_yaml import Description
@@ -127,6 +129,8 @@ GO1 = yaml.safe_load((ROBOTS / "go1" / "robot.yaml").read_text())
 READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
+    "gamepad": lambda path: load(path, GamepadConfig),
+    "mission": load_mission,
     "preset": lambda path: load_preset(str(path), load_robot("go1")),
     "randomisation": lambda path: load(path, Randomisation),
     "ros2": lambda path: load(path, Ros2Config),
