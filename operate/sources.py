@@ -15,6 +15,7 @@ from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
 
+ELSEWHERE = ("cockpit",)  # sources that are opened with the pages of a run
 YAML = (".yaml", ".yml")
 
 
@@ -59,8 +60,10 @@ def check_source(name: str) -> None:
     """Raise UserError unless there is such a source, or a mission's file."""
     kind = name.partition(":")[0]
     if kind not in SOURCES and not is_mission(name):
-        known = ", ".join(SOURCES)
-        raise UserError(f"--from {name}: give one of {known}, or a mission's YAML file{meant(kind, SOURCES)}")
+        known = [*SOURCES, *ELSEWHERE]
+        raise UserError(
+            f"--from {name}: give one of {', '.join(known)}, or a mission's YAML file{meant(kind, known)}"
+        )
 
 
 @contextmanager
