@@ -15,6 +15,7 @@ from rich.text import Text
 from footfall.common.limits import LONGEST_S
 from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
+from footfall.service_manager import telling_service_manager
 
 PER_SECOND = 5  # on a terminal
 LINE_EVERY_S = 5.0  # elsewhere
@@ -30,6 +31,8 @@ def live_state(
     line: Callable[[], str] = str,
 ) -> Iterator[None]:
     """Show a loop's state for as long as the context lasts: in place on a terminal, else line by line.
+
+    A service manager is told, too.
 
     Args:
         loop: the loop; it is only looked at, from another thread.
@@ -64,7 +67,8 @@ def live_state(
     thread = threading.Thread(target=show, name="live state", daemon=True)
     thread.start()
     try:
-        yield
+        with telling_service_manager(loop):
+            yield
     finally:
         ended.set()
         resume(console.file)

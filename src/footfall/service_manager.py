@@ -1,0 +1,59 @@
+"""Tells systemd how a run is: ready, alive, its state in a line, stopping (sd_notify(3)).
+
+A unit of `Type=notify` with `WatchdogSec` ends a process whose loop no longer ticks. Without a service
+manager nothing happens.
+"""
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from footfall.deploy.loop import ControlLoop
+
+STATUS_EVERY_S = 1.0
+SHARES_OF_WATCHDOG = 4  # signs of life in each watchdog period
+OLDEST_TICK_S = 0.5  # of a loop that is alive
+
+
+@contextmanager
+def telling_service_manager(loop: ControlLoop) -> Iterator[None]:
+    """Keep the service manager informed, from a thread of its own, as long as the context lasts."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        yield
+        return
+    watchdog_us = int(os.environ.get("WATCHDOG_USEC", "0"))
+    period_s = min(STATUS_EVERY_S, watchdog_us * 1e-6 / SHARES_OF_WATCHDOG or STATUS_EVERY_S)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.setblocking(False)
+        if address.startswith("@"):  # an abstract name
+            address = "\0" + address[1:]
+
+        def tell(*lines: str) -> None:
+            with suppress(OSError):  # whatever becomes of it, the robot goes on
+                manager.sendto("\n".join(lines).encode(), address)
+
+        def go_on() -> None:
+            while not ended.wait(period_s):
+                alive = time.perf_counter() - loop.heartbeat_s < OLDEST_TICK_S  # infinite before the first
+                tell(_status(loop), *["WATCHDOG=1"] * alive)
+
+        ended = threading.Event()
+        thread = threading.Thread(target=go_on, name="service manager", daemon=True)
+        tell("READY=1", _status(loop))
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            tell("STOPPING=1", _status(loop))
+
+
+def _status(loop: ControlLoop) -> str:
+    state = loop.state
+    battery = f"battery {loop.battery.charge:.0%}" if loop.battery.known else ""
+    return "STATUS=" + ", ".join(filter(None, [state.mode.value, battery, *state.faults[-1:]]))
