@@ -38,6 +38,7 @@ class DeployConfig:
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of robot.yaml; simulated motors can wait longer
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
+    logs_most_mb: float = 2000.0  # disk space of the logs that runs on real buses write unasked
     handover: HandoverConfig = field(default_factory=HandoverConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
@@ -52,6 +53,7 @@ class DeployConfig:
         require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s", "sink_rate_rad_s")
         require_between(self, 0.0, 1.0, "sink_share")
         require_between(self, 0.01, 1.0, "scale")
+        require_between(self, 10.0, 1e7, "logs_most_mb")
         require_between(self, 1, 99, "realtime_priority")
         for name, ticks in AT_LEAST.items():
             limit_s, least_s = getattr(self.safety, name), ticks * self.tick_us * 1e-6

@@ -26,6 +26,7 @@ from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.log_records import FRAME, START, Kind, record
+from footfall.deploy.log_store import LogStore, lock_name
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed import listen
@@ -99,6 +100,7 @@ class McapLog:
         facts: dict[str, Any],
         may_wait: bool,
         feed: Path | None = None,
+        store: LogStore | None = None,
     ) -> None:
         """Open the file and the feed, and start the process.
 
@@ -108,6 +110,7 @@ class McapLog:
             facts: further metadata, such as the seed.
             may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
             feed: where subscribers connect, see `telemetry/feed.py`; None for no feed.
+            store: in which the log lies; it is written in parts then, and old logs make room.
 
         Raises:
             UserError: the file cannot be written or the feed not served, or another run does so.
@@ -151,6 +154,7 @@ class McapLog:
             "robot_digest": robot.digest,
             "buses": list(wire(robot).buses),
             "paced": not may_wait,
+            "store": None if store is None else [str(store.folder), store.most_bytes],
             "path": None if path is None else str(path),
         }
         self._about = json.dumps(about).encode()
@@ -158,9 +162,8 @@ class McapLog:
     def _open(self, path: Path, opened: ExitStack) -> int:
         """The descriptor of a log's file, which no other run writes."""
         file = opened.enter_context(os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb"))
-        there = os.fstat(file.fileno())
-        if stat.S_ISREG(there.st_mode):
-            self._held.enter_context(held(f"log/{there.st_dev}:{there.st_ino}", f"the log {path}"))
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            self._held.enter_context(held(lock_name(path), f"the log {path}"))
             file.truncate()
         return file.fileno()
 

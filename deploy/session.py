@@ -24,6 +24,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
 from footfall.deploy.handover import Handover
+from footfall.deploy.log_store import LogStore
 from footfall.deploy.logged_bus import LoggedBus
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
@@ -53,6 +54,7 @@ class Session:
     duration_s: float  # of walking, at most
     realtime: bool = True
     log: Path | None = None
+    log_store: LogStore | None = None  # in which the log lies, if nobody has named a file for it
     log_frames: bool = False  # CAN frames go to the log, too
     feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
@@ -241,7 +243,7 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
     if session.others:
         facts |= {OTHERS: list(session.others), HANDOVER: unstructure(config.handover)}
-    log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed)
+    log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed, session.log_store)
     resources.callback(log.close)
     return log
 

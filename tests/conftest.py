@@ -14,6 +14,7 @@ os.environ.setdefault(
     + " --xla_cpu_use_fusion_emitters=false"
     * any(found.version.startswith(("0.10.", "0.11.")) for found in distributions(name="jaxlib")),
 )
+os.environ["XDG_STATE_HOME"] = str(Path(__file__).parents[1] / ".cache" / "state")  # not the user's
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
 import shutil

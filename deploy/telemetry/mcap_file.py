@@ -35,6 +35,15 @@ class McapFile:
         """Flush everything to the file."""
         self._writer.flush()
 
+    @property
+    def size(self) -> int:
+        """Bytes that were flushed."""
+        return self._file.tell()
+
+    def close(self) -> None:
+        """Close the file, which `finish` does not."""
+        self._file.close()
+
     def finish(self, complete: bool) -> None:
         """Write the file's index, and whether the run ended in order."""
         if complete:

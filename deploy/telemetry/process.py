@@ -11,18 +11,56 @@ import select
 import socket
 import sys
 import time
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
+from footfall.common.held import held
 from footfall.deploy.log_records import START, take_records
+from footfall.deploy.log_store import LogStore, lock_name, next_part
 from footfall.deploy.telemetry.encoder import GONE, Encoder
 from footfall.deploy.telemetry.feed import Feed
 from footfall.deploy.telemetry.mcap_file import McapFile
+from footfall.deploy.telemetry.topics import TOPICS
 
 FLUSH_EVERY_S = 0.05
 READ_BYTES = 1 << 20
 READY = "ready"
 NONE = "-"  # instead of a file descriptor
 LAST_WAIT_S = 1.0  # for subscribers, once the run has ended
+
+
+class Parts:
+    """The parts of a log in a store: which is written, and those before it."""
+
+    def __init__(self, store: LogStore, path: Path) -> None:
+        self._store, self.path = store, path
+        self._held = ExitStack()
+        self._latched: dict[str, tuple[int, bytes]] = {}
+
+    def remember(self, topic: str, time_ns: int, message: bytes) -> None:
+        """Keep a message that holds until the next one: each part begins with it."""
+        if TOPICS[topic].latched:
+            self._latched[topic] = time_ns, message
+
+    def full(self, file: McapFile) -> bool:
+        """Whether a file is as large as a part may be."""
+        return file.size > self._store.part_bytes
+
+    def open_next(self, metadata: dict[str, str]) -> McapFile:
+        """The next part, once there is room.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self._store.make_room()
+        self.path = next_part(self.path)
+        file = McapFile(self.path.open("xb"), metadata)
+        self._held.close()
+        self._held.enter_context(held(lock_name(self.path), f"the log {self.path}"))
+        for topic, (time_ns, message) in self._latched.items():
+            file.put(topic, time_ns, message)
+        return file
 
 
 class Sinks:
@@ -36,7 +74,11 @@ class Sinks:
             feed: descriptor of the feed's listening socket.
             begin: content of the first record.
         """
-        self._path = begin["path"]
+        self._path, self._metadata = begin["path"], begin["metadata"]
+        self._parts: Parts | None = None
+        if begin["store"] is not None:
+            folder, most_bytes = begin["store"]
+            self._parts = Parts(LogStore(Path(folder), most_bytes), Path(self._path))
         self._file: McapFile | None = None
         self.feed = None if feed is None else Feed(socket.socket(fileno=feed), begin["metadata"])
         self.failed = False  # whether the log cannot be written
@@ -53,6 +95,8 @@ class Sinks:
         if self._file is not None:
             try:
                 self._file.put(topic, time_ns, message)
+                if self._parts is not None:
+                    self._parts.remember(topic, time_ns, message)
             except OSError as error:
                 self._fail(error)
 
@@ -61,6 +105,10 @@ class Sinks:
         if self._file is not None:
             try:
                 self._file.flush()
+                if self._parts is not None and self._parts.full(self._file):
+                    self._file.finish(complete=False)
+                    self._file.close()
+                    self._file = self._parts.open_next(self._metadata)
             except OSError as error:
                 self._fail(error)
 

@@ -65,7 +65,7 @@ class DeployOptions:
     """auto checks a real robot's wiring in its first run; check does so in this run, also a simulated one;
     trust runs on wiring that is not proven (see docs/bring_up.md)."""
     log: OptionalPath = None
-    """Record the run to this MCAP file."""
+    """Record the run to this MCAP file. A run on a real bus has a log in any case (see docs/logs.md)."""
     log_frames: bool = False
     """Record each CAN frame to the log, too."""
     feed: OptionalPath = None

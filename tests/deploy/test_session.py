@@ -325,7 +325,7 @@ class TestSession:
         outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
         facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
         assert opened == [
-            (tmp_path / "a", go1, policy, facts, not realtime, None),
+            (tmp_path / "a", go1, policy, facts, not realtime, None, None),
             (123 if realtime else LOCKSTEP_START_NS,),
         ]
         assert outcome.notes == ("the log is short",)

@@ -115,6 +115,7 @@ def _on_interface(
     robot: "Robot", policy: "Policy", spec: str, others: "Others", options: DeployOptions, steering: "Steered"
 ) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
+    from footfall.deploy.log_store import default_store
     from footfall.deploy.session import Session, run_on_interface
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
 
@@ -130,14 +131,22 @@ def _on_interface(
     def display(loop: "ControlLoop") -> AbstractContextManager[None]:
         return _display(loop, lambda: loop.estimate[0], said, steering)
 
+    config = _config(robot, options, steering)
+    store, log = None, options.log
+    if log is None and options.bus != VIRTUAL:  # what a real robot did must not be lost
+        store = default_store(round(config.logs_most_mb * 1e6))
+        log = store.new_log(robot.name)
+        said.append(f"the log is {log}")
     session = Session(
         command_source=steering.source,
         duration_s=steering.duration_s,
-        log=options.log,
+        log=log,
+        log_store=store,
+        log_frames=options.log_frames,
         feed=_feed(options, steering),
         facts=facts,
         others=others,
-        config=_config(robot, options, steering),
+        config=config,
         lie_down=options.lie_down,
         display=display,
         check_wiring=check,
