@@ -96,7 +96,10 @@ class CockpitLink:
         """The run, for JSON."""
         status, stop = self._inbox.status, self._inbox.stopped
         state = {"owner": self._inbox.owner, "stopped": None if stop is None else stop.reason}
-        return state | ({} if status is None else described(status)) | dict(self._more())
+        try:
+            return state | ({} if status is None else described(status)) | dict(self._more())
+        except Exception as error:  # commands and stop still have to come through
+            return state | {"notes": [f"the state cannot be shown: {type(error).__name__}: {error}"[:200]]}
 
 
 def described(status: Status) -> dict[str, Any]:
