@@ -25,6 +25,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from footfall.deploy.battery import NO_BATTERY, BatteryState
+from footfall.deploy.field_mode import FieldMode, field_mode
 from footfall.deploy.modes import Mode
 from footfall.policies.live_settings import Span
 from footfall.robots.commands import CommandRange
@@ -50,6 +51,7 @@ class Request(NamedTuple):
     gait: str = ""  # name of a gait of that policy; empty for no change
     settings: Mapping[str, float] = NO_SETTINGS  # live settings to change, by name
     note: str = ""  # why, in one line, for the run's notes and its log; empty for nothing to tell
+    autonomous: bool = False  # whether a program steers, not a person
 
 
 class Stop(NamedTuple):
@@ -94,11 +96,17 @@ class Status(NamedTuple):
     notes: Sequence[str]  # all so far: what was refused, clipped or changed, one line each; it only grows
     offer: Offer
     battery: BatteryState = NO_BATTERY
+    autonomous: bool = True  # whether a program steers, not a person
 
     @property
     def charge(self) -> float:
         """Of the battery, share from 0 to 1; NaN if unknown."""
         return self.battery.charge
+
+    @property
+    def field_mode(self) -> FieldMode:
+        """What the run is doing, in an operator's terms."""
+        return field_mode(self.mode, bool(self.faults), self.autonomous)
 
 
 class CommandSource(Protocol):
@@ -131,7 +139,7 @@ class Scheduled:
         self._velocity = velocity
 
     def poll(self, status: Status) -> Request:
-        return Request(self._velocity(status.walking_s))
+        return Request(self._velocity(status.walking_s), autonomous=True)
 
 
 def source_of(given: CommandSource | VelocityFunction) -> CommandSource:

@@ -121,6 +121,7 @@ class PolicyRunner:
             self.notes,
             steering.offer,
             battery,
+            steering.autonomous,
         )
 
     def start(self, now_us: int) -> None:

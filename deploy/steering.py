@@ -57,6 +57,11 @@ class Steering:
         self._checked = False
 
     @property
+    def autonomous(self) -> bool:
+        """Whether a program steers, not a person."""
+        return self._request.autonomous
+
+    @property
     def lie_down(self) -> bool:
         """Whether the source wants the run to end."""
         return self._request.wish is Wish.LIE_DOWN

@@ -8,6 +8,7 @@ import numpy as np
 
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.command_source import CommandSource, Request, Status, Stop
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.polled import motor_lookup
 from footfall.deploy.frames import Frames, joined
@@ -86,13 +87,17 @@ class InjectingPolicy:
 
 @dataclass
 class InjectingCommandSource:
-    """The command source of a run, which can be replaced. Called with the time, s."""
+    """The command source of a run: a velocity, which can be replaced, or another source. It can stop, too."""
 
     value: np.ndarray  # (3,)
     replacement: Callable[[], np.ndarray] | None = None
+    other: CommandSource | None = None
+    stopped: Stop | None = None
 
-    def __call__(self, time_s: float) -> np.ndarray:
-        return self.value if self.replacement is None else self.replacement()
+    def poll(self, status: Status) -> Request:
+        if self.other is not None:
+            return self.other.poll(status)
+        return Request(self.value if self.replacement is None else self.replacement(), autonomous=True)
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from fault_kinds.body import BODY
 from fault_kinds.imu import IMU
+from fault_kinds.operator import OPERATOR
 from fault_kinds.policy import POLICY
 from fault_kinds.replies import REPLIES
 from fault_kinds.slow import SLOW
@@ -14,6 +15,7 @@ GROUPS = {
     "motors and body": BODY,
     "slow or now and then": SLOW,
     "policy and program": POLICY,
+    "operator": OPERATOR,
     "at the start": START,
     "wiring": WIRING,
 }

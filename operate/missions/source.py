@@ -115,6 +115,7 @@ class MissionSource:
             gait=new.gait or ("" if new.policy else before.gait),
             settings=new.settings or ({} if new.policy else before.settings),
             note=new.note or before.note,
+            autonomous=True,
         )
         self.progress = Progress(
             self._index + 1,

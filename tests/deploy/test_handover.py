@@ -10,6 +10,7 @@ from deploy_policies import Hold, short_episode
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.field_mode import FieldMode
 from footfall.deploy.handover import Handover, HandoverConfig, blended
 from footfall.deploy.replay import replay
 from footfall.plant.episode import Episode, run_episode
@@ -128,7 +129,8 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
     still = np.zeros(3)
     source = Drive(
         (0.1, Request(still, policy="mpc", gait="waltz")),
-        (0.3, Request(still, policy="go1-flat")),
+        (0.2, Request(still, gait="walk", settings={"step_height_m": 0.03, "step_period_s": 0.55})),
+        (0.4, Request(still, policy="go1-flat")),
         (1.0, Request(still, policy="trot")),
     )
     first, *others = policies()
@@ -137,7 +139,7 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
     config = config.__class__(**(vars(config) | {"handover": HandoverConfig(0.2, 1.0, 0.1)}))
     log = tmp_path / "run.mcap"
     episode = Episode(
-        source, 2.0, config=config, log=log, others={policy.name: policy for policy in others}, record=False
+        source, 2.1, config=config, log=log, others={policy.name: policy for policy in others}, record=False
     )
     trace = run_episode(go1, first, episode)
     assert not trace.fell
@@ -147,6 +149,11 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
         "trot",
     ]
     assert sum("mpc" in note or "waltz" in note for note in trace.notes) == 2
+    assert {status.field_mode for status in source.statuses} >= {
+        FieldMode.CALIBRATING,
+        FieldMode.TELEOPERATION,
+        FieldMode.ENDING,
+    }
     first, *others = policies()
     result = replay(log, first, others=others)
     assert (result.first_difference, result.worst_difference) == ("", 0.0)
