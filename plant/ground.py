@@ -20,13 +20,16 @@ def replaced_by(ground: Ground | None) -> Callable[[mujoco.MjSpec], None] | None
 
 
 def replace_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
-    """Replace planes and height fields of the world: boxes for a stepped ground, else a height field."""
+    """Replace planes and height fields of the world by a ground of one piece.
+
+    A stepped one becomes boxes, another one a height field.
+    """
     for geom in list(spec.worldbody.geoms):
         if geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD):
             spec.delete(geom)
-    heights = np.asarray(ground.heights, dtype=float)
+    heights = np.asarray(ground.heights[0], dtype=float)
     bottom_m = float(heights.min()) - DEPTH_M
-    if ground.stepped:
+    if ground.stepped[0]:
         for rectangle in boxes(ground).tolist():
             _add_box(spec, rectangle, bottom_m)
     else:

@@ -6,12 +6,12 @@ from footfall.terrain.ground import Ground
 
 
 def boxes(ground: Ground) -> np.ndarray:
-    """Rectangles that cover a stepped ground.
+    """Rectangles that cover a ground of one stepped piece.
 
     Returns:
         x from, x to, y from, y to and height of each, m, (boxes, 5).
     """
-    heights = np.asarray(ground.heights)
+    heights = np.asarray(ground.heights)[0, :-1, :-1]
     free = np.ones(heights.shape, dtype=bool)
     found = []
     for row, column in np.ndindex(*heights.shape):

@@ -51,7 +51,7 @@ def check_ground(config: GroundConfig, where: str = "ground") -> None:
 
 
 def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Ground:
-    """The ground that a declaration describes; its random heights follow from the seed.
+    """The ground that a declaration describes, of one piece; its random heights follow from the seed.
 
     Raises:
         UserError: as `check_ground`; the message begins with `where`.
@@ -60,13 +60,12 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
     heights = bind(shape.heights, config.settings, where)
     cells = round(config.size_m / config.cell_m)
     half_m = 0.5 * cells * config.cell_m
-    if shape.stepped:
-        along = (np.arange(cells) + 0.5) * config.cell_m - half_m
-    else:
-        along = np.arange(cells + 1) * config.cell_m - half_m
+    along = np.arange(cells + 1) * config.cell_m - half_m
+    if shape.stepped:  # of the middles of cells; the last one again, which no place is in
+        along = np.minimum(along, along[-2]) + 0.5 * config.cell_m
     x, y = np.meshgrid(along, along, indexing="ij")
     made = heights(Places(x, y, half_m), np.random.default_rng(seed))
-    return Ground(made, config.cell_m, shape.stepped)
+    return Ground(made[None], np.array([shape.stepped]), config.cell_m)
 
 
 @cache

@@ -1,67 +1,116 @@
-"""A piece of ground: heights on a square grid, and the height anywhere on it.
+"""Pieces of ground: heights on square grids, and the height, the slope and the nearest edge at any place.
 
-The grid's middle is the world's origin; its first axis is x, its second y. Beyond the grid the heights of its
+The middle of each piece is the origin; its first axis is x, its second y. Beyond the grid the heights of its
 rim go on. Written once for NumPy and JAX.
 """
 
 from typing import Any, NamedTuple
 
 MOST_CELLS = 2048  # along a side
+SAME_M = 1e-3  # cells whose heights differ by less are of one level
+NOWHERE_M = -1e3  # where a level is that nothing can touch
+
 Array = Any  # a NumPy or a JAX array
 
 
 class Ground(NamedTuple):
-    """Heights of square cells (stepped), or of the points of a grid with slopes between them (smooth)."""
+    """Pieces of one size. A stepped one is constant in each cell, any other bilinear between grid points."""
 
-    heights: Array  # (n, n) m: of cells, or of grid points
+    heights: Array  # (pieces, n, n) m, at grid points; of a stepped piece those of the cells that begin there
+    stepped: Array  # (pieces,) bool
     cell_m: float  # side of a cell
-    stepped: bool  # constant in each cell; otherwise bilinear between grid points
 
     @property
     def half_m(self) -> float:
         """Distance from the middle to the rim, m."""
-        return 0.5 * self.cell_m * (len(self.heights) - (not self.stepped))
+        return 0.5 * self.cell_m * (self.heights.shape[-1] - 1)
 
 
 class Tangent(NamedTuple):
     """Height and slope of the ground at places."""
 
     height: Array  # (...) m
-    slope: Array  # (..., 2) change of the height along x and y; 0 on a stepped ground
+    slope: Array  # (..., 2) change of the height along x and y; 0 on a stepped piece
 
 
-def height_at(ground: Ground, place: Array) -> Array:
-    """Height of the ground at places (..., 2) or (..., 3), m, world; (...)."""
-    return tangent_at(ground, place).height
+class Edge(NamedTuple):
+    """The edge of a level that is nearest to a place of a stepped piece, and both levels."""
+
+    away: Array  # (..., 2) horizontal unit normal, from the higher level to the lower one
+    offset: Array  # (...) m, of the edge from the origin along that normal
+    low: Array  # (...) m, height of the lower level; without an edge that of the place
+    high: Array  # (...) m, height of the higher one; without an edge far below everything
 
 
-def tangent_at(ground: Ground, place: Array) -> Tangent:
-    """Height and slope of the ground at places (..., 2) or (..., 3), m, world."""
+def height_at(ground: Ground, place: Array, piece: Array | int = 0) -> Array:
+    """Height of the ground at places (..., 2) or (..., 3), m; (...)."""
+    return tangent_at(ground, place, piece).height
+
+
+def tangent_at(ground: Ground, place: Array, piece: Array | int = 0) -> Tangent:
+    """Height and slope of the ground at places (..., 2) or (..., 3), m, on a piece (one, or (...))."""
     xp = place.__array_namespace__()
-    if ground.stepped:
-        row, column = cell_of(ground, place)
-        height = ground.heights[row, column]
-        return Tangent(height, xp.zeros_like(place[..., :2]))
-    last = len(ground.heights) - 1
-    along = (place[..., :2] + ground.half_m) / ground.cell_m
-    inside = xp.clip(along, 0.0, last)
-    first = xp.clip(xp.floor(inside), 0, last - 1).astype(int)
-    share = inside - first
-    row, column = first[..., 0], first[..., 1]
-    u, v = share[..., 0], share[..., 1]
-    low, high = ground.heights[row, column], ground.heights[row, column + 1]
-    low_next, high_next = ground.heights[row + 1, column], ground.heights[row + 1, column + 1]
-    here = low + v * (high - low)
-    there = low_next + v * (high_next - low_next)
+    heights = ground.heights
+    row, column, share, inside = _cell(ground, place)
+    u, v = (xp.where(ground.stepped[piece], 0.0, share[..., axis]) for axis in (0, 1))
+    low, high = heights[piece, row, column], heights[piece, row, column + 1]
+    low_next, high_next = heights[piece, row + 1, column], heights[piece, row + 1, column + 1]
+    here, there = low + v * (high - low), low_next + v * (high_next - low_next)
     across = (1.0 - u) * (high - low) + u * (high_next - low_next)
     slope = xp.stack([there - here, across], axis=-1) / ground.cell_m
-    on_grid = (along >= 0.0) & (along <= last)
-    return Tangent(here + u * (there - here), xp.where(on_grid, slope, 0.0))
+    sloped = inside & ~xp.expand_dims(xp.asarray(ground.stepped[piece]), -1)
+    return Tangent(here + u * (there - here), xp.where(sloped, slope, 0.0))
 
 
-def cell_of(ground: Ground, place: Array) -> tuple[Array, Array]:
-    """Row and column of the cells of a stepped ground at places (..., 2 or more), each (...)."""
+def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2) -> Edge:
+    """The nearest edge along x or y from places (..., 2) or (..., 3), m. A piece that is not stepped has none.
+
+    Args:
+        ground: the pieces.
+        place: where.
+        piece: on which one, one or (...).
+        reach: how many cells away an edge may be.
+    """
     xp = place.__array_namespace__()
-    cells = xp.floor((place[..., :2] + ground.half_m) / ground.cell_m)
-    cells = xp.clip(cells, 0, len(ground.heights) - 1).astype(int)
-    return cells[..., 0], cells[..., 1]
+    row, column, share, _ = _cell(ground, place)
+    last = ground.heights.shape[-1] - 2
+    here = ground.heights[piece, row, column]
+    nearest = xp.full_like(here, 1e3)  # m
+    away, other = xp.zeros_like(place[..., :2]), xp.full_like(here, NOWHERE_M)
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        for cells in range(1, reach + 1):
+            at = [row, column]
+            at[axis] = xp.clip(at[axis] + sign * cells, 0, last)
+            there = ground.heights[piece, at[0], at[1]]
+            gap = share[..., axis] if sign < 0 else 1.0 - share[..., axis]
+            distance = (gap + (cells - 1)) * ground.cell_m
+            found = (xp.abs(there - here) > SAME_M) & (distance < nearest)
+            outwards = xp.where(there > here, -1.0, 1.0) * sign
+            direction = xp.zeros_like(away) + xp.expand_dims(outwards, -1) * _unit(xp, axis, away)
+            nearest = xp.where(found, distance, nearest)
+            away = xp.where(found[..., None], direction, away)
+            other = xp.where(found, there, other)
+    edge = (nearest < 1e3) & ground.stepped[piece]
+    from_here = xp.where(other > here, -nearest, nearest)  # along `away`, from the place to the edge
+    offset = (away * place[..., :2]).sum(axis=-1) + from_here
+    return Edge(
+        away=away,
+        offset=xp.where(edge, offset, NOWHERE_M),
+        low=xp.where(edge, xp.minimum(here, other), here),
+        high=xp.where(edge, xp.maximum(here, other), NOWHERE_M),
+    )
+
+
+def _unit(xp: Any, axis: int, like: Array) -> Array:
+    return xp.asarray([1.0 - axis, float(axis)], dtype=like.dtype)
+
+
+def _cell(ground: Ground, place: Array) -> tuple[Array, Array, Array, Array]:
+    """Row, column and share of the way through the cells at places; which axes lie within the grid."""
+    xp = place.__array_namespace__()
+    along = (place[..., :2] + ground.half_m) / ground.cell_m
+    last = ground.heights.shape[-1] - 1
+    inside = xp.clip(along, 0.0, last)
+    first = xp.clip(xp.floor(inside), 0, last - 1)
+    cell = first.astype(int)
+    return cell[..., 0], cell[..., 1], inside - first, (along >= 0.0) & (along <= last)

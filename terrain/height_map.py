@@ -33,7 +33,7 @@ def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Gro
         raise UserError(f"{path}: heights must be finite, and differ by {HIGHEST_M:g} m at most")
     square = _square(heights)
     middle = len(square) // 2
-    return Ground(square - square[middle, middle], cell_m, stepped=False)
+    return Ground((square - square[middle, middle])[None], np.array([False]), cell_m)
 
 
 def _square(heights: np.ndarray) -> np.ndarray:

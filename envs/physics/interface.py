@@ -41,9 +41,13 @@ class Trace(NamedTuple):
 
 
 Fields = dict[str, Array]  # model fields in which this robot differs from the nominal one
-# Key of a further field, which only the generated physics reads: (points, 4), the plane below each foot
-# point, as its unit normal in the world and its distance from the world's origin, m.
+# Key of a further field, which only the generated physics reads: the ground near each foot point, in the
+# world.
+# (points, 4): a plane, as its unit normal and its distance from the world's origin, m.
+# (points, 8): that plane up to the edge of a higher level, which has a horizontal unit normal (2) that points
+# away from it, the edge's distance from the origin along that normal, m, and the level's height, m.
 GROUND = "ground"
+PLANE_NUMBERS, STEP_NUMBERS = 4, 8
 Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]
 
 

@@ -17,6 +17,7 @@ from footfall.envs.physics.generated.physics import not_generated
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GROUND
 from footfall.robots.description import Robot, load_robot
+from footfall.robots.feet import foot_geoms
 from footfall.robots.model import training_model, training_spec
 from footfall.train.config import load_preset
 
@@ -126,6 +127,47 @@ def test_each_foot_may_have_a_plane_of_its_own() -> None:
     given = random_arguments(robot, flat, COUNT, Randomisation())
     given[GROUND] = np.tile(np.column_stack([normals, heights]), (COUNT, 1, 1))
     assert compare(robot, flat, given, other=on_planes(robot, normals, heights)).errors.max() < DOUBLE
+
+
+@pytest.mark.parametrize(("name", "height"), [("go1", 0.06), ("go1", -0.04), ("g1", 0.06)])
+def test_each_foot_may_meet_the_edge_of_another_level(name: str, height: float) -> None:
+    """A step up or down, which in MuJoCo is a box on a floor.
+
+    Where a centre is deep inside the box, MuJoCo's floor lifts the foot as well.
+    """
+    robot = load_robot(name)
+    flat = training_model(robot)
+    given = random_arguments(robot, flat, 2 * COUNT, Randomisation())
+    given["qpos"][:, 0] *= 0.2  # near the edge
+    low, high, away = min(height, 0.0), max(height, 0.0), np.array([np.cos(0.4), np.sin(0.4)])
+    given["qpos"][:, 2] += np.random.default_rng(1).uniform(low - 0.02, high, 2 * COUNT)
+    points = len(np.concatenate(foot_geoms(flat, robot.description)))
+    ground = np.array([0.0, 0.0, 1.0, low, *away, 0.05, high])
+    given[GROUND] = np.tile(ground, (2 * COUNT, points, 1))
+    found = compare(robot, flat, given, other=on_step(robot, low, high, away, 0.05))
+    assert (found.contacts > 0).mean() > 0.3
+    apart = found.errors.max(axis=1)
+
+    assert np.quantile(apart, 0.8) < DOUBLE
+
+
+def on_step(robot: Robot, low: float, high: float, away: np.ndarray, edge: float) -> mujoco.MjModel:
+    """The training model on a floor at one height, and a box to another one that ends at an edge."""
+    spec = training_spec(robot)
+    floor, side = spec.geom("floor"), 20.0
+    floor.pos = [0.0, 0.0, low]
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[side] * 3,
+        pos=[*((edge - side) * away), high - side],
+        quat=[np.cos(0.2), 0.0, 0.0, np.sin(0.2)],
+        contype=floor.contype,
+        conaffinity=floor.conaffinity,
+        condim=floor.condim,
+        friction=floor.friction,
+        solmix=floor.solmix,
+    )
+    return spec.compile()
 
 
 def on_planes(robot: Robot, normals: np.ndarray, heights: np.ndarray) -> mujoco.MjModel:

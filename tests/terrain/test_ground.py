@@ -11,7 +11,7 @@ from PIL import Image
 from footfall.common.errors import UserError
 from footfall.plant.ground import replace_ground
 from footfall.terrain.declaration import load_ground, named_grounds
-from footfall.terrain.ground import Ground, height_at, tangent_at
+from footfall.terrain.ground import Ground, edge_at, height_at, tangent_at
 
 HIGH_M = 5.0
 
@@ -34,8 +34,8 @@ def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
     places = np.random.default_rng(1).uniform(-6.0, 6.0, (300, 2))
     heights = height_at(ground, places)
     # MuJoCo divides the squares of a height field into triangles: between grid points it differs.
-    np.testing.assert_allclose(in_mujoco(ground, places), heights, atol=1e-5 if ground.stepped else 0.01)
-    on_jax = ground._replace(heights=jnp.asarray(ground.heights))
+    np.testing.assert_allclose(in_mujoco(ground, places), heights, atol=1e-5 if ground.stepped[0] else 0.01)
+    on_jax = ground._replace(heights=jnp.asarray(ground.heights), stepped=jnp.asarray(ground.stepped))
     apart = np.abs(np.asarray(height_at(on_jax, jnp.asarray(places))) - heights)
     assert np.quantile(apart, 0.98) < 1e-5  # a place may fall into the next cell by rounding
     assert not height_at(ground, np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))).any()
@@ -53,6 +53,29 @@ def test_slopes_are_the_change_of_height() -> None:
         np.testing.assert_allclose(tangent_at(ground, places).slope[:, axis], numeric, atol=1e-4)
 
 
+@pytest.mark.parametrize("name", ["stairs", "blocks", "gaps", "rough"])
+def test_an_edge_lies_between_two_levels(name: str) -> None:
+    """Just on either side of it the heights are those levels; without one, no other level is near."""
+    ground = load_ground(name, seed=3)
+    places = np.random.default_rng(1).uniform(-4.5, 4.5, (400, 2))
+    edge = edge_at(ground, places)
+    here, some = height_at(ground, places), edge.high > -1.0
+    assert some.any() is np.bool_(name != "rough")
+    if name == "rough":
+        return
+    np.testing.assert_array_equal(edge.low[~some], here[~some])
+    assert np.isclose(here, edge.low)[some].mean() > 0.2
+    assert np.isclose(here, edge.high)[some].mean() > 0.2
+    away, offset = edge.away[some], edge.offset[some]
+    onto = places[some] + (offset - (places[some] * away).sum(axis=1))[:, None] * away
+    assert np.linalg.norm(onto - places[some], axis=1).max() <= 2 * ground.cell_m + 1e-9
+    np.testing.assert_allclose(height_at(ground, onto + 1e-6 * away), edge.low[some], atol=1e-9)
+    np.testing.assert_allclose(height_at(ground, onto - 1e-6 * away), edge.high[some], atol=1e-9)
+    on_jax = Ground(jnp.asarray(ground.heights), jnp.asarray(ground.stepped), ground.cell_m)
+    for ours, theirs in zip(edge, edge_at(on_jax, jnp.asarray(places)), strict=True):
+        assert np.quantile(np.abs(ours - np.asarray(theirs)), 0.98) < 1e-4  # a place may be in the next cell
+
+
 def test_random_heights_follow_from_the_seed() -> None:
     one, same, other = (load_ground("blocks", seed=seed).heights for seed in (1, 1, 2))
     assert (one == same).all()
@@ -67,7 +90,7 @@ def test_height_maps_lie_as_their_axes_say(tmp_path: Path) -> None:
     Image.fromarray(picture).save(tmp_path / "map.png")
     for name in ("map.npy", "map.png"):
         ground = load_ground(f"{tmp_path / name},cell_m=0.5")
-        highest = np.unravel_index(np.argmax(ground.heights), ground.heights.shape)
+        highest = np.unravel_index(np.argmax(ground.heights[0]), ground.heights[0].shape)
         x, y = np.array(highest) * 0.5 - ground.half_m
         assert x > 0.5
         assert y < -0.5

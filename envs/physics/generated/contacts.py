@@ -21,6 +21,7 @@ from footfall.envs.physics.generated.expression import (
     where,
 )
 from footfall.envs.physics.generated.tree import Attachment, Tree, rotation
+from footfall.envs.physics.interface import PLANE_NUMBERS
 
 PLANE, SPHERE, CAPSULE, BOX = (
     mujoco.mjtGeom.mjGEOM_PLANE,
@@ -58,7 +59,7 @@ class Contact(NamedTuple):
     place: Vector  # (3,) m, from the base's origin
     normal: Vector  # (3,) from the first to the second
     tangents: tuple[Vector, ...]  # none of a smooth one
-    rise: Scalar = 0.0  # m, of a box's corner above its centre: those above it never touch
+    excess: Scalar = 0.0  # m; above 0 there is no contact, however near the geoms are
 
 
 class LinkPose(NamedTuple):
@@ -183,7 +184,7 @@ class Geometry:
 
         Args:
             meeting: of the geoms.
-            ground: (4,) a plane's unit normal and its distance from the world's origin, m; None: the plane's.
+            ground: (4,) or (8,) numbers as of `interface.GROUND`; None: of the first geom, a plane.
         """
         one, two = meeting.geoms
         if self._model.geom_type[one] != PLANE:
@@ -196,27 +197,68 @@ class Geometry:
             ground = np.append(normal, normal @ (place + turn @ self._model.geom_pos[one]))
         match self._model.geom_type[two]:
             case mujoco.mjtGeom.mjGEOM_SPHERE:
-                return [self._on_plane(meeting, ground, two, np.zeros(3))]
+                return self._on_ground(meeting, ground, two, np.zeros(3))
             case mujoco.mjtGeom.mjGEOM_CAPSULE:
                 axis = self._axis(two)
                 half = axis * float(self._model.geom_size[two][1])
                 along = self._base_turn @ axis
-                return [self._on_plane(meeting, ground, two, end, along) for end in (half, -half)]
+                ends = (half, -half)
+                return [c for end in ends for c in self._on_ground(meeting, ground, two, end, along)]
             case _:
                 turn, size = self._turn(two), self._model.geom_size[two]
                 corners = [turn @ (size * sign) for sign in product((-1.0, 1.0), repeat=3)]
                 normal = self._base_turn.T @ ground[:3]
                 return [
-                    self._on_plane(meeting, ground, two, corner)._replace(rise=normal @ corner)
-                    for corner in corners
+                    contact._replace(excess=maximum(contact.excess, normal @ corner))
+                    for corner in corners  # those above the centre never touch
+                    for contact in self._on_ground(meeting, ground, two, corner)
                 ]
+
+    def _on_ground(
+        self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
+    ) -> list[Contact]:
+        """Of a ball at this offset from a geom's centre: with the plane, and with a higher level if any."""
+        plane = self._on_plane(meeting, ground, geom, offset, along)
+        if len(ground) == PLANE_NUMBERS:
+            return [plane]
+        level, beyond = self._on_level(meeting, ground, geom, offset, along)
+        return [plane._replace(excess=beyond), level]
+
+    def _on_level(
+        self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None
+    ) -> tuple[Contact, Scalar]:
+        """The contact of a ball with a higher level, and how far its centre is beyond the edge, m.
+
+        With the nearest place of the level, which fills all space beyond its edge and below its height.
+        """
+        centre, radius = self._ball(geom, offset)
+        world = self.in_world(centre)
+        outwards = vector(ground[4], ground[5], 0.0)
+        away = outwards @ world - ground[6]
+        above = world[2] - ground[7]
+        sideways, upwards = maximum(away, 0.0), maximum(above, 0.0)
+        square = sideways * sideways + upwards * upwards
+        length = sqrt(maximum(square, TINY))
+        outside = less(TINY, square)
+        through_side = less(above, away)  # which way out is shorter, of a centre inside
+        side = where(outside, sideways / length, where(through_side, 1.0, 0.0))
+        up = where(outside, upwards / length, where(through_side, 0.0, 1.0))
+        normal = outwards * side + vector(0.0, 0.0, up)
+        distance = where(outside, length, maximum(away, above)) - radius
+        turned = self._base_turn.T @ normal
+        place = centre - turned * (radius + 0.5 * distance)
+        return Contact(meeting, distance, place, turned, self._tangents(meeting, normal, along)), -away
+
+    def _ball(self, geom: int, offset: Vector) -> tuple[Vector, float]:
+        """Centre, in the base's frame, and radius of a ball at this offset; a box's corner has no radius."""
+        is_box = self._model.geom_type[geom] == BOX
+        return self.centre(geom) + offset, 0.0 if is_box else float(self._model.geom_size[geom][0])
 
     def _on_plane(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> Contact:
-        """Of a ball at this offset from a geom's centre; a box's corner is one without a radius."""
-        is_box = self._model.geom_type[geom] == BOX
-        centre, radius = self.centre(geom) + offset, 0.0 if is_box else float(self._model.geom_size[geom][0])
+        """Of a ball at this offset from a geom's centre."""
+        centre, radius = self._ball(geom, offset)
         normal = self._base_turn.T @ ground[:3]
         distance = ground[:3] @ self._base_place - ground[3] + normal @ centre - radius
         place = centre - normal * (radius + 0.5 * distance)
@@ -354,7 +396,7 @@ def contact_rows(
         square = frictions[0] * frictions[0]
         scale = inverse_weight * (1.0 + square) * (2.0 * square)
     resistance = maximum(scale * (1.0 - impedance) / impedance, TINY)
-    weight = where(less(depth, 0.0), where(less(0.0, contact.rise), 0.0, 1.0 / resistance), 0.0)
+    weight = where(less(depth, 0.0), where(less(0.0, contact.excess), 0.0, 1.0 / resistance), 0.0)
     return ContactRows(jacobian, frictions, weight, tuple(reference))
 
 
