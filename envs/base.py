@@ -51,6 +51,10 @@ class Base:
         """Positions with another attitude of the base."""
         return qpos.at[self._quaternion].set(quaternion)
 
+    def shifted(self, qpos: jax.Array, offset: jax.Array) -> jax.Array:
+        """Positions with the base moved by an offset (3,), m, in the world."""
+        return qpos.at[self._place].add(offset)
+
     def at_height(self, qpos: jax.Array, height_m: jax.Array) -> jax.Array:
         """Positions with the base at another height above the world's origin."""
         return qpos.at[self._place.stop - 1].set(height_m)

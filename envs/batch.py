@@ -1,5 +1,6 @@
 """Many episodes at once; where one ends, the next begins."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -32,8 +33,13 @@ def step_batch(env: Episodes, state: State, action: jax.Array) -> tuple[State, d
     if env.on_host:  # it is at hand to ask how many have ended; most often few have
         state, observation = _restart_few(env, done > 0, going_on)
     else:
-        state, observation = _select(done, jax.vmap(env.reset)(stepped.key, stepped.level), going_on)
+        state, observation = _select(done, jax.vmap(restart_of(env))(stepped), going_on)
     return state, observation, step._replace(metrics=step.metrics | ended)
+
+
+def restart_of(env: Episodes) -> Callable[[State], Restarted]:
+    """Makes the episode after one that ended in a state."""
+    return getattr(env, "restart", lambda state: env.reset(state.key, state.level))
 
 
 def _restart_few(env: Episodes, done: jax.Array, going_on: Restarted) -> Restarted:
@@ -44,7 +50,7 @@ def _restart_few(env: Episodes, done: jax.Array, going_on: Restarted) -> Restart
     def restart(left: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
         done, batch = left
         (rows,) = jnp.nonzero(done, size=at_once, fill_value=count)  # a row past the last is no one's
-        new = jax.vmap(env.reset)(stepped.key[rows], stepped.level[rows])
+        new = jax.vmap(restart_of(env))(jax.tree.map(lambda x: x[rows], stepped))
         batch = jax.tree.map(lambda old, new: old.at[rows].set(new, mode="drop"), batch, new)
         return done.at[rows].set(False, mode="drop"), batch
 

@@ -18,6 +18,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.policies.contract import FASTEST_CONTROL_HZ
 from footfall.robots.commands import CommandRange
+from footfall.terrain.declaration import GroundConfig
 
 FASTEST = 100.0  # m/s or rad/s: no legged robot is; more is a unit mistaken
 CRITIC = ("linear_velocity", "height", "contact", "clearance", "torque")  # terms of a critic by default
@@ -104,6 +105,30 @@ class CurriculumConfig(NamedTermConfig):
 
 
 @dataclass(frozen=True)
+class TerrainConfig:
+    """The ground of a training: kinds of ground at rising levels of difficulty (see docs/terrain.md)."""
+
+    grounds: tuple[GroundConfig, ...]  # a parameter given as [easiest, hardest] rises with the level
+    levels: int = 10
+    start_levels: int = 3  # the first episodes are at the lowest levels, so many of them
+    up_share: float = 0.8  # of the commanded path that was covered: the next episode is a level harder
+    down_share: float = 0.4  # below it, or after a fall, a level easier
+    spread_m: float = 2.0  # half the side of the square in which episodes begin
+    seed: int = 0  # of random heights
+
+    def __post_init__(self) -> None:
+        require_between(self, 2, 100, "levels")
+        require_between(self, 1, self.levels, "start_levels")
+        require_between(self, 0.0, 1.0, "up_share", "down_share")
+        require_between(self, 0.0, 100.0, "spread_m")
+        require_between(self, 0, 2**31 - 1, "seed")
+        if not self.grounds:
+            raise ValueError("grounds: give at least one")
+        if len({(ground.size_m, ground.cell_m) for ground in self.grounds}) > 1:
+            raise ValueError("grounds must all have the same size_m and cell_m")
+
+
+@dataclass(frozen=True)
 class EnvConfig:
     """All settings of the environment."""
 
@@ -124,6 +149,7 @@ class EnvConfig:
     episode_s: float = 20.0
     speed_limit: float = 100.0  # generalised velocity above which the simulation counts as diverged
     gait: GaitConfig | None = None
+    terrain: TerrainConfig | None = None  # None: level ground
     randomisation: Randomisation = field(default_factory=Randomisation)
     noise: Noise = field(default_factory=Noise)
 

@@ -16,7 +16,11 @@ from footfall.robots.description import Robot
 
 
 class Episodes(Protocol):
-    """What a batch needs of an environment to step episodes and to restart those that ended."""
+    """What a batch needs of an environment to step episodes and to restart those that ended.
+
+    An environment whose next episode depends on the one before may have a `restart(state)` besides: it gives
+    what `reset` does, from the last state of an episode.
+    """
 
     @property
     def on_host(self) -> bool:

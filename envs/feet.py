@@ -30,13 +30,22 @@ class Feet:
         self._timestep_s = timestep_s
         self.count, self.points = len(feet), sum(counts)
 
-    def clearance(self, position: jax.Array) -> jax.Array:
-        """Height of each foot's lowest point above the ground, m, from points (points, 3)."""
-        return jnp.min((height_above_ground(position) - self._radius)[self._points], axis=1)
+    def clearance(self, position: jax.Array, ground: jax.Array | float = 0.0) -> jax.Array:
+        """Height of each foot's lowest point above the ground, m, (feet,).
 
-    def tilt(self, position: jax.Array) -> jax.Array:
-        """How much higher each foot's highest point is than its lowest, m, from points (points, 3)."""
-        height = (height_above_ground(position) - self._radius)[self._points]
+        Args:
+            position: of the points, m, world, (points, 3).
+            ground: its height below each point, above level ground, m, (points,).
+        """
+        return jnp.min((height_above_ground(position) - ground - self._radius)[self._points], axis=1)
+
+    def nearest(self, distance: jax.Array) -> jax.Array:
+        """Of each foot the least of its points' values (points,)."""
+        return jnp.min(distance[self._points], axis=1)
+
+    def tilt(self, position: jax.Array, ground: jax.Array | float = 0.0) -> jax.Array:
+        """How much higher above the ground each foot's highest point is than its lowest, as `clearance`."""
+        height = (height_above_ground(position) - ground - self._radius)[self._points]
         return jnp.max(height, axis=1) - jnp.min(height, axis=1)
 
     def speed(self, positions: jax.Array) -> jax.Array:
@@ -48,6 +57,10 @@ class Feet:
         square = jnp.sum(velocity[:, :2] ** 2, axis=-1)
         return jnp.sqrt(jnp.max(square[self._points], axis=1))
 
+    def centres(self, position: jax.Array) -> jax.Array:
+        """Middle of each foot's points, m, (feet, 3), from points (points, 3)."""
+        return jnp.mean(position[self._points], axis=1)
+
     def crowding(self, position: jax.Array, least_m: float) -> jax.Array:
         """How much nearer than this feet are to each other, squared and summed over pairs, m^2.
 
@@ -55,7 +68,7 @@ class Feet:
             position: of the points (points, 3), m. A foot is at the mean of its own.
             least_m: horizontal distance from which on a pair counts nothing.
         """
-        centre = jnp.mean(position[self._points, :2], axis=1)
+        centre = self.centres(position)[:, :2]
         one, other = np.triu_indices(self.count, k=1)
         square = jnp.sum((centre[one] - centre[other]) ** 2, axis=-1)
         return jnp.sum(jnp.maximum(least_m - jnp.sqrt(square), 0.0) ** 2)

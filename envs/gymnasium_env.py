@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from footfall.common.errors import UserError
-from footfall.envs.batch import step_batch
+from footfall.envs.batch import restart_of, step_batch
 from footfall.envs.camera import Camera
 from footfall.envs.config import EnvConfig
 from footfall.envs.environment import Environment
@@ -37,6 +37,10 @@ class EpisodesWithInfo(NamedTuple):
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """As the environment's."""
         return self.env.reset(key, level)
+
+    def restart(self, state: State) -> tuple[State, dict[str, jax.Array]]:
+        """As the environment's."""
+        return restart_of(self.env)(state)
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
         """As the environment's, with the "command" (3,) after the step and the tracking errors as metrics."""

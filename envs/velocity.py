@@ -19,7 +19,6 @@ from footfall.envs.config import EnvConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
-from footfall.envs.ground import height_above_ground, in_contact
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
 from footfall.envs.physics.interface import Motion, Trace
@@ -28,6 +27,7 @@ from footfall.envs.state import State, Step
 from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.envs.task import Task
 from footfall.envs.terms.data import Scene, StepData, example_data
+from footfall.envs.terrain import make_terrain
 from footfall.policies.action import joint_target
 from footfall.policies.gaits import find_gait
 from footfall.policies.observation import moving, term_kind
@@ -54,6 +54,7 @@ class VelocityEnv:
         self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
         self.scene = Scene(model, robot, Feet(model, robot, self.timestep_s, gait), self.period_s)
+        self.terrain = make_terrain(config, self.engine, model, self.scene)
         self.task = Task(config, self.scene)
         self.actuation = Actuation(robot, config)
         self.observer = Observer(model, robot, config, self.contract)
@@ -107,6 +108,15 @@ class VelocityEnv:
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
+        return self._begin(key, level, None)
+
+    def restart(self, state: State) -> tuple[State, dict[str, jax.Array]]:
+        """The episode after the one that ended in this state."""
+        return self._begin(state.key, state.level, state)
+
+    def _begin(
+        self, key: jax.Array, level: jax.Array | float, before: State | None
+    ) -> tuple[State, dict[str, jax.Array]]:
         n, substeps, events = self.action_size, self.config.substeps, self.disturbances
         key, sample_key, rest_key = jax.random.split(key, 3)
         drawn, timers = self.task.command.numbers, events.timers
@@ -135,14 +145,14 @@ class VelocityEnv:
             frames=self.observer.no_frames(),
             terms={},
         )
-        state = events.reset(state, resets)
+        state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
         readings = self.observer.readings(state.qpos, state.qvel, torque)
         state = state._replace(recent_readings=jnp.tile(readings, (substeps, 1)))
         state, observed = self.observer.observe(
             state, jnp.tile(readings, (2 * substeps, 1)), noise, first=True
         )
         data = self.data_at(state, example_data(self.scene))
-        state = state._replace(terms=self.task.init(data))
+        state = state._replace(terms=state.terms | self.task.init(data))
         return self.observations(state, observed, data)
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
@@ -159,7 +169,9 @@ class VelocityEnv:
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
         state = state._replace(steps=state.steps + 1, phase=phase)
 
+        state = self.terrain.moved(state, trace)
         state, data, values = self._evaluate(state, self.step_data(state, trace))
+        state = self.terrain.scored(state, data)
         in_full = sum(task.weights[name] for name in task.in_full)
         rate = self._reward_rate(values)
         reward = jnp.where(diverged, in_full, rate) * self.period_s
@@ -174,7 +186,8 @@ class VelocityEnv:
         state, observed = self.observer.observe(state, recent, noise)
         state, observations = self.observations(state, observed, self.data_at(state, data))
 
-        metrics = {f"reward/{name}": value for name, value in values.items()} | tracking_metrics(data)
+        metrics = {f"reward/{name}": value for name, value in values.items()}
+        metrics |= tracking_metrics(data) | self.terrain.metrics(state)
         observations, metrics = jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), (observations, metrics))
         metrics["episode/diverged"] = diverged.astype(jnp.float32)
         return state, Step(observations, reward, terminated, truncated, metrics)
@@ -183,33 +196,28 @@ class VelocityEnv:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart)
-        end, trace = self.engine.simulate(start, self.actuation.drive(targets, state.sample), state.fields)
+        drive, fields = self.actuation.drive(targets, state.sample), self.terrain.fields(state)
+        end, trace = self.engine.simulate(start, drive, state.fields | fields)
         return state._replace(**end._asdict(), target=targets[-1]), trace
 
     def step_data(self, state: State, trace: Trace) -> StepData:
         """What terms read, of a state after the physics and the trace of its physics steps."""
-        scene, feet = self.scene, self.scene.feet
-        clearance = feet.clearance(trace.foot_position[-1])
-        data = example_data(scene)._replace(
+        data = example_data(self.scene)._replace(
             torque=trace.torque[-1],
             foot_position=trace.foot_position[-1],
-            contact=in_contact(clearance),
-            clearance=clearance,
-            foot_speed=feet.speed(trace.foot_position),
-            foot_tilt=feet.tilt(trace.foot_position[-1]),
+            foot_speed=self.scene.feet.speed(trace.foot_position),
         )
-        return self.data_at(state, data)
+        return self.data_at(state, self.terrain.feet(state, data))
 
     def data_at(self, state: State, data: StepData) -> StepData:
         """The data with everything that the state alone decides taken from it."""
         scene, walk = self.scene, moving(state.command, self.contract)[0]
-        return data._replace(
+        return self.terrain.base(state, data)._replace(
             command=state.command,
             moving=walk,
             linear_velocity=scene.base.linear_velocity(state.qpos, state.qvel),
             angular_velocity=scene.base.angular_velocity(state.qvel),
             gravity=scene.base.gravity(state.qpos),
-            height=height_above_ground(scene.base.position(state.qpos)),
             joint_position=state.qpos[scene.positions],
             joint_velocity=state.qvel[scene.dofs],
             actions=state.actions,

@@ -1,7 +1,7 @@
 """Grounds as data: a shape and its parameters, or a height map in a file."""
 
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,31 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
     x, y = np.meshgrid(along, along, indexing="ij")
     made = heights(Places(x, y, half_m), np.random.default_rng(seed))
     return Ground(made[None], np.array([shape.stepped]), config.cell_m)
+
+
+def at_difficulty(config: GroundConfig, share: float) -> GroundConfig:
+    """A ground with each parameter that is given as [easiest, hardest] at a share of the way, 0 to 1."""
+
+    def chosen(value: Any) -> Any:
+        is_range = isinstance(value, list) and len(value) == 2
+        return value[0] + share * (value[1] - value[0]) if is_range else value
+
+    return replace(config, settings={name: chosen(value) for name, value in config.settings.items()})
+
+
+def pieces(configs: Sequence[GroundConfig], levels: int, seed: int, where: str) -> Ground:
+    """Grounds at rising levels of difficulty: piece `kind * levels + level`.
+
+    Raises:
+        UserError: as `check_ground`; the message begins with `where` and the entry.
+    """
+    made = [
+        make_ground(at_difficulty(config, level / max(1, levels - 1)), seed + level, f"{where}[{kind}]")
+        for kind, config in enumerate(configs)
+        for level in range(levels)
+    ]
+    heights, stepped = (np.concatenate([getattr(g, part) for g in made]) for part in ("heights", "stepped"))
+    return Ground(heights, stepped, made[0].cell_m)
 
 
 @cache

@@ -63,7 +63,7 @@ def tangent_at(ground: Ground, place: Array, piece: Array | int = 0) -> Tangent:
 
 
 def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2) -> Edge:
-    """The nearest edge along x or y from places (..., 2) or (..., 3), m. A piece that is not stepped has none.
+    """The nearest edge along x or y from places (..., 2) or (..., 3), m; only a stepped piece has any.
 
     Args:
         ground: the pieces.

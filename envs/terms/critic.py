@@ -5,10 +5,11 @@ every quantity in which this robot differs from the nominal one.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import jax
 
+from footfall.common.terms import Between
 from footfall.envs.terms.data import StepData
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind
@@ -56,6 +57,13 @@ def torque(data: StepData) -> jax.Array:
     return data.torque / data.scene.peak_torque
 
 
+@critic_term(kinds.FOOT_AMOUNTS)
+def ground(data: StepData, *, ahead_m: Annotated[float, Between(-2.0, 2.0)] = 0.0) -> jax.Array:
+    """Height of the ground at each foot, or ahead of it along the heading, above that below the base, dm."""
+    points = data.scene.feet.centres(data.foot_position)[:, :2] + ahead_m * data.forward
+    return 10.0 * (data.ground(points) - data.ground(data.place[:2]))
+
+
 CRITIC: dict[str, CriticTerm] = {
-    term.source.__name__: term for term in (linear_velocity, height, contact, clearance, torque)
+    term.source.__name__: term for term in (linear_velocity, height, contact, clearance, torque, ground)
 }

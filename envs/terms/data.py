@@ -1,5 +1,6 @@
 """What terms read: constants of the robot, and the data of one control step."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -58,11 +59,21 @@ class StepData(NamedTuple):
     foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a ball
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if a termination term ended the episode
+    place: jax.Array  # (3,) m, of the base, world frame
+    forward: jax.Array  # (2,) horizontal unit vector along the base's heading, world frame
+    ground: Callable[
+        [jax.Array], jax.Array
+    ]  # from places (..., 2) in the world to the ground's height, m, (...)
 
     @property
     def period_s(self) -> float:
         """Length of a control step, s."""
         return self.scene.period_s
+
+
+def level_ground(place: jax.Array) -> jax.Array:
+    """Height of level ground at places (..., 2), m, (...)."""
+    return jnp.zeros_like(place[..., 0])
 
 
 def example_data(scene: Scene) -> StepData:
@@ -85,5 +96,8 @@ def example_data(scene: Scene) -> StepData:
         foot_tilt=jnp.zeros(feet),
         swing=jnp.zeros(feet),
         fell=jnp.float32(0.0),
+        place=jnp.array([0.0, 0.0, scene.standing_height]),
+        forward=jnp.array([1.0, 0.0]),
+        ground=level_ground,
         **zeros,
     )

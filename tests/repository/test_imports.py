@@ -38,7 +38,7 @@ ALLOWED = {
     "operate": {"common", "robots", "policies", "deploy"},
     "plant": {"common", "robots", "policies", "domain_rand", "terrain", "deploy"},
     "evaluate": {"common", "robots", "policies", "domain_rand", "terrain", "deploy", "plant"},
-    "envs": {"common", "robots", "policies", "domain_rand"},
+    "envs": {"common", "robots", "policies", "domain_rand", "terrain"},
     "train": {"common", "robots", "policies", "domain_rand", "envs"},
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "operate", "plant", "train"},
 }

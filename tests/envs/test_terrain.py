@@ -1,0 +1,133 @@
+"""Training on ground that is not level: robots rest on it as in MuJoCo C, and levels follow the robots."""
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.common.config import structure
+from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.config import EnvConfig, TerrainConfig
+from footfall.envs.make import make_environment
+from footfall.envs.physics.c import c_physics
+from footfall.envs.physics.interface import Motion
+from footfall.envs.state import State
+from footfall.plant.ground import replace_ground
+from footfall.robots.description import Robot
+from footfall.robots.model import training_spec
+from footfall.terrain.declaration import at_difficulty, make_ground
+from footfall.train.config import load_preset
+
+KINDS: list[dict[str, Any]] = [
+    {"shape": "stairs", "step_m": [0.02, 0.14]},
+    {"shape": "slope", "angle_deg": [0.0, 20.0]},
+    {"shape": "blocks", "block_m": [0.0, 0.08]},
+    {"shape": "rough", "roughness_m": [0.0, 0.05]},
+]
+LEVELS = 2
+ROBOTS = 24
+
+
+def terrain(kinds: list[dict[str, Any]], **changes: Any) -> TerrainConfig:
+    return structure(
+        {"grounds": kinds, "levels": LEVELS, "start_levels": LEVELS, **changes}, TerrainConfig, "env.terrain"
+    )
+
+
+def config_of(robot: Robot, **changes: Any) -> EnvConfig:
+    return replace(load_preset("smoke", robot).env, randomisation=Randomisation(), **changes)
+
+
+@pytest.fixture(scope="module")
+def env(go1: Robot) -> Any:
+    return make_environment(go1, config_of(go1, terrain=terrain(KINDS)))
+
+
+@pytest.fixture(scope="module")
+def begun(env: Any) -> State:
+    state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(2), ROBOTS * len(KINDS)))
+    return state
+
+
+def walked(state: State) -> Any:
+    return state.terms["terrain"]["terrain"]
+
+
+@pytest.mark.parametrize("kind", range(len(KINDS)), ids=[kind["shape"] for kind in KINDS])
+def test_a_standing_robot_rests_as_on_mujocos_boxes_and_height_fields(
+    env: Any, begun: State, go1: Robot, kind: int
+) -> None:
+    """Joint targets stay; after half a second both robots lie within millimetres of each other."""
+    hardest = np.flatnonzero(np.asarray(walked(begun).piece) == kind * LEVELS + LEVELS - 1)[:6]
+    state = jax.tree.map(lambda x: x[hardest], begun)
+    spec = training_spec(go1, env.timestep_s)
+    floor = spec.geom("floor")
+    like_floor = {
+        name: getattr(floor, name) for name in ("condim", "solmix", "friction", "contype", "conaffinity")
+    }
+    declared = structure(KINDS[kind], type(env.config.terrain.grounds[0]), "ground")
+    replace_ground(spec, make_ground(at_difficulty(declared, 1.0), env.config.terrain.seed + LEVELS - 1))
+    for geom in spec.worldbody.geoms:
+        for name, value in like_floor.items():
+            setattr(geom, name, value)
+    others = jax.vmap(c_physics(spec.compile(), go1))
+
+    @jax.jit
+    def both(state: State, other: Motion) -> tuple[State, Motion]:
+        def drive(state: State) -> Any:
+            targets = env.actuation.targets(state.goals, state.target, state.sample)
+            return env.actuation.drive(targets, state.sample)
+
+        after, trace = jax.vmap(env.simulate)(state)
+        other, _ = others(other, jax.vmap(drive)(state), state.fields)
+        return jax.vmap(env.terrain.moved)(after, trace), other
+
+    other = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+    for _ in range(25):
+        state, other = both(state, other)
+    apart = np.abs(np.asarray(state.qpos - other.qpos)).max(axis=1)
+    assert np.isfinite(np.asarray(state.qpos)).all()
+    # MuJoCo's height fields hold a foot by several contacts.
+    assert np.median(apart) < (1e-3 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.03), apart
+
+
+class TestLevels:
+    def next_levels(self, env: Any, begun: State, **progress: float) -> np.ndarray:
+        """Levels of the episodes after ones of level 0 that went so."""
+        now = walked(begun)._replace(
+            piece=jnp.full(len(begun.level), 2),
+            **{k: jnp.full(len(begun.level), v) for k, v in progress.items()},
+        )
+        state = begun._replace(terms=begun.terms | {"terrain": {"terrain": now}})
+        after, _ = jax.jit(jax.vmap(env.restart))(state)
+        pieces = np.asarray(walked(after).piece)
+        assert (pieces // LEVELS == 1).all()  # of the same kind
+        return pieces % LEVELS
+
+    def test_who_gets_along_meets_harder_ground(self, env: Any, begun: State) -> None:
+        assert (self.next_levels(env, begun, along=4.5, asked=5.0, fell=0.0) == 1).all()
+        for progress in (
+            {"along": 3.0, "asked": 5.0, "fell": 0.0},
+            {"along": 4.5, "asked": 5.0, "fell": 1.0},
+            {"along": 0.4, "asked": 0.4, "fell": 0.0},
+        ):
+            assert (self.next_levels(env, begun, **progress) == 0).all(), progress
+
+
+def test_what_cannot_be_trained_on_is_refused(go1: Robot) -> None:
+    with pytest.raises(UserError, match=r"env\.terrain needs physics 'generated'"):
+        make_environment(go1, config_of(go1, terrain=terrain(KINDS), physics="mjx"))
+    refused = {
+        "no shape 'hill'": {"kinds": [{"shape": "hill"}]},
+        "start_levels": {"kinds": KINDS, "start_levels": 5},
+        "same size_m": {"kinds": [*KINDS, {"shape": "level", "size_m": 5.0}]},
+    }
+    for word, given in refused.items():
+        with pytest.raises(UserError, match=word):
+            terrain(**given)
+    with pytest.raises(UserError, match=r"env.terrain.grounds\[0\].step_m"):
+        make_environment(go1, config_of(go1, terrain=terrain([{"shape": "stairs", "step_m": [0.0, 5.0]}])))
