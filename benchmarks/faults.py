@@ -93,7 +93,7 @@ class Tests:
 
         Raises subprocess.TimeoutExpired if they take too long, RuntimeError if pytest itself fails.
         """
-        paths = os.pathsep.join([str(copy), *filter(None, [os.environ.get("PYTHONPATH")])])
+        paths = os.pathsep.join([str(copy / "src"), *filter(None, [os.environ.get("PYTHONPATH")])])
         command = [self._python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
         process = subprocess.Popen(
             [*command, "-o", "addopts=", f"--basetemp={copy}-tmp-{threading.get_ident()}", *targets],
@@ -191,7 +191,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--rooms", default="", help="A,B (default: all)")
+    parser.add_argument("--rooms", default="", help="A,B: rooms, or single faults by id (default: all)")
     parser.add_argument(
         "--python",
         default=sys.executable,
@@ -210,7 +210,8 @@ def main() -> None:
     faults = [
         fault
         for fault in faults
-        if fault["room"] in rooms and (ROOT / fault["file"]).read_text().count(fault["old"]) == 1
+        if {fault["room"], fault["id"]} & set(rooms)
+        and (ROOT / fault["file"]).read_text().count(fault["old"]) == 1
     ]
     results = (
         [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []

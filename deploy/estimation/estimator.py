@@ -35,7 +35,7 @@ class BaseEstimator:
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
-        self._filter = MotionFilter(self._config.filter)
+        self.motion = MotionFilter(self._config.filter)
         self._drift = Drift(self._config.odometry)
         self._lateness = Lateness(self._config.odometry)
 
@@ -43,7 +43,7 @@ class BaseEstimator:
         """Begin at rest, all feet down; the pose is zero here."""
         self._contact.reset(sensed)
         self._gyro.reset()
-        self._filter.reset()
+        self.motion.reset()
         self._lateness.reset()
         self._velocity, self._turning = np.zeros(3), sensed.gyro
         self._take(sensed)
@@ -52,7 +52,7 @@ class BaseEstimator:
 
     def start(self) -> None:
         """Set the pose to zero; the estimated motion is kept."""
-        self._filter.begin_at((self._rotation @ self._imu).tolist())
+        self.motion.begin_at((self._rotation @ self._imu).tolist())
         self._drift.reset()
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
@@ -76,24 +76,24 @@ class BaseEstimator:
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
         # Velocity of the points of contact relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(turning)
-        self._filter.predict(sensed.acceleration.tolist(), rows, dt_s)
-        self._filter.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
+        self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
+        self.motion.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
         self._follow_height(contact, dt_s)
-        self._drift.advance(self._filter.velocity, dt_s)
-        self._lateness.advance(self._filter.velocity, dt_s)
-        self._velocity = np.array(self._filter.velocity).dot(rotation) - self._imu.dot(turning)
+        self._drift.advance(self.motion.velocity, dt_s)
+        self._lateness.advance(self.motion.velocity, dt_s)
+        self._velocity = np.array(self.motion.velocity).dot(rotation) - self._imu.dot(turning)
         return self._velocity, self._base_height()
 
     def pose(self) -> tuple[float, float, float]:
         """x m, y m and yaw rad of the base since the start; the frame of `Odometry`."""
-        ahead, left, _ = (np.array(self._filter.place) - self._rotation @ self._imu).tolist()
+        ahead, left, _ = (np.array(self.motion.place) - self._rotation @ self._imu).tolist()
         cos, sin = math.cos(self._start_yaw), math.sin(self._start_yaw)
         turned = wrap_angle(self._yaw() - self._start_yaw)
         return cos * ahead + sin * left, cos * left - sin * ahead, turned
 
     def odometry(self) -> Odometry:
         """The whole estimate, with its covariance."""
-        config, motion = self._config.odometry, self._filter
+        config, motion = self._config.odometry, self.motion
         position = np.array(motion.place) - self._rotation @ self._imu
         covariance = np.zeros((7, 7))
         covariance[:4, :4] = self._drift.covariance(position)
@@ -133,7 +133,7 @@ class BaseEstimator:
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:
         """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs."""
-        self._height += self._filter.velocity[2] * dt_s
+        self._height += self.motion.velocity[2] * dt_s
         total = sum(contact)
         if total > _SOME_CONTACT:
             measured = -float((self._place.dot(self._up) + self._radius).dot(contact)) / total

@@ -106,8 +106,7 @@ class TestScene:
         server: Any = SimpleNamespace(
             scene=drawing, initial_camera=camera, on_client_connect=connected.append
         )
-        scene = Scene(server, go1, model)
-        assert connected == [scene._step_back]
+        Scene(server, go1, model)
         for shape in visible_shapes(model):
             (vertices, faces), named = given[f"/world/body_{shape.body}/geom_{shape.geom}"]
             np.testing.assert_array_equal(vertices, shape.vertices)

@@ -132,7 +132,7 @@ class TestGaits:
     def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
         """Every second another gait and other steps, at no particular phase; it neither falls nor stops."""
         policy = Generator(ROBOT, "trot")
-        step = policy._config.step
+        step = controller_settings(ROBOT, "trot", WalkConfig).step
         others = {
             500: (GaitConfig("walk", 0.5), replace(step, height_m=0.04)),
             1013: (GaitConfig("pace", 0.25, 0.55), replace(step, body_height_m=0.25)),

@@ -236,7 +236,8 @@ def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_
     """
     robot = load_robot(name)
     policy = Walk(robot, ANY_GAIT[name][0])
-    trial, config, ranges = Trial(policy, robot), policy._config, robot.description.commands
+    trial, ranges = Trial(policy, robot), robot.description.commands
+    config = controller_settings(robot, policy.name, WalkConfig)
     most = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
     start = round(config.settle_s * policy.rate_hz) + 1
     trial.walk((0.0, 0.0, 0.0), start / policy.rate_hz)
@@ -270,7 +271,7 @@ class TestChanges:
         policy = Walk(ROBOT, "tripod")
         trial, command = Trial(policy), (0.06, 0.02, 0.1)
         targets = [trial.walk(command, 2.3)]
-        step = policy._config.step
+        step = controller_settings(ROBOT, "tripod", WalkConfig).step
         for gait, changed in (
             (GaitConfig("wave", 1.5), replace(step, body_height_m=0.17)),
             (GaitConfig("ripple", 2.0), replace(step, height_m=0.05, length_m=0.05)),
@@ -278,14 +279,14 @@ class TestChanges:
         ):
             policy.change(gait, changed)
             targets.append(trial.walk(command, 3.1))
-            assert policy._gait == gait
         assert rates(np.concatenate(targets), policy).max() < FASTEST + 1e-9
 
     def test_the_body_changes_its_height_slowly(self) -> None:
         policy = Walk(ROBOT, "tripod")
         trial = Trial(policy)
         trial.walk((0.0, 0.0, 0.0), 1.0)
-        policy.change(step=replace(policy._config.step, body_height_m=0.16))
+        step = controller_settings(ROBOT, "tripod", WalkConfig).step
+        policy.change(step=replace(step, body_height_m=0.16))
         after = trial.walk((0.0, 0.0, 0.0), 0.5)[-1]
         feet = LEGS.pose(after).foot
         np.testing.assert_allclose(feet[:, 2], 0.02 - (0.20 - 0.5 * 0.04), atol=6e-3)
@@ -294,7 +295,8 @@ class TestChanges:
         policy = Walk(ROBOT, "tripod")
         with pytest.raises(UserError, match="no gait 'trot'"):
             policy.change(GaitConfig("trot", 1.0))
-        assert policy._wanted_gait.name == "tripod"
+        told = Trial(policy).walk((0.1, 0.0, 0.0), 1.0)
+        np.testing.assert_array_equal(told, Trial(Walk(ROBOT, "tripod")).walk((0.1, 0.0, 0.0), 1.0))
 
     def test_a_new_episode_begins_with_the_settings(self) -> None:
         policy = Walk(ROBOT, "tripod")
