@@ -13,7 +13,6 @@ from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
-from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
@@ -247,62 +246,6 @@ class TestDifferences:
             moving = np.abs(torques(milliseconds * 1e-3)).max(axis=1) > 0
             assert int(np.argmax(moving)) == milliseconds - 2  # the tick before took 2 ms
 
-    def test_an_observation_delay_shows_the_past(self, go1: Robot) -> None:
-        now, late = Bench(go1), Bench(go1, sample=Sample(observation_delay_s=np.array(0.004)))
-        now.enter()
-        late.enter()
-        seen: list[list[np.ndarray]] = [[], []]
-        for _ in range(20):
-            for bench, positions in zip((now, late), seen, strict=True):
-                bench.tick(bench.hold(offset=0.1))
-                positions.append(bench.position.copy())
-        np.testing.assert_array_equal(seen[1][4:], seen[0][2:-2])
-
-    def test_an_encoder_bias_shifts_readings_and_pose(self, go1: Robot) -> None:
-        bias = np.linspace(-0.02, 0.02, 12)
-        bench = Bench(go1, sample=Sample(encoder_bias=bias))
-        bench.enter()
-        for _ in range(100):
-            bench.tick(bench.hold(kp=200.0))
-        np.testing.assert_allclose(bench.position - bench.body.truth().joint_position, bias, atol=2e-3)
-
-    def test_biases_of_the_imu_show_in_its_frames(self, go1: Robot) -> None:
-        gyro, gravity = np.array([0.02, -0.01, 0.03]), np.array([0.02, -0.02, 0.0])
-        plain, biased = Bench(go1), Bench(go1, sample=Sample(gyro_bias=gyro, gravity_bias=gravity))
-        plain.tick()
-        biased.tick()
-        np.testing.assert_allclose(biased.gyro() - plain.gyro(), gyro, atol=1e-3)
-        np.testing.assert_allclose(biased.gravity()[:2], [0.02, -0.02], atol=1e-3)
-
-    def test_noise_of_encoders_is_bounded_by_its_half_width_and_differs_by_seed(self, go1: Robot) -> None:
-        def errors(seed: int) -> np.ndarray:
-            bench = Bench(go1, seed, noise=Noise(joint_position=0.01, joint_velocity=0.5))
-            found = []
-            for _ in range(3):
-                bench.tick(mit.special(mit.EXIT, 12))
-                found.append(bench.position - bench.body.truth().joint_position)
-            return np.array(found)
-
-        assert 0.005 < np.abs(errors(1)).max() < 0.012
-        assert np.std(errors(1)) > 0.003
-        assert np.array_equal(errors(1), errors(1))
-        assert np.abs(errors(1) - errors(2)).max() > 0.003
-
-    def test_noise_of_the_imu_tilts_gravity_and_turns_the_gyro_by_its_half_widths(self, go1: Robot) -> None:
-        """Gravity gets noise along each axis and is a unit vector again: what is left is sideways."""
-        plain = Bench(go1)
-        noisy = Bench(go1, noise=Noise(gyro=0.1, gravity=0.02))
-        gravity, gyro = [], []
-        for _ in range(60):
-            for bench in (plain, noisy):
-                bench.tick()
-            gravity.append(noisy.gravity() - plain.gravity())
-            gyro.append(noisy.gyro() - plain.gyro())
-        sideways = np.array(gravity)[:, :2]
-        assert 0.015 < np.abs(sideways).max() < 0.021
-        np.testing.assert_allclose(sideways.std(axis=0), 0.02 / np.sqrt(3), rtol=0.25)
-        np.testing.assert_allclose(np.std(gyro, axis=0), 0.1 / np.sqrt(3), rtol=0.25)
-
     def test_a_payload_and_a_friction_reach_the_model(self, go1: Robot) -> None:
         plain = Bench(go1).body.model
         sample = Sample(payload_kg=np.array(2.0), friction=np.array(0.3))
@@ -480,60 +423,8 @@ class TestPlants:
         np.testing.assert_allclose(bench.body.model.dof_armature[6:], go1.armature)
         assert self.stands(bench)
 
-    def test_its_joint_friction_counts_where_it_has_any(self, go1: Robot, tmp_path: Path) -> None:
-        plant = rewritten(go1, tmp_path / "stiff.xml", ('frictionloss="1.0"', 'frictionloss="3.0"'))
-        bench = Bench(go1, plant=plant)
-        for _ in range(20):
-            bench.tick()
-        applied = bench.body.data.qfrc_applied[6:]
-        assert 1.0 < np.abs(applied[2::3]).max() <= 3.0
-        assert np.array_equal(bench.body.model.dof_frictionloss, np.zeros(18))
-
-    def test_with_a_joint_more_that_the_robot_does_not_know(self, go1: Robot, tmp_path: Path) -> None:
-        geom = '<geom size="0.02" density="900"/>'
-        tail = f'<body name="tail" pos="-0.3 0 0"><joint name="tail" range="-1 1"/>{geom}</body>'
-        plant = rewritten(go1, tmp_path / "tail.xml", ('<body name="FR_hip"', tail + '<body name="FR_hip"'))
-        bench = Bench(go1, plant=plant)
-        assert bench.body.model.nq == 20
-        assert self.stands(bench)
-
     def test_on_a_floor_that_is_not_at_zero(self, go1: Robot, tmp_path: Path) -> None:
         floor = '<worldbody><geom name="floor" type="plane" size="0 0 1" pos="0 0 -0.7"/></worldbody>'
         bench = Bench(go1, plant=rewritten(go1, tmp_path / "low.xml", extra=floor))
         assert bench.body.truth().foot_position[:, 2].min() == pytest.approx(0.023 - 0.7, abs=1e-3)
         assert self.stands(bench)
-
-    def test_with_a_plane_for_the_looks_alone_gets_a_floor(self, go1: Robot, tmp_path: Path) -> None:
-        looks = '<worldbody><geom type="plane" size="0 0 1" contype="0" conaffinity="0"/></worldbody>'
-        assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "looks.xml", extra=looks)))
-
-    def test_with_a_table_that_is_called_floor(self, go1: Robot, tmp_path: Path) -> None:
-        table = '<worldbody><geom name="floor" type="box" size="1 1 0.1" pos="5 0 0.1"/></worldbody>'
-        assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "table.xml", extra=table)))
-
-    @pytest.mark.parametrize(
-        ("old", "new", "says"),
-        [
-            ("FR_calf_joint", "FR_knee", "no joint 'FR_calf_joint', which robot 'go1' has"),
-            ('<freejoint name="base"/>', "", "no free joint"),
-            (
-                'name="FR_calf_joint" class="knee"',
-                'name="FR_calf_joint" type="slide" range="-1 1"',
-                "'FR_calf_joint' is not a hinge",
-            ),
-        ],
-    )
-    def test_a_plant_that_does_not_fit_is_refused(
-        self, go1: Robot, tmp_path: Path, old: str, new: str, says: str
-    ) -> None:
-        plant = rewritten(go1, tmp_path / "bad.xml", (old, new))
-        with pytest.raises(UserError, match=says):
-            Bench(go1, plant=plant)
-
-    def test_what_is_no_mjcf_is_refused(self, go1: Robot, tmp_path: Path) -> None:
-        garbage = tmp_path / "garbage.xml"
-        garbage.write_text("<mujoco><body")
-        with pytest.raises(UserError, match="is not valid MJCF"):
-            Bench(go1, plant=garbage)
-        with pytest.raises(UserError, match="no MJCF file"):
-            Bench(go1, plant=tmp_path / "missing.xml")
