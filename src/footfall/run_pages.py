@@ -30,10 +30,13 @@ class RunPageOptions:
     """Show the robot in 3-D, with footholds, forces and balance (see docs/cockpit.md)."""
     cockpit: bool = False
     """Serve a web page that shows and stops the run, and steers it unless --command or a mission does."""
+    foxglove: bool = False
+    """Serve the run, read-only, to Foxglove, Lichtblick and PlotJuggler (see docs/logs.md)."""
     page_host: str = "localhost"
     """Name or address to listen at; 0.0.0.0 lets other machines connect."""
     view_port: Port = 8080
     cockpit_port: Port = 8090
+    foxglove_port: Port = 8765
 
 
 NO_PAGES = RunPageOptions()
@@ -72,7 +75,7 @@ def run_pages(
         UserError: an extra is not installed, or an address cannot be had.
     """
     with ExitStack() as resources:
-        if options.view or options.cockpit:
+        if options.view or options.cockpit or options.foxglove:
             feed = feed or Path(resources.enter_context(TemporaryDirectory(prefix="footfall-"))) / "feed"
             steering = steering._replace(realtime=True, odometry=True)
         if options.view and feed is not None:
@@ -80,6 +83,11 @@ def run_pages(
 
             address = resources.enter_context(viewed(robot, feed, options.page_host, options.view_port))
             print(f"the robot is shown at {address}", flush=True)
+        if options.foxglove and feed is not None:
+            from footfall.operate.foxglove import foxglove_served
+
+            address = resources.enter_context(foxglove_served(feed, options.page_host, options.foxglove_port))
+            print(f"Foxglove opens {address}", flush=True)
         if inbox is not None and feed is not None:
             steering = _with_cockpit(options, robot, feed, steering, inbox, resources)
         yield steering, feed

@@ -1,0 +1,55 @@
+"""Starts the WebSocket server that Foxglove, Lichtblick and PlotJuggler connect to, in its own process."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+from footfall.common.errors import UserError
+from footfall.common.installation import install_extras
+
+READY = "ready"
+END_S = 3.0  # patience
+PORT = 8765  # that the tools expect
+
+
+@contextmanager
+def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
+    """Serve a run's feed to viewers, read-only, for as long as the context lasts.
+
+    Args:
+        feed: socket of the run's telemetry; it may come to be later.
+        host, port: where to listen.
+
+    Yields:
+        The address that viewers open.
+
+    Raises:
+        UserError: the extra is not installed, or the server cannot listen there.
+    """
+    if find_spec("foxglove") is None:
+        raise UserError(f"--foxglove needs the extra foxglove: {install_extras('foxglove')}")
+    command = [sys.executable, "-P", "-m", "footfall.operate.foxglove_server", str(feed), host, str(port)]
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        answer = process.stdout.readline().strip()
+        if answer != READY:
+            raise UserError(
+                f"cannot serve Foxglove at {host}:{port}: {answer or 'the server does not start'}"
+            )
+        yield f"ws://{host}:{port}"
+    finally:
+        with suppress(OSError):
+            process.stdin.close()
+        try:
+            process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stdout.close()

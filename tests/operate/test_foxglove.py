@@ -1,0 +1,78 @@
+"""The server for Foxglove and its kin, as a client of its protocol sees it."""
+
+import itertools
+import json
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from websockets.sync.client import ClientConnection, connect
+
+from footfall.common.errors import UserError
+from footfall.deploy.log import McapLog
+from footfall.deploy.receiver import MotorHealth
+from footfall.operate.foxglove import foxglove_served
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot
+
+pytest.importorskip("foxglove")
+WAIT_S = 20.0
+
+
+def free_port() -> int:
+    import socket
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def topics_seen(viewer: ClientConnection, wanted: set[str], beat: Callable[[], None]) -> set[str]:
+    """Subscribe to topics as they are advertised; returns those of which a message came. `beat` goes on."""
+    names: dict[int, str] = {}
+    seen: set[str] = set()
+    until = time.monotonic() + WAIT_S
+    while seen < wanted and time.monotonic() < until:
+        beat()
+        try:
+            answer = viewer.recv(timeout=0.05)
+        except TimeoutError:
+            continue
+        if isinstance(answer, bytes):
+            seen.add(names[struct.unpack_from("<BIQ", answer)[1]])
+        elif (said := json.loads(answer))["op"] == "advertise":
+            for channel in (each for each in said["channels"] if each["topic"] in wanted):
+                assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+                names[channel["id"]] = channel["topic"]
+                asked = [{"id": channel["id"], "channelId": channel["id"]}]
+                viewer.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+    return seen
+
+
+def test_a_late_viewer_gets_the_robot_and_its_readings_and_cannot_steer(go1: Robot, tmp_path: Path) -> None:
+    port, feed = free_port(), tmp_path / "feed"
+    still = np.zeros(3)
+    sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *np.zeros((2, 12)))
+    health = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
+    log = McapLog(tmp_path / "run.mcap", go1, Hold(go1), {}, may_wait=True, feed=feed)
+    log.begin(10**18)
+    ticks = itertools.count()
+
+    def beat() -> None:
+        log.tick(2000 * next(ticks), sensed, health, None)
+
+    with foxglove_served(feed, "127.0.0.1", port) as address:
+        beat()
+        refused = pytest.raises(UserError, match=f"cannot serve Foxglove at 127.0.0.1:{port}")
+        with refused, foxglove_served(feed, "127.0.0.1", port):
+            pass
+        with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer:
+            hello = json.loads(viewer.recv(timeout=WAIT_S))
+            assert hello["op"] == "serverInfo"
+            assert hello["capabilities"] == []  # nothing that a viewer could send
+            wanted = {"/robot_description", "/tf_static", "/joint_states"}
+            assert topics_seen(viewer, wanted, beat) == wanted
+    assert log.close() == ""
