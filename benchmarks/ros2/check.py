@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from relaxed_limits import RELAXED
 
 DOMAIN = "87"  # of these checks alone
-PATIENCE_S = 300.0
+PATIENCE_S, LIE_DOWN_S = 300.0, 30.0
 
 
 def table(backend: str) -> dict[str, list]:
@@ -59,8 +59,11 @@ def main() -> int:
             seen = subprocess.run(
                 looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=PATIENCE_S, check=False
             )
-            run.terminate()
-            summary = run.communicate()[0]
+            try:
+                summary = run.communicate(timeout=LIE_DOWN_S)[0]  # it was stopped
+            except subprocess.TimeoutExpired:
+                run.terminate()
+                summary = run.communicate()[0]
     findings = [json.loads(line) for line in seen.stdout.splitlines() if line.startswith("{")]
     for finding in findings:
         print("ok   " if finding["ok"] else "WRONG", finding["check"], "-", finding["seen"])

@@ -48,12 +48,6 @@ class Peer:
     def latest(self, topic: str) -> Any:
         return self.heard[topic][-1][1] if self.heard[topic] else None
 
-    def rate_hz(self, topic: str, seconds: float = 2.0) -> float:
-        before = len(self.heard[topic])
-        began_s = time.monotonic()
-        self.spin(seconds)
-        return (len(self.heard[topic]) - before) / (time.monotonic() - began_s)
-
     def drive(self, publisher: Any, message: Any, seconds: float) -> None:
         """Publish a velocity 20 times a second."""
         for _ in range(round(20 * seconds)):

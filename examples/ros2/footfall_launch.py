@@ -17,7 +17,6 @@ ARGUMENTS = {
     "policy": ("trot", "who walks"),
     "bus": ("sim", "sim, socketcan, or another kind of python-can"),
     "cmd_vel": ("twist", "type of /cmd_vel: twist or stamped"),
-    "duration": ("86400", "longest walking time, s"),
     "rviz": ("false", "whether RViz is opened, too"),
 }
 
@@ -27,7 +26,7 @@ def generate_launch_description() -> LaunchDescription:
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     command = [given["footfall"], "deploy", given["policy"], "--robot", given["robot"], "--bus", given["bus"]]
     run = ExecuteProcess(
-        cmd=[*command, "--duration", given["duration"], "--from", ["ros2:", given["cmd_vel"]]],
+        cmd=[*command, "--from", ["ros2:", given["cmd_vel"]]],
         output="screen",
         on_exit=Shutdown(),
     )

@@ -41,8 +41,8 @@ class DeployOptions:
         Parameter(help="Forward and leftward velocity, m/s, and yaw rate, rad/s (default: 0.5,0,0)."),
     ] = None
     by: Annotated[str | None, AS_TYPED, Parameter(name="--from")] = None
-    """Who steers, in the place of a fixed command: keyboard, gamepad, udp, cockpit, or a mission's YAML file
-    (see docs/steering.md)."""
+    """Who steers, in the place of a fixed command: keyboard, gamepad, udp, ros2, cockpit, or a mission's YAML
+    file (see docs/steering.md)."""
     duration: OptionalSeconds = None
     """Longest walking time, s (default: 10; with --from until the run is ended)."""
     start: Literal["standing", "lying"] = "standing"
