@@ -9,11 +9,30 @@ from pathlib import Path
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
-from footfall.operate.ros2.bridge_process import Ros2Config, bridge, find_backend, network_note
+from footfall.operate.ros2.bridge_process import Backend, Ros2Config, bridge, find_backend, network_note
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
 
 OPERATOR = "ros2"
+
+
+@contextmanager
+def published_to_ros2(feed: Path) -> Iterator[tuple[str, ...]]:
+    """ROS 2 hears how the run is, whoever steers it, for as long as the context lasts.
+
+    Args:
+        feed: socket of the run's telemetry; it may come to be later.
+
+    Yields:
+        Lines for the operator.
+
+    Raises:
+        UserError: this computer has no ROS 2, or the bridge to it does not start.
+    """
+    config = Ros2Config()
+    backend = find_backend(config)
+    with bridge(backend, feed, None, config):
+        yield _about(backend)
 
 
 @contextmanager
@@ -31,7 +50,11 @@ def steered_by_ros2(
         steering = SteeringSocket(steer, inbox, source, OPERATOR)
         try:
             with bridge(backend, feed, steer, config):
-                about = (f"{backend.about}; domain {os.environ.get('ROS_DOMAIN_ID') or 0}", network_note())
-                yield Opened(source, lambda: inbox.owner, tuple(filter(None, about)), True, feed)
+                yield Opened(source, lambda: inbox.owner, _about(backend), True, feed)
         finally:
             steering.close()
+
+
+def _about(backend: Backend) -> tuple[str, ...]:
+    domain = f"{backend.about}; domain {os.environ.get('ROS_DOMAIN_ID') or 0}"
+    return tuple(filter(None, (domain, network_note())))

@@ -32,6 +32,8 @@ class RunPageOptions:
     """Serve a web page that shows and stops the run, and steers it unless --command or a mission does."""
     foxglove: bool = False
     """Serve the run, read-only, to Foxglove, Lichtblick and PlotJuggler (see docs/logs.md)."""
+    ros2: bool = False
+    """Publish the run to ROS 2, whoever steers it (see docs/ros2.md)."""
     page_host: str = "localhost"
     """Name or address to listen at; 0.0.0.0 lets other machines connect."""
     view_port: Port = 8080
@@ -75,7 +77,7 @@ def run_pages(
         UserError: an extra is not installed, or an address cannot be had.
     """
     with ExitStack() as resources:
-        if options.view or options.cockpit or options.foxglove:
+        if options.view or options.cockpit or options.foxglove or options.ros2:
             feed = feed or Path(resources.enter_context(TemporaryDirectory(prefix="footfall-"))) / "feed"
             steering = steering._replace(realtime=True, odometry=True)
         if options.view and feed is not None:
@@ -88,6 +90,11 @@ def run_pages(
 
             address = resources.enter_context(foxglove_served(feed, options.page_host, options.foxglove_port))
             print(f"Foxglove opens {address}", flush=True)
+        if options.ros2 and steering.feed is None and feed is not None:  # else ROS steers, and has it
+            from footfall.operate.ros2.run import published_to_ros2
+
+            for line in resources.enter_context(published_to_ros2(feed)):
+                print(line, flush=True)
         if inbox is not None and feed is not None:
             steering = _with_cockpit(options, robot, feed, steering, inbox, resources)
         yield steering, feed
