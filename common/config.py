@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import yaml
 from cattrs import Converter, transform_error
@@ -66,10 +66,18 @@ def _structure_bool(value: Any, _: type) -> bool:
     return value
 
 
+def _structure_choice(value: Any, choice: Any) -> Any:
+    choices = get_args(choice)
+    if value not in choices:
+        raise ValueError(f"{_shown(value)} is none of {', '.join(map(str, choices))}")
+    return value
+
+
 _converter.register_structure_hook(float, _structure_float)
 _converter.register_structure_hook(int, _structure_int)
 _converter.register_structure_hook(str, _structure_str)
 _converter.register_structure_hook(bool, _structure_bool)
+_converter.register_structure_hook_func(lambda cls: get_origin(cls) is Literal, _structure_choice)
 
 
 def _reason(error: BaseException, expected: type | None) -> str:

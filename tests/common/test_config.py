@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 import yaml
@@ -43,6 +43,7 @@ class Cart:
     wheels: tuple[Wheel, ...] = ()
 
     covered: bool = False
+    steered: Literal["front", "rear"] = "front"
 
     span: tuple[float, float] = (0.0, 1.0)
 
@@ -52,10 +53,12 @@ class Cart:
     [
         ({}, "cart.yaml: name: required field missing"),
         ({"name": 3}, "cart.yaml: name: 3 is not text"),
+        ({"name": "a", "steered": "left"}, "cart.yaml: steered: 'left' is none of front, rear"),
+        ({"name": "a", "steered": ["rear"]}, "cart.yaml: steered: ['rear'] is none of front, rear"),
         ({"name": "a", "covered": 1}, "cart.yaml: covered: 1 is not true or false"),
         (
             {"name": "a", "colour": "red"},
-            "cart.yaml: no setting colour (there are name, wheels, covered, span)",
+            "cart.yaml: no setting colour (there are name, wheels, covered, steered, span)",
         ),
         (
             {"name": "a", "wheels": [{"radius_m": "big"}]},
