@@ -1,5 +1,6 @@
 """Settings of the deploy loop."""
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -86,6 +87,11 @@ class DeployConfig:
     @property
     def tick_us(self) -> int:
         return round(1e6 / self.joint_rate_hz)
+
+    @property
+    def damping_ticks(self) -> int:
+        """Most ticks that it takes to damp a robot and disable its motors."""
+        return math.ceil(self.safety.damping_s * 1e6 / self.tick_us) + 2
 
     @property
     def held_up_s(self) -> float:

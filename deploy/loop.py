@@ -82,20 +82,13 @@ class ControlLoop:
         self._signals = SignalSource(
             robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
         )
-        self._wiring_check = wiring_check
         self.last_resort = LastResort(driver, bus, clock, self._joints, wiring, kd, config.tick_us)
         self._sensed: Sensed | None = None  # of this tick
-        self.state = State()
-        self.timing = Timing(policy_ms=runner.durations_ms)
-        self.now_us = 0
+        self._wiring_check, self.timing = wiring_check, Timing(policy_ms=runner.durations_ms)
+        self.state, self.now_us = State(), 0
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.walked_s = 0.0  # once the robot walks no more
         self.ticks_skipped = 0  # that were left out because the loop was late
-
-    @property
-    def notes(self) -> list[str]:
-        """What was changed of what was asked for, one line each."""
-        return self._runner.notes
 
     @property
     def walking(self) -> bool:
@@ -132,9 +125,8 @@ class ControlLoop:
     @property
     def status(self) -> Status:
         """The run as it is now, for its command source."""
-        estimate, now_us = self._estimate, self.now_us
-        pose = estimate.pose(now_us)
-        return self._runner.status(now_us, self.state, estimate.value, pose, self.battery)
+        known = *self._estimate.value, self._estimate.pose(self.now_us)
+        return self._runner.status(self.now_us, self.state, known, self.battery)
 
     @property
     def battery(self) -> BatteryState:
@@ -150,11 +142,6 @@ class ControlLoop:
     def temperature_c(self) -> np.ndarray:
         """Of the motors, degrees Celsius, (n,); NaN where a motor does not report it."""
         return self._joints.temperature_c
-
-    @property
-    def damping_ticks(self) -> int:
-        """Most ticks that it takes to damp the robot and disable its motors."""
-        return math.ceil(self._config.safety.damping_s * 1e6 / self._config.tick_us) + 2
 
     def tick(self) -> bool:
         """One joint tick. Returns False once the run is over and the motors are disabled.

@@ -91,20 +91,14 @@ class PolicyRunner:
         self._told = len(notes)
 
     def status(
-        self,
-        now_us: int,
-        state: State,
-        estimate: tuple[np.ndarray, float],
-        pose: Pose,
-        battery: BatteryState,
+        self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
     ) -> Status:
         """The run as it is now, for the command source.
 
         Args:
             now_us: the loop's time.
             state: the supervisor's.
-            estimate: the base's velocity (3,) m/s, body frame, and height m.
-            pose: of the base.
+            known: the base's velocity (3,) m/s, body frame, height m and pose.
             battery: what is known of it.
         """
         walking_s = self.time_s(now_us) if state.mode in DECIDING else 0.0
@@ -115,8 +109,7 @@ class PolicyRunner:
             state.mode,
             self._policies.present.policy.name,
             self._command,
-            *estimate,
-            pose,
+            *known,
             state.faults,
             self.notes,
             steering.offer,

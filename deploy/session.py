@@ -181,7 +181,7 @@ def run_session(
             try:
                 with _guarded(loop, taken_over, session):
                     _begin(log, clock.start(), refused)
-                    _drive(loop, session.duration_s, each_tick)
+                    _drive(loop, session, each_tick)
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
@@ -195,7 +195,7 @@ def run_session(
             compute_ms=loop.timing.policy_ms.values(),
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
-            notes=(*refused, *loop.notes, *filter(None, [lacking]), *_unheard(loop)),
+            notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop)),
         )
 
 
@@ -210,23 +210,23 @@ def _realtime(session: Session) -> Iterator[list[str]]:
             yield []
 
 
-def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:
+def _drive(loop: ControlLoop, session: Session, each_tick: Callable[[ControlLoop], None] | None) -> None:
     """Tick until the run is over. An exception is raised again once the robot was damped."""
     try:
         while loop.tick():
             if each_tick is not None:
                 each_tick(loop)
-            if loop.state.mode is Mode.WALKING and loop.walking_s >= duration_s - 1e-9:
+            if loop.state.mode is Mode.WALKING and loop.walking_s >= session.duration_s - 1e-9:
                 loop.finish()
     except BaseException as error:
         loop.fail(error)
-        _damp(loop)
+        _damp(loop, session.config.damping_ticks)
         raise
 
 
-def _damp(loop: ControlLoop) -> None:
+def _damp(loop: ControlLoop, ticks: int) -> None:
     """Tick a failed loop until the robot was damped for long enough, whatever else is raised."""
-    for _ in range(loop.damping_ticks):
+    for _ in range(ticks):
         try:
             if not loop.tick():
                 return
