@@ -136,10 +136,10 @@ class Scheduled:
 
     def __init__(self, velocity: VelocityFunction) -> None:
         """`velocity`: time since walking began, s, to (3,)."""
-        self._velocity = velocity
+        self.velocity = velocity
 
     def poll(self, status: Status) -> Request:
-        return Request(self._velocity(status.walking_s), autonomous=True)
+        return Request(self.velocity(status.walking_s), autonomous=True)
 
 
 def source_of(given: CommandSource | VelocityFunction) -> CommandSource:

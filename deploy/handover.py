@@ -89,7 +89,7 @@ class Handover:
 
     def due(self, now_us: int) -> bool:
         """Whether it is time for a step."""
-        return any(turn.due(now_us) for turn in self.acting)
+        return self.present.due(now_us) or (len(self.acting) > 1 and self.acting[1].due(now_us))
 
     def step(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
         """One step of those that decide, where theirs is due. Returns the decision (5, n).

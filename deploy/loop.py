@@ -182,7 +182,7 @@ class ControlLoop:
         if self.state.mode in DECIDING:
             self._decide()
         elif runner.steering.due(now_us):
-            runner.poll(now_us, self.status)
+            runner.poll(now_us, self)
         self._end.heed(runner.steering.lie_down, self.state.mode)
         if runner.signals is not signals.policy:
             self._supervise(signals._replace(policy=runner.signals))
@@ -202,7 +202,7 @@ class ControlLoop:
         if not due:
             return
         commanded = self.walking and not self.held_up
-        step = runner.step(now_us, self.status, self.sensed, self._estimate.value, commanded)
+        step = runner.step(now_us, self, self.sensed, self._estimate.value, commanded)
         if log is not None:
             runner.tell(now_us, log, step)
 

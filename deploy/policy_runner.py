@@ -16,7 +16,7 @@ from footfall.deploy.modes import DECIDING
 from footfall.deploy.run_log import RunLog
 from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
-from footfall.deploy.steering import Steering
+from footfall.deploy.steering import Run, Steering
 from footfall.deploy.timing import Durations
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
@@ -151,21 +151,26 @@ class PolicyRunner:
             self._failed(error)
             return None
 
-    def poll(self, now_us: int, status: Status) -> None:
+    def poll(self, now_us: int, run: Run) -> None:
         """Ask the command source while the policy does not decide; `signals` tell if it fails."""
         try:
-            self.steering.poll(now_us, status, follow=False)
+            self.steering.poll(now_us, run, follow=False)
         except FAILURES as error:
             self._failed(error)
 
     def step(
-        self, now_us: int, status: Status, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
+        self,
+        now_us: int,
+        run: Run,
+        sensed: Sensed,
+        estimate: tuple[np.ndarray, float],
+        walking: bool,
     ) -> tuple[PolicyInput, np.ndarray] | None:
         """One step; returns what the policy was given and its decision, or None if it failed or hung.
 
         Args:
             now_us: the loop's time.
-            status: for the command source.
+            run: as it is, for the command source.
             sensed: the latest readings.
             estimate: the base's velocity (3,) m/s, body frame, and height m.
             walking: whether the commands come from the source; otherwise they are zero.
@@ -174,7 +179,7 @@ class PolicyRunner:
         try:
             try:
                 self._arm(self._limit_s)
-                given, decision = self._decide(now_us, status, sensed, estimate, walking)
+                given, decision = self._decide(now_us, run, sensed, estimate, walking)
             finally:
                 self._arm(0.0)
                 if os.getpid() != self._process:  # a policy that forked: its copy holds no robot
@@ -197,10 +202,15 @@ class PolicyRunner:
         return given, decision
 
     def _decide(
-        self, now_us: int, status: Status, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
+        self,
+        now_us: int,
+        run: Run,
+        sensed: Sensed,
+        estimate: tuple[np.ndarray, float],
+        walking: bool,
     ) -> tuple[PolicyInput, np.ndarray]:
         steering, policies, walked_us = self.steering, self._policies, now_us - self._began_us
-        steering.poll(now_us, status, walking)
+        steering.poll(now_us, run, walking)
         for change in steering.take_changes():
             policies.apply(change, walked_us)
             self._changes.append(change)

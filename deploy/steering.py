@@ -2,11 +2,22 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
+from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
-from footfall.deploy.command_source import CommandSource, Offer, Request, Status, Stop, StopSource, Wish
+from footfall.deploy.command_source import (
+    CommandSource,
+    Offer,
+    Request,
+    Scheduled,
+    Status,
+    Stop,
+    StopSource,
+    Wish,
+)
 from footfall.deploy.commands import CommandLimits
 from footfall.policies.live_settings import DECLARED, Span, Steerable
 from footfall.policies.policy import Policy
@@ -14,6 +25,22 @@ from footfall.robots.commands import CommandRange
 
 STILL = np.zeros(3)
 POLL_EVERY_US = 20_000  # while the policy does not decide
+
+
+class Run(Protocol):
+    """A run as it is now."""
+
+    @property
+    def walking_s(self) -> float:
+        """Time since walking began."""
+
+    @property
+    def battery(self) -> BatteryState:
+        """What is known of the battery."""
+
+    @property
+    def status(self) -> Status:
+        """All of it."""
 
 
 class Steering:
@@ -35,13 +62,14 @@ class Steering:
             usual: the robot's ranges of commands, which a low battery reduces if the policy has none.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
+        self._velocity = source.velocity if isinstance(source, Scheduled) else None
         self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
         names = tuple(policy.name for policy in policies)
         self._offers = {policy.name: offer_of(policy)._replace(policies=names) for policy in policies}
         self._all_limits = {
             name: CommandLimits(offer.commands, self.notes, usual) for name, offer in self._offers.items()
         }
-        self._request, self._checked = Request(STILL), True
+        self._request, self._checked = Request(STILL, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []
         self.asked_command = STILL  # of the newest request, before it was clipped
         self.command = STILL  # (3,) within the present policy's ranges
@@ -80,28 +108,36 @@ class Steering:
         """Whether to poll while the policy does not decide."""
         return now_us >= self._next_us
 
-    def poll(self, now_us: int, status: Status, follow: bool) -> None:
-        """Take the newest request; without `follow` the command is zero and nothing changes."""
+    def poll(self, now_us: int, run: Run, follow: bool) -> None:
+        """Take the newest request; without `follow` the command is zero and nothing changes.
+
+        Args:
+            now_us: the loop's time.
+            run: as it is. A function of time is asked without a status: to make one would take a noticeable
+                part of a tick in lockstep.
+            follow: whether the robot walks.
+        """
         self._next_us = now_us + POLL_EVERY_US
-        request = self._source.poll(status)
+        if self._velocity is not None:
+            self._follow(self._velocity(run.walking_s) if follow else STILL, run)
+            return
+        request = self._source.poll(run.status)
         if request is not self._request:
             self._request, self._checked = request, False
             if request.note:
                 self._note(request.note)
-        if not follow:
-            self.asked_command = self.command = STILL
-            return
-        if not self._checked:
+        if follow and not self._checked:
             self._checked = True
             self._check(request)
-        if request.wish is not Wish.WALK:
-            self.asked_command = self.command = STILL
-            return
-        self.asked_command = np.asarray(request.velocity, dtype=float)
+        self._follow(request.velocity if follow and request.wish is Wish.WALK else STILL, run)
+
+    def _follow(self, velocity: np.ndarray, run: Run) -> None:
+        self.asked_command = np.asarray(velocity, dtype=float)
         self.command = self._limits.apply(self.asked_command)
-        if status.battery.allowed < 1.0:
+        allowed = run.battery.allowed
+        if allowed < 1.0:
             self._note("the battery is low: speed and torque are limited")
-            self.command = self._limits.reduce(self.command, status.battery.allowed)
+            self.command = self._limits.reduce(self.command, allowed)
 
     def refresh(self, policy: Policy) -> None:
         """Ranges may have changed with the gait of the present policy."""

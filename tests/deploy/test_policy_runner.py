@@ -11,10 +11,10 @@ from deploy_policies import Hold, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy import policy_runner
-from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, VelocityFunction, source_of
+from footfall.deploy.battery import NO_BATTERY
+from footfall.deploy.command_source import VelocityFunction, source_of
 from footfall.deploy.deadline import OverdueError
 from footfall.deploy.handover import Handover
-from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.steering import Steering
 from footfall.policies.policy import PolicyInput, Sensed
@@ -34,9 +34,8 @@ def runner_of(
     return PolicyRunner(Handover([policy]), Steering(source_of(source), [policy]), 500.0, 0.1, realtime, arm)
 
 
-def status_at(runner: PolicyRunner, now_us: int) -> Status:
-    walking_s, still = runner.time_s(now_us), np.zeros(3)
-    return Status(now_us * 1e-6, walking_s, Mode.WALKING, "", still, *ESTIMATE, UNKNOWN_POSE, (), (), Offer())
+def run_at(runner: PolicyRunner, now_us: int) -> Any:
+    return SimpleNamespace(walking_s=runner.time_s(now_us), battery=NO_BATTERY)
 
 
 def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
@@ -47,7 +46,7 @@ def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[floa
     for now_us in times:
         if (
             runner.due(now_us)
-            and runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, walking) is not None
+            and runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, walking) is not None
         ):
             taken.append(runner.time_s(now_us))
     return taken
@@ -126,7 +125,7 @@ class TestLateness:
         counts = []
         runner.start(0)
         for now_us in range(0, 300_000, 20_000):
-            runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, True)
+            runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, True)
             counts.append(runner.signals.late_steps)
         assert max(counts) == most
 
@@ -176,7 +175,7 @@ class TestInputs:
         assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
         (forward, slower) = runner.notes
         assert ("forward" in forward, slower) == (True, "slower")
-        runner.step(40_000, status_at(runner, 40_000), READINGS, ESTIMATE, True)
+        runner.step(40_000, run_at(runner, 40_000), READINGS, ESTIMATE, True)
         notes.append("lower")
         *_, yaw, lower = runner.notes
         assert ("yaw" in yaw, lower) == (True, "lower")
@@ -216,7 +215,7 @@ class TestFailure:
         runner, finite = runner_of(Odd(go1)), []
         runner.start(0)
         for now_us in (0, 20_000):
-            runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, True)
+            runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, True)
             finite.append(runner.signals.command_finite)
         assert finite == [False, True]
 
@@ -231,7 +230,7 @@ class TestFailure:
         assert runner.stance() is None
         walk(runner, [0])
         assert runner.stance() is not None
-        runner.step(20_000, status_at(runner, 20_000), READINGS, ESTIMATE, True)
+        runner.step(20_000, run_at(runner, 20_000), READINGS, ESTIMATE, True)
         assert runner.stance() is None
         assert runner.signals.error == "the policy failed: KeyError: 'feet'"
 

@@ -1,6 +1,8 @@
 """What a command source asks for: refused, clipped, and handed on as changes."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from footfall.robots.description import Robot
 
 FORWARD = np.array([0.4, 0.0, 0.0])
 STATUS = Status(0.0, 0.0, Mode.WALKING, "a", FORWARD, FORWARD, 0.3, UNKNOWN_POSE, (), (), Offer())
+
+RUN: Any = SimpleNamespace(walking_s=0.0, battery=STATUS.battery, status=STATUS)
 
 
 class Steps(Hold):
@@ -56,7 +60,7 @@ def steering(go1: Robot, source: Asks) -> Steering:
 
 
 def changes_of(steering: Steering) -> list[Change]:
-    steering.poll(0, STATUS, follow=True)
+    steering.poll(0, RUN, follow=True)
     return steering.take_changes()
 
 
@@ -104,7 +108,7 @@ def test_gait_and_settings_wait_for_the_policy_that_comes(steering: Steering, so
 def test_a_wish_other_than_to_walk_means_a_zero_command(steering: Steering, source: Asks) -> None:
     for wish, lies in ((Wish.STAND, False), (Wish.LIE_DOWN, True)):
         source.request = Request(FORWARD, wish=wish)
-        steering.poll(0, STATUS, follow=True)
+        steering.poll(0, RUN, follow=True)
         assert (steering.command.tolist(), steering.lie_down) == ([0.0, 0.0, 0.0], lies)
 
 
