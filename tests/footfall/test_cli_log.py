@@ -1,6 +1,9 @@
 """`footfall log` on the log of a short run."""
 
+import json
+import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from shell import Shell
 
 from footfall.deploy.log_analysis.continuity import continuity
 from footfall.deploy.log_file import read_log
+from footfall.deploy.telemetry.topics import TOPICS
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
@@ -82,6 +86,21 @@ def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Pat
     assert {frame.channel for frame in frames} == {"can0", "can1", "can2", "can3"}
     first = min(logged_frames, key=lambda entry: entry.time_ns).message
     assert (frames[0].arbitration_id, bytes(frames[0].data)) == (first.id, bytes(first.data[: first.dlc]))
+
+
+def test_layouts_name_topics_and_joints_of_the_log(
+    shell: Shell, go1: Robot, logged: Path, tmp_path: Path
+) -> None:
+    for tool in ("foxglove", "plotjuggler"):
+        assert shell("log", "layout", logged, "--tool", tool, "--out", tmp_path / tool).status == 0
+    foxglove = json.loads((tmp_path / "foxglove").read_text())
+    paths = [path for panel in foxglove["configById"].values() for path in panel.get("paths", ())]
+    assert {path["value"].partition(".")[0] for path in paths} <= set(TOPICS)
+    assert set(go1.joint_names) <= {path["label"] for path in paths}
+    placed = re.findall(r'"(?:first|second)": "(.+)"', (tmp_path / "foxglove").read_text())
+    assert sorted(placed) == sorted(foxglove["configById"])
+    curves = [each.get("name", "") for each in ElementTree.parse(tmp_path / "plotjuggler").iter("curve")]
+    assert {f"/joint_states/{joint}/effort" for joint in go1.joint_names} <= set(curves)
 
 
 def test_garbage_and_logs_without_frames_are_refused(shell: Shell, go1: Robot, tmp_path: Path) -> None:

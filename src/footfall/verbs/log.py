@@ -4,7 +4,7 @@ import math
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -132,6 +132,34 @@ def frames(file: Path, /, *, out: OptionalPath = None) -> int:
     with out.open("w") as text:
         count = write_candump(file, text)
     print(f"{count} frames in {out}")
+    return 0
+
+
+@log.command
+def layout(
+    file: Path, /, *, tool: Literal["foxglove", "plotjuggler"] = "foxglove", out: OptionalPath = None
+) -> int:
+    """Write a layout for a viewer of logs, with plots by the names of the log's joints.
+
+    Parameters
+    ----------
+    file
+        The log, or another one of the same robot.
+    tool
+        foxglove, which Lichtblick imports as well, or plotjuggler.
+    out
+        Where to write it (default: ROBOT.foxglove.json or ROBOT.plotjuggler.xml, beside the log).
+    """
+    from footfall.common.outputs import write_text
+    from footfall.deploy.log_analysis.layouts import LAYOUTS
+    from footfall.deploy.log_file import read_log
+
+    found = read_log(file, topics=())
+    make, suffix = LAYOUTS[tool]
+    target = file.parent / f"{found.text('robot')}.{tool}{suffix}" if out is None else out
+    check_outputs(target)
+    write_text(target, make(found.joints))
+    print(f"{target}: import it in {tool}")
     return 0
 
 
