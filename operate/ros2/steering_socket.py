@@ -7,7 +7,10 @@ From the bridge, one request a line, each with some of these keys:
     {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57, "goal": 3}    {"id": 11, "path": null}
 
 To the bridge: `{"id": 7, "refused": ""}`, the reason or nothing, for each; and `{"status": {...}}`, ten times
-a second. The inbox checks every value. When the bridge is gone, its ownership of the steering ends.
+a second.
+
+The inbox checks every value. Until something is asked for, the bridge counts as an operator who stands still;
+from then on the rules of silence hold. When the bridge is gone, its ownership of the steering ends.
 """
 
 import json
@@ -20,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from footfall.deploy.command_source import Status
-from footfall.operate.inbox import Inbox
+from footfall.operate.inbox import STILL, Inbox
 from footfall.operate.ros2.path_source import PathSource, PathState
 
 STATUS_EVERY_S = 0.1
@@ -43,6 +46,7 @@ class SteeringSocket:
         """
         self._inbox, self._paths, self._operator = inbox, paths, operator
         self._ended = threading.Event()
+        self._asked = False  # whether anything was asked for yet
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(os.fspath(path))
         self._listener.listen(1)
@@ -76,6 +80,7 @@ class SteeringSocket:
             if time.monotonic() >= due_s and status is not None:
                 now = described(status, self._inbox.owner, self._paths.state, told)
                 bridge.sendall(_line({"status": now}))
+                self._wait_for_the_first_request()
                 told, due_s = len(status.notes), time.monotonic() + STATUS_EVERY_S
             try:
                 arrived = bridge.recv(4096)
@@ -87,6 +92,11 @@ class SteeringSocket:
             waiting = bytearray(rest)
             for line in lines:
                 bridge.sendall(self._answer(line))
+
+    def _wait_for_the_first_request(self) -> None:
+        """Somebody who starts a run still has to start what steers it."""
+        if not self._asked and self._inbox.owner in ("", self._operator):
+            self._inbox.put(self._operator, velocity=STILL)
 
     def _answer(self, line: bytes | bytearray) -> bytes:
         try:
@@ -100,6 +110,7 @@ class SteeringSocket:
 
     def _refused(self, request: dict[str, Any]) -> str:
         """Do what is asked for; returns why not, empty if it is done."""
+        self._asked = self._asked or "note" not in request
         if "stop" in request:
             self._inbox.stop(self._operator, request["stop"])
             return ""

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from walking_run import WALKING, abilities, eventually
 
 from footfall.deploy.command_source import Wish
-from footfall.operate.inbox import Inbox
+from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
@@ -79,6 +80,20 @@ def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -
             assert answer["refused"]
         raw.sendall(b'{"velocity": [0.2, 0, 0]}\n')
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
+
+
+def test_a_run_waits_for_the_first_request_and_ends_if_no_other_follows(tmp_path: Path) -> None:
+    inbox = Inbox(InboxConfig(still_after_s=0.2, lie_down_after_s=0.3))
+    inbox.poll(WALKING)
+    server = SteeringSocket(tmp_path / "steer", inbox, PathSource(inbox, "ros2", abilities), "ros2")
+    link = Link(str(tmp_path / "steer"), lambda _: None, lambda _: None)
+    end_s = time.monotonic() + 0.8
+    while time.monotonic() < end_s:
+        assert inbox.poll(WALKING).wish is Wish.WALK
+        time.sleep(0.01)
+    assert link.ask(velocity=[0.1, 0, 0]) == ""
+    assert eventually(lambda: inbox.poll(WALKING).wish is Wish.LIE_DOWN)
+    server.close()
 
 
 def test_a_bridge_that_is_gone_steers_no_more_and_another_one_may_come(
