@@ -78,18 +78,15 @@ class Walk:
     def _begin(self, joint_position: np.ndarray) -> None:
         clock = self._config.gait.clock(self._robot)
         self._cycle.begin(clock.timing, clock.offsets)
-        self._cycle.reset()
-        self._command.reset()
+        for part in (self._cycle, self._command, self._levelling, self._sway, self._pacing):
+            part.reset()
         self._start = self._previous = joint_position
-        self._levelling.reset()
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
         self._height_m = self._step.body_height_m
-        self._sway.reset()
         self._sway_plan = self._plan_sway()
         self._steps, self._room = False, 1.0
         self._yaw: float | None = None  # that it keeps to, while it steps
-        self._pacing.reset()
 
     def change(self, gait: GaitConfig | None = None, step: StrideConfig | None = None) -> None:
         """Ask for another gait, or other steps, without a jump in a joint's target.
@@ -110,7 +107,8 @@ class Walk:
     @property
     def live_settings(self) -> dict[str, Span]:
         """See `Steerable`."""
-        return live_settings(self._config, self._all_gaits[self._wanted_gait.name].period_s)
+        wanted = self._wanted_gait
+        return live_settings(self._config, self._all_gaits.get(wanted.name, wanted).period_s)
 
     def set_live(self, values: Mapping[str, float]) -> None:
         """See `Steerable` and `change`. The period and the attitude are approached."""
@@ -120,8 +118,8 @@ class Walk:
             period_s = min(max(values["step_period_s"], span.lowest), span.highest)
             self._wanted_gait = replace(self._wanted_gait, period_s=period_s)
             self._gait = self._wanted_gait if same else self._gait
-        wanted = self._levelling.wanted.tolist()
-        self._levelling.wanted = np.array([values.get(*each) for each in zip(ATTITUDE, wanted, strict=True)])
+        named = zip(ATTITUDE, self._levelling.wanted.tolist(), strict=True)
+        self._levelling.wanted = np.array([values.get(name, now) for name, now in named])
 
     def take_up(self, gait: str) -> None:
         """See `Steerable`. The gait begins with its own period."""
