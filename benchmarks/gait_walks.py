@@ -3,14 +3,14 @@
     python benchmarks/gait_walks.py --workers 16 --out gait_walks.jsonl
 
 Every gait of every robot, over the simulated bus with the scenarios' sensor noise. The straight walk is told
-a velocity and nothing else; what it drifts is the gait's. On the rectangle, 2 by 1 m, a path follower that
-sees the estimator's pose alone walks along each side and turns at each corner; what counts is how far from
-its start the robot really stands at the end. Prints a table.
+a velocity and nothing else; what it drifts is the gait's. The rectangle, 2 by 1 m, is a mission by odometry;
+what counts is how far from its start the robot really stands at the end. Prints a table.
 """
 
 import argparse
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,24 +18,25 @@ import numpy as np
 from resumable_runs import run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
-from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.deploy.command_source import CommandSource, Scheduled
+from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.evaluate.scenarios import load_scenarios
+from footfall.operate.abilities import abilities_of
+from footfall.operate.missions.mission import mission_of
+from footfall.operate.missions.source import MissionSource
 from footfall.plant.episode import Episode, Watch, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.policy import Policy, PolicyInput
+from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy, walking_controllers
-from footfall.robots.actuator import JointCommand
-from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, available_robots, load_robot
 
 WAY_M = 5.0
-CORNERS = ((2.0, 0.0), (2.0, 1.0), (0.0, 1.0), (0.0, 0.0))
+SIZE = "2x1"
 SHARE = 0.5  # of the robot's highest commands
 LONGEST_S = 400.0
-NEAR_M, NEAR_RAD = 0.01, 0.04  # where a side and a turn have ended
 STAND_S = 3.0  # at the end, so that the gait comes to rest
 
 
@@ -46,80 +47,6 @@ class Trial(NamedTuple):
     gait: str
     course: str  # straight or rectangle
     seed: int
-
-
-class PathFollower:
-    """Steers along the sides of a polygon that begins at the origin, by an estimated pose."""
-
-    def __init__(self, commands: CommandRange) -> None:
-        self._ahead, self._turn = SHARE * commands.forward_m_s[1], SHARE * commands.yaw_rad_s[1]
-        self._from, self._to = (0.0, 0.0), list(CORNERS)
-        self._turns = False
-        self.done = False
-
-    def command(self, x: float, y: float, yaw: float) -> np.ndarray:
-        """Velocity (3,) at a pose, m and rad."""
-        if not self._to:
-            self.done = True
-            return np.zeros(3)
-        (from_x, from_y), (to_x, to_y) = self._from, self._to[0]
-        side = math.hypot(to_x - from_x, to_y - from_y)
-        along_x, along_y = (to_x - from_x) / side, (to_y - from_y) / side
-        left_m = (to_x - x) * along_x + (to_y - y) * along_y
-        beside_m = (y - from_y) * along_x - (x - from_x) * along_y
-        off = wrap_angle(math.atan2(along_y, along_x) - yaw)
-        if self._turns:
-            if abs(off) > NEAR_RAD:
-                return np.array([0.0, 0.0, math.copysign(self._slowly(self._turn, 1.5 * abs(off)), off)])
-            self._turns = False
-        if left_m < NEAR_M:
-            self._from, self._turns = self._to.pop(0), True
-            return self.command(x, y, yaw)
-        turn = off - min(max(2.0 * beside_m, -0.4), 0.4)
-        return np.array(
-            [
-                self._slowly(self._ahead, 1.5 * left_m),
-                0.0,
-                min(max(1.5 * turn, -self._turn), self._turn),
-            ]
-        )
-
-    @staticmethod
-    def _slowly(most: float, wanted: float) -> float:
-        return min(most, max(0.4 * most, wanted))
-
-
-class PathFollowingPolicy:
-    """A policy whose commands come from a path follower, by the pose that its own estimator works out."""
-
-    contract = None
-    needs_estimate = False
-
-    def __init__(self, inner: Policy, robot: Robot, follower: PathFollower) -> None:
-        self.name, self.rate_hz = inner.name, inner.rate_hz
-        self._inner, self._follower, self._estimator = inner, follower, BaseEstimator(robot)
-        self._plan: np.ndarray | None = None
-
-    @property
-    def notes(self) -> list[str]:
-        return list(self._inner.notes)
-
-    def reset(self, inputs: PolicyInput) -> None:
-        self._inner.reset(inputs)
-        self._estimator.reset(inputs.sensed)
-        self._plan = None
-
-    def act(self, inputs: PolicyInput) -> JointCommand:
-        if inputs.time_s > 0.0:
-            self._estimator.update(inputs.sensed, self._plan, 1.0 / self.rate_hz)
-        pose = self._estimator.odometry()
-        x, y, _ = pose.position.tolist()
-        told = self._inner.act(inputs._replace(command=self._follower.command(x, y, pose.yaw)))
-        self._plan = self._inner.stance()
-        return told
-
-    def stance(self) -> np.ndarray | None:
-        return self._inner.stance()
 
 
 def walk(trial: Trial) -> dict[str, Any]:
@@ -145,7 +72,7 @@ def _straight(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, An
         if x - start[0] >= WAY_M:
             loop.finish()
 
-    trace = _run(robot, policy, noise, seed, lambda _: ahead, watch)
+    trace = _run(robot, policy, noise, seed, Scheduled(lambda _: ahead), watch)
     went, turned = _moved(trace)
     height = trace.base_position[:, 2]
     late = len(height) // 4
@@ -163,32 +90,30 @@ def _straight(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, An
 
 
 def _rectangle(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, Any]:
-    follower = PathFollower(robot.description.commands)
-    done_us: list[int] = []
-
-    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        if follower.done and not done_us:
-            done_us.append(loop.now_us)
-        if done_us and loop.now_us > done_us[0] + 1e6 * STAND_S:
-            loop.finish()
-
-    trace = _run(
-        robot, PathFollowingPolicy(policy, robot, follower), noise, seed, lambda _: np.zeros(3), watch
-    )
+    mission = mission_of({"steps": [{"rectangle": SIZE}, {"stand": STAND_S}]}, "rectangle")
+    source = MissionSource(mission, policy.name, abilities_of({policy.name: policy}, robot))
+    trace = _run(robot, policy, noise, seed, source)
     went, turned = _moved(trace)
     return {
         "fell": trace.fell,
         "faults": list(trace.faults),
-        "came_round": follower.done,
+        "came_round": source.progress.done,
         "lap_s": float(trace.time_s[-1] - STAND_S),
         "closing_m": float(np.hypot(went[0], went[1])),
         "turned_deg": math.degrees(wrap_angle(turned)),
     }
 
 
-def _run(robot: Robot, policy: Policy, noise: Any, seed: int, command: Any, watch: Watch) -> Trace:
+def _run(
+    robot: Robot, policy: Policy, noise: Any, seed: int, source: CommandSource, watch: Watch | None = None
+) -> Trace:
     episode = Episode(
-        command_source=command, duration_s=LONGEST_S, seed=seed, noise=noise, record_rate_hz=20.0
+        command_source=source,
+        duration_s=LONGEST_S,
+        seed=seed,
+        noise=noise,
+        record_rate_hz=20.0,
+        config=replace(deploy_config(robot), odometry=True),
     )
     return run_episode(robot, policy, episode, watch)
 

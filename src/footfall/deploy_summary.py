@@ -29,7 +29,8 @@ def show(figures: dict[str, Any]) -> None:
     if loads:
         rows.append(("bus load", ", ".join(loads)))
     if mission := figures.get("mission"):
-        rows.append(("mission", f"{mission['outcome'] or 'not done'}, off by {mission['error_m']:.2f} m"))
+        off = "" if math.isnan(mission["error_m"]) else f", off by {mission['error_m']:.2f} m"
+        rows.append(("mission", f"{mission['outcome'] or 'not done'}{off}"))
     rows += [("fault", fault) for fault in figures["faults"]]
     rows += [("fell", figures["fall_reason"])] if figures["fell"] else []
     rows += [("note", note) for note in figures["notes"]]

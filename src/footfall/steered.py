@@ -1,6 +1,6 @@
 """Who steers a run: a fixed command, a mission, or an operator."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,19 +37,25 @@ class Steered(NamedTuple):
     failed: Callable[[], bool] = bool  # whether it did not reach what it was for
 
 
-def named_policies(by: str | None) -> tuple[str, ...]:
-    """Policies that a mission names.
+def mission_policies(by: str | None, loaded: Sequence[Policy], robot: Robot) -> dict[str, Policy]:
+    """Policies that a mission names beside those that are loaded, by spec.
 
     Raises:
-        UserError: the file is no mission.
+        UserError: the file is no mission, or names a policy that there is not.
     """
     from footfall.operate.sources import is_mission
 
     if by is None or not is_mission(by):
-        return ()
+        return {}
     from footfall.operate.missions.mission import load_mission
+    from footfall.policies.registry import lasting_spec, load_policy
 
-    return load_mission(Path(by)).policies
+    names = {policy.name for policy in loaded}
+    try:
+        missing = [name for name in load_mission(Path(by)).policies if name not in names]
+        return {lasting_spec(name): load_policy(name, robot) for name in missing}
+    except UserError as error:
+        raise UserError(str(error) if by in str(error) else f"{by}: {error}") from None
 
 
 @contextmanager

@@ -40,15 +40,15 @@ def deploy(
     from footfall.policies.spec import add_settings
     from footfall.result import write_and_show
     from footfall.robots.description import load_robot
-    from footfall.steered import COCKPIT, named_policies, steered
+    from footfall.steered import COCKPIT, mission_policies, steered
 
     if options.by == COCKPIT:
         options, pages = replace(options, by=None), replace(pages, cockpit=True)
     robot = load_robot(options.robot)
-    named = [*options.also, *named_policies(options.by)]
-    spec, *also = add_settings([policy, *(each for each in named if each != policy)], options.settings)
+    spec, *also = add_settings([policy, *options.also], options.settings)
     decider = load_policy(spec, robot)
     others = {lasting_spec(each): load_policy(each, robot) for each in also}
+    others |= mission_policies(options.by, [decider, *others.values()], robot)
     run = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
