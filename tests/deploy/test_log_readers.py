@@ -1,10 +1,12 @@
 """Logs as tools of others read them: rosbags, with ROS 2's own definitions."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from deploy_policies import Hold
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -13,11 +15,13 @@ from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.log import McapLog
+from footfall.deploy.log_file import read_log
 from footfall.deploy.log_records import Kind
 from footfall.deploy.modes import Mode
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.definitions import definition
+from footfall.deploy.telemetry.messages import text
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
@@ -74,6 +78,18 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
             assert bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(content), connection.topic
             found.setdefault(connection.topic, []).append(message)
     return found
+
+
+def test_logs_of_version_0_2_are_read_by_the_names_of_today(tmp_path: Path) -> None:
+    with (tmp_path / "old.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "footfall")
+        writer.add_metadata("footfall", {"robot": '"go1"'})
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        writer.add_message(writer.register_channel("/imu", "cdr", schema), 1, text("old"), 1)
+        writer.finish()
+    (entry,) = read_log(tmp_path / "old.mcap", ["/imu/data"]).entries
+    assert (entry.topic, entry.message.data) == ("/imu/data", "old")
 
 
 def test_every_topic_is_read(messages: dict[str, list[Any]]) -> None:
