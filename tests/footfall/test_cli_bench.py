@@ -12,11 +12,9 @@ from typing import Any
 import pytest
 from shell import Shell
 
-from footfall.deploy import scan
 from footfall.deploy.bench import MotorState
-from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import Wiring, wire
-from footfall.robots.description import Robot, load_robot
+from footfall.deploy.wiring import Wiring
+from footfall.robots.description import Robot
 
 HIP = MotorState("hip", "can0", 1, "AK10-9", 0.004, 0.5, 1.0, -0.25, 41.0, 48.04, "")
 TABLE = (
@@ -93,56 +91,12 @@ def place(motors: Motors, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 class TestPlace:
     BUSES = ("can0", "can1", "can2", "can3")
 
-    @pytest.mark.parametrize(
-        "verb", [["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
-    )
-    def test_by_default_all_motors_of_go1_on_socketcan(
-        self, shell: Shell, place: list[Any], go1: Robot, verb: list[str]
-    ) -> None:
-        assert shell("can", *verb).status == 0
-        filters = open_driver(wire(go1)).filters
-        assert place == [
-            ("opened", "socketcan", self.BUSES, filters), ("bench", go1.joint_names), "off", "closed",
-        ]  # fmt: skip
-
-    @pytest.mark.parametrize(
-        "verb", [["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
-    )
-    def test_or_some_of_another_robot_in_the_order_of_their_names(
-        self, shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch, verb: list[str]
-    ) -> None:
-        monkeypatch.setattr(
-            "footfall.deploy.drivers.choice.open_driver",
-            lambda wiring: SimpleNamespace(filters=f"of {wiring.joint_names}"),
-        )
-        robot = load_robot("hexapod")
-        joints = (robot.joint_names[7], robot.joint_names[2])
-        options = ("--robot", "hexapod", "--bus", "virtual", "--joint", ",".join(joints))
-        assert shell("can", *verb, *options).status == 0
-        wiring = wire(robot)
-        assert place == [
-            ("served", "hexapod", "virtual"), ("opened", "virtual", wiring.buses, f"of {joints}"),
-            ("bench", joints), "off", "closed", "served no more",
-        ]  # fmt: skip
-
     def test_motors_are_off_and_buses_closed_whatever_ends_it(
         self, shell: Shell, motors: Motors, place: list[Any]
     ) -> None:
         motors.interrupts = True
         assert shell("can", "clear", "--yes").status == 130
         assert place[-2:] == ["off", "closed"]
-
-    def test_a_scan_listens_to_everything_on_all_buses(
-        self, shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(scan, "scan", lambda *_: set())
-        outcome = shell("can", "scan")
-        assert outcome.status == 1
-        assert place == [("opened", "socketcan", self.BUSES, scan.EVERYTHING), "closed"]
-        header, first, *_, last = outcome.out.splitlines()
-        assert header.split() == ["bus", "id", "maker", "joint"]
-        assert first.split() == ["can0", "1", "MIT", "mode", "FR_hip_joint", "missing"]
-        assert last.split() == ["can3", "3", "MIT", "mode", "RL_calf_joint", "missing"]
 
 
 @pytest.mark.usefixtures("place")
@@ -211,36 +165,3 @@ class TestActs:
         assert lines[0] == "hip reported over-current: cleared"
         assert lines[1].split()[0] == "joint"
         assert (outcome.status, lines[5:]) == (1, ["ankle reports heat"])
-
-    def test_what_is_not_known_of_a_motor_is_a_dash(self, shell: Shell, motors: Motors) -> None:
-        nan = math.nan
-        motors.states_in_turn = [
-            [MotorState("hip", "can0", 1, "AK10-9", math.inf, nan, nan, nan, nan, nan, "")]
-        ]
-        assert shell("can", "monitor").out.splitlines()[1].split()[4:] == ["-"] * 6
-
-
-@pytest.mark.parametrize(
-    ("verb", "question"),
-    [
-        ("enable", "switch the motors on, without torque? The robot must hang or lie: its joints are limp"),
-        ("zero", "take the present position of every joint for zero? What was zero before is lost"),
-        ("zero --joint FR_hip_joint,FL_hip_joint",
-         "take the present position of FR_hip_joint, FL_hip_joint for zero? What was zero before is lost"),
-        ("clear",
-         "clear the errors of every joint? A motor that was kept off by them can be switched on then"),
-        ("clear --joint FR_hip_joint",
-         "clear the errors of FR_hip_joint? A motor that was kept off by them can be switched on then"),
-    ],
-)  # fmt: skip
-def test_what_is_asked_before_anything_is_opened(
-    shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch, verb: str, question: str
-) -> None:
-    asked: list[str] = []
-    answers = iter(["n", "y"])
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda text: asked.append(text) or next(answers))
-    assert shell.refuses("can", *verb.split()) == "not confirmed"
-    assert place == []
-    assert shell("can", *verb.split()).status == 0
-    assert asked == [f"{question} [y/N] "] * 2

@@ -21,15 +21,6 @@ SHORT = ScenarioFile(
     noise=load_scenarios(load_robot("go1")).noise,
     scenarios={
         "forward": Scenario("Straight ahead", 2, 1.4, script=WALK),
-        "push": Scenario(
-            "Pushed",
-            2,
-            0.6,
-            script=WALK,
-            levels={"push_m_s": (0.1, 6.0)},
-            push_between_s=(0.1, 0.2),
-            rows=("push_m_s",),
-        ),
         "course": Scenario("A walk", 1, 0.4, script=WALK, pushes=(Push(0.2, (0.0, 0.1, 0.0)),)),
     },
 )
@@ -55,15 +46,6 @@ def test_evaluate_writes_what_it_promises(shell: Shell, tmp_path: Path) -> None:
     for name in ("episodes", "falls", "lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport"):
         assert name in figures
     assert figures["episodes"] == 1
-
-
-def test_push_adds_the_median_survivable_push_with_its_interval(shell: Shell, tmp_path: Path) -> None:
-    path = tmp_path / "stand.json"
-    outcome = shell("evaluate", "stand", "--scenarios", "push", "--workers", "1", "--json", path)
-    figures = json.loads(path.read_text())["scenarios"]["push"]
-    assert 0.1 < figures["dv50"] < 6.0
-    assert len(figures["dv50_interval"]) == 2
-    assert "Median survivable push" in outcome.out
 
 
 def test_compare_nests_the_same_under_each_name_and_takes_a_controller_at_several_settings(

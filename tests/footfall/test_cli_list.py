@@ -9,8 +9,6 @@ import pytest
 import yaml
 from shell import Shell
 
-from footfall.verbs import list as list_verb
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -56,16 +54,6 @@ def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFix
     assert Shell(capsys)("list", "--robot", own_folder).status == 0
 
 
-def test_people_get_a_table_of_each_kind(
-    capsys: pytest.CaptureFixture[str], listed: dict[str, dict[str, dict]]
-) -> None:
-    lines = [line.split() for line in Shell(capsys)("list").out.splitlines()]
-    for kind, rows in listed.items():
-        under = lines[lines.index([kind]) :]
-        assert set(rows) <= {words[0] for words in under if words}
-    assert ["smoke", "Seconds", "on"] in [words[:3] for words in lines]
-
-
 def test_a_robots_computer_can_list_too() -> None:
     code = (
         "import sys; from footfall.verbs.list import list_names; list_names(json=True);"
@@ -73,17 +61,3 @@ def test_a_robots_computer_can_list_too() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
-
-
-def test_a_cell_reads_well() -> None:
-    for value, cell in (
-        (True, "yes"), (False, "no"), (4096, "4,096"), (10.0, "10"), (2.5, "2.5"), ("a name", "a name"),
-        (["a", "b"], "a, b"), ([], ""), (None, "None"),
-    ):  # fmt: skip
-        assert list_verb._cell(value) == cell
-
-
-def test_a_policy_tells_how_it_was_made(listed: dict[str, dict[str, dict]]) -> None:
-    for name, row in listed["policies"].items():
-        made = yaml.safe_load((ROOT / "policies/zoo" / name / "run.yaml").read_text())
-        assert {key: str(value) for key, value in row.items()} == {key: str(made[key]) for key in row}

@@ -60,15 +60,6 @@ def test_version() -> None:
     assert done.stdout.strip().count(".") == 2
 
 
-@pytest.mark.parametrize("tokens", [["walk"], ["train", "--preset", "huge"]], ids=" ".join)
-def test_bad_input_is_one_line_and_status_2(tokens: list[str], tmp_path: Path) -> None:
-    done = run(*tokens, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("footfall: ")
-    assert done.stderr.count("\n") == 1
-    assert done.stdout == ""
-
-
 def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     blocker = tmp_path / "sitecustomize.py"
     blocker.write_text(

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,6 @@ from tiny_policy import write_policy
 
 from footfall.cli import main
 from footfall.common.errors import UserError
-from footfall.policies.registry import ZOO
 from footfall.robots.description import ROBOTS, Robot
 
 SHORT = ("--duration", "0.6")
@@ -80,19 +78,6 @@ def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -
     walk.rename(tmp_path / "moved.onnx")
     assert "--policy" in shell.refuses("replay", log)
     assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0
-
-
-def test_a_log_replays_with_the_policy_file_that_made_it(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copy(ZOO / "go1-flat" / "policy.onnx", tmp_path / "mine.onnx")
-    monkeypatch.chdir(tmp_path)
-    assert shell("deploy", "mine.onnx", "--duration", "0.5", "--log", "walk.mcap").status == 0
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    outcome = shell("replay", tmp_path / "walk.mcap")
-    assert outcome.status == 0, outcome.err
-    assert "the same decisions" in outcome.out
 
 
 def refuse(*_: Any) -> None:

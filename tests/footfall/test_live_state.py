@@ -91,7 +91,3 @@ def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Rob
     walk(go1, Console(file=out, force_terminal=True, width=200), slow_s=0.001)
     assert "WALKING" in out.getvalue()
     assert out.getvalue().rstrip("\n").endswith("\x1b[2K")  # the line has been erased
-
-
-def test_lines_come_every_five_seconds() -> None:
-    assert footfall.live_state.LINE_EVERY_S == 5.0
