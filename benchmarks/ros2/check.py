@@ -27,12 +27,12 @@ DOMAIN = "87"  # of these checks alone
 PATIENCE_S, LIE_DOWN_S = 300.0, 30.0
 
 
-def table(backend: str) -> dict[str, list]:
+def table(backend: str, policy: str) -> dict[str, list]:
     """What has to be seen."""
     published = [(absolute(p.name), TOPICS[p.feed].kind, TOPICS[p.feed].latched) for p in PUBLISHED]
     if backend == "cyclonedds":
         return {"published": published, "services": []}
-    chosen = {"gait": "trot", "policy": "stand"}
+    chosen = {"gait": policy, "policy": "stand"}
     names = [CHOICES[key].name.format(name) for key, name in chosen.items()]
     services = [(s.name, s.kind) for s in (*SERVICES, WAVE)] + [(name, TRIGGER) for name in names]
     return {"published": published, "services": [(absolute(name), kind) for name, kind in services]}
@@ -43,6 +43,8 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("python", type=Path, help="a Python that has rclpy")
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--policy", default="trot", help="one with gaits, of its own name")
     parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
     parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
     options = parser.parse_args()
@@ -50,9 +52,19 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         config, expected, ros = (Path(folder) / name for name in ("config.yaml", "table.json", "ros2.yaml"))
         config.write_text(json.dumps(unstructure(replace(RELAXED, realtime_priority=options.priority))))
-        expected.write_text(json.dumps(table(options.backend)))
+        expected.write_text(json.dumps(table(options.backend, options.policy)))
         ros.write_text(json.dumps({"python": str(options.python)} if options.backend == "rclpy" else {}))
-        command = [sys.executable, "-m", "footfall", "deploy", "trot", "--also", "stand", "--duration", "600"]
+        command = [
+            sys.executable,
+            "-m",
+            "footfall",
+            "deploy",
+            options.policy,
+            "--robot",
+            options.robot,
+            "--also",
+            "stand",
+        ]
         command += ["--from", f"ros2:{ros}", "--config", str(config)]
         with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as run:
             looks = [str(options.python), str(Path(__file__).with_name("looks.py")), str(expected)]

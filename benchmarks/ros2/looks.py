@@ -50,17 +50,21 @@ def steer(peer: Peer) -> None:
     after = peer.latest("/odom")
     old, new = before.pose.pose.position, after.pose.pose.position
     way_m, passed_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
-    found("cmd_vel of 0.3 m/s: mean speed, m/s", 0.15 < way_m / passed_s < 0.4, round(way_m / passed_s, 3))
+    found(
+        "cmd_vel of 0.3 m/s: mean speed, m/s (a hexapod is slower)",
+        0.05 < way_m / passed_s < 0.4,
+        round(way_m / passed_s, 3),
+    )
     speeds = [m.twist.twist.linear.x for at_s, m in peer.heard["/odom"] if at_s > time.monotonic() - 2.0]
     found(
         "odometry's velocity, m/s",
-        0.1 < sum(speeds) / len(speeds) < 0.45,
+        0.05 < sum(speeds) / len(speeds) < 0.45,
         round(sum(speeds) / len(speeds), 3),
     )
     peer.drive(publisher, velocity(math.nan), 0.5)
-    peer.spin(0.5)
-    lines = [m.msg for _, m in peer.heard["/rosout"] if "finite" in m.msg]
-    found("NaN is refused in /rosout", lines, lines[:1])
+    lines = lambda: [m.msg for _, m in peer.heard["/rosout"] if "finite" in m.msg]  # noqa: E731
+    peer.until(lines, 10.0)
+    found("NaN is refused in /rosout", lines(), lines()[:1])
     peer.node.destroy_publisher(publisher)
     killed_publisher(peer)
 
@@ -104,11 +108,12 @@ def ask(peer: Peer, expected: list[list[str]]) -> None:
     services = dict(peer.node.get_service_names_and_types())
     missing = [name for name, kind in expected if kind not in services.get(name, [])]
     found("services", not missing, missing or f"{len(expected)} services")
-    for name in ("stand", "walk", "gait/trot"):
+    for name in ("stand", "walk"):
         answer = peer.call(Trigger, f"/footfall/{name}", Trigger.Request())
         found(f"service {name}", answer is not None and answer.success, str(answer))
     answer = peer.call(SetBool, "/footfall/wave", SetBool.Request(data=True))
-    found("service wave answers", answer is not None, str(answer))
+    has_wave = "/footfall/gait/wave" in services
+    found("service wave", answer is not None and answer.success == has_wave, str(answer))
     listed = peer.call(ListParameters, "/footfall/list_parameters", ListParameters.Request())
     names = [] if listed is None else list(listed.result.names)
     found("parameters", {"gait", "policy", "step_height_m"} <= set(names), names)
