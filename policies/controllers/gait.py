@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.config import require_positive
+from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.gaits import find_gait, require_duty
 from footfall.robots.description import Robot
 
@@ -20,10 +20,12 @@ class GaitConfig:
     name: str  # in policies/gaits.yaml
     period_s: float
     duty: float | None = None  # instead of the named gait's
+    lead_s: float = 0.0  # how long all feet stay down after the start, while the weight shifts
 
     def __post_init__(self) -> None:
         require_positive(self, "period_s")
         require_duty(self.duty)
+        require_not_negative(self, "lead_s")
 
     def clock(self, robot: Robot) -> "StepClock":
         """The clock of this gait on a robot.
@@ -32,7 +34,7 @@ class GaitConfig:
             UserError: there is no such gait for this robot.
         """
         duty, phase = find_gait(self.name, robot)
-        return StepClock(GaitTiming(self.period_s, self.duty or duty), phase)
+        return StepClock(GaitTiming(self.period_s, self.duty or duty), phase, self.lead_s)
 
 
 @dataclass(frozen=True)
@@ -114,17 +116,25 @@ def swing_curve(s: float) -> SwingCurve:
 
 
 class StepClock:
-    """The gait's phase, which runs while the robot walks and rests only when all feet are down."""
+    """The gait's phase, which runs while the robot walks and rests only when all feet are down.
 
-    def __init__(self, timing: GaitTiming, offsets: np.ndarray) -> None:
+    Args:
+        timing: of the gait.
+        offsets: (legs,) place of each leg in the cycle.
+        lead_s: from the order to walk until the phase runs.
+    """
+
+    def __init__(self, timing: GaitTiming, offsets: np.ndarray, lead_s: float = 0.0) -> None:
         self.timing = timing
         self.offsets = offsets
+        self._lead_s = lead_s
         self.reset()
 
     def reset(self) -> None:
         """Stand, about to begin a cycle."""
         self.phase = 0.0
         self.walking = False
+        self._waited_s = 0.0  # since the order to walk, while all feet stay down
         self._known = self.phase, leg_phases(self.phase, self.offsets)
 
     def take_up(self, timing: GaitTiming, offsets: np.ndarray) -> None:
@@ -137,14 +147,16 @@ class StepClock:
 
     def advance(self, dt_s: float, walk: bool) -> None:
         """Let time pass. A clock asked to stop finishes the swings that have begun."""
-        if walk:
-            self.walking = True
+        if not self.walking:
+            self._waited_s = self._waited_s + dt_s if walk else 0.0
+            self.walking = self._waited_s > self._lead_s
         if not self.walking:
             return
         before = self.phase
         self.phase = (before + dt_s / self.timing.period_s) % 1.0
         if not walk and not np.any(self._swinging(before) & self._swinging(self.phase)):
-            self.walking = False  # every swing has ended: the next ones wait at this phase
+            # Every swing has ended: the next ones wait at this phase.
+            self.walking, self._waited_s = False, 0.0
 
     def phases(self) -> np.ndarray:
         """Phase of each leg, shape (legs,), not to be written to. The last answer is kept."""
@@ -160,10 +172,11 @@ class StepClock:
 
     def planned_stance(self, ahead_s: np.ndarray) -> np.ndarray:
         """Which legs will stand, boolean (times, legs), for times ahead of now (times,)."""
-        if not self.walking:
+        if not self.walking and not self._waited_s:
             return np.ones((len(ahead_s), len(self.offsets)), dtype=bool)
-        clock = self.phase + ahead_s[:, None] / self.timing.period_s
-        return in_stance(leg_phases(clock, self.offsets), self.timing.duty)
+        running_s = ahead_s[:, None] - (0.0 if self.walking else self._lead_s - self._waited_s)
+        clock = self.phase + running_s / self.timing.period_s
+        return in_stance(leg_phases(clock, self.offsets), self.timing.duty) | (running_s < 0.0)
 
     def swing(self) -> np.ndarray:
         """Progress of each leg's swing in [0, 1], shape (legs,); 0 for legs in stance."""

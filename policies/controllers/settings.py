@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from footfall.common.config import merged, read_yaml, structure
 from footfall.common.errors import UserError
@@ -89,7 +89,7 @@ def _keys(cls: type) -> Iterator[Key]:
     """The keys of all settings, of parts of parts as well."""
     kinds = get_type_hints(cls)
     for field in fields(cls):
-        kind = kinds[field.name]
+        kind = next((part for part in get_args(kinds[field.name]) if is_dataclass(part)), kinds[field.name])
         if isinstance(kind, type) and is_dataclass(kind):
             yield from ((field.name, *inner) for inner in _keys(kind))
         else:

@@ -54,6 +54,7 @@ BY_KEY: dict[str, Unit] = {
     "weights.velocity": (0, -2, 2),
     "weights.force": (-2, -2, 4),
     "weights.force_change": (-2, -2, 4),
+    "weights.moment": (-2, -4, 4),
     "weights.place": (0, -2, 0),
     "weights.offset": (0, -2, 0),
     "whole_body.weights.momentum": (0, -4, 4),
@@ -65,6 +66,7 @@ BY_KEY: dict[str, Unit] = {
 # Distances that are measured on both robots.
 MEASURED = {
     "apart_m": "apart_m",
+    "sideways_m": "apart_m",
     "outward_m": "spread_m",
     "half_length_m": "sole_length_m",
     "half_width_m": "sole_width_m",

@@ -141,6 +141,14 @@ class TestClock:
         assert clock.planned_stance(np.linspace(0, 1, 5)).tolist() == [[True] * 4] * 5
         assert not clock.swing().any()
 
+    def test_a_clock_with_a_lead_announces_its_first_swings_and_keeps_the_feet_down_until_then(self) -> None:
+        clock = StepClock(GaitTiming(0.4, 0.4), TROT, lead_s=0.2)  # feet of phase 0.5 are in the air at once
+        clock.advance(0.05, walk=True)
+        assert clock.stance().all()
+        assert clock.planned_stance(np.array([0.1, 0.16])).all(axis=1).tolist() == [True, False]
+        clock.advance(0.16, walk=True)
+        assert clock.stance().sum() == 2
+
     def test_a_resting_clock_does_not_run(self) -> None:
         clock = StepClock(GaitTiming(0.4, 0.6), TROT)
         clock.advance(0.13, walk=False)

@@ -178,7 +178,7 @@ class TestProblem:
         solution = BoundedSolver(daqp_iterations=1000).solve(problem)
         assert solution is not None
         np.testing.assert_allclose(
-            problems.forces(solution, problem, 4),
+            problems.wrenches(solution, problem, 4).force,
             kkt_forces(weights, Situation(state, reference, contacts, feet, before)),
             atol=1e-3,
         )
@@ -191,7 +191,7 @@ class TestProblem:
         problem = problems.build(*situation[:4], before)
         solution = BoundedSolver().solve(problem)
         assert solution is not None
-        np.testing.assert_allclose(problems.forces(solution, problem, 4), before, atol=1e-3)
+        np.testing.assert_allclose(problems.wrenches(solution, problem, 4).force, before, atol=1e-3)
 
     def test_standing_level_asks_for_the_weight(self) -> None:
         state = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.25]), np.zeros(6))
@@ -202,7 +202,7 @@ class TestProblem:
         problem = PROBLEMS.build(state, reference, contacts, feet, even)
         solution = BoundedSolver().solve(problem)
         assert solution is not None
-        forces = PROBLEMS.forces(solution, problem, 4)
+        forces = PROBLEMS.wrenches(solution, problem, 4).force
         np.testing.assert_allclose(forces[:, 2], BODY.mass * GRAVITY_M_S2 / 4, rtol=1e-4)
         np.testing.assert_allclose(forces[:, :2], 0, atol=1e-3)
 
@@ -243,7 +243,7 @@ class TestSolver:
         problem = PROBLEMS.build(state, reference, contacts, feet, pressed)
         solution = BoundedSolver(daqp_iterations).solve(problem)
         assert solution is not None
-        np.testing.assert_allclose(PROBLEMS.forces(solution, problem, 4)[:, 2], 150.0, atol=0.5)
+        np.testing.assert_allclose(PROBLEMS.wrenches(solution, problem, 4).force[:, 2], 150.0, atol=0.5)
 
     def test_a_problem_that_is_no_problem_gives_none_and_no_crash(self) -> None:
         problem = PROBLEMS.build(*random_situation(0))
@@ -274,7 +274,7 @@ class TestSolver:
         problem = PROBLEMS.build(state, reference, np.zeros_like(contacts), feet, before)
         solution = BoundedSolver().solve(problem)
         assert solution is not None
-        np.testing.assert_array_equal(PROBLEMS.forces(solution, problem, 4), 0)
+        np.testing.assert_array_equal(PROBLEMS.wrenches(solution, problem, 4).force, 0)
 
 
 speeds = st.complex_numbers(max_magnitude=1.5)

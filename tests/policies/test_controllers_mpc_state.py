@@ -257,7 +257,8 @@ class TestMpc:
     def test_a_leg_that_swings_aims_where_its_foothold_is_when_it_lands(self, mpc: Mpc) -> None:
         base = base_of()
         timing = mpc.clock.timing
-        mpc.swing_feet.aim(2, 0.3, base, in_plane(base.velocity), 0.25 + 0.1j, -0.6, timing)
+        pose = LEGS.pose(ROBOT.default_pose)
+        mpc.swing_feet.aim(2, 0.3, base, pose, mpc.wrenches, 0.25 + 0.1j, -0.6, timing)
         expected = foothold(
             in_plane(nominal_feet(LEGS, *PLACES)[2]),
             base.place,

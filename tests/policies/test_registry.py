@@ -80,7 +80,10 @@ class TestControllers:
 
     @pytest.mark.parametrize(
         ("robot", "foreign", "has"),
-        [("hexapod", "trot", "stand, tripod, ripple, wave, mpc"), ("g1", "tripod", "stand, balance, step")],
+        [
+            ("hexapod", "trot", "stand, tripod, ripple, wave, mpc"),
+            ("g1", "tripod", "stand, balance, step, mpc-wbc"),
+        ],
     )
     def test_another_robots_controller_is_answered_with_its_own(
         self, robot: str, foreign: str, has: str

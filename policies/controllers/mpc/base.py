@@ -99,10 +99,3 @@ def body_state(base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray) -
     vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]).dot(to_heading)
     x, y, z = vectors[0].tolist()
     return BodyState(np.array([base.roll, base.pitch, 0.0, x, y, z + base.height]), vectors[1:].ravel())
-
-
-def moment(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Sum of the cross products of arms with forces, each (k, 3): (3,)."""
-    products = arms.T @ forces
-    (_, xy, xz), (yx, _, yz), (zx, zy, _) = products.tolist()
-    return np.array([yz - zy, zx - xz, xy - yx])

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 
-from footfall.common.config import require_not_negative, require_positive
+from footfall.common.config import require_between, require_not_negative, require_ordered, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
 
 Triple = tuple[float, float, float]
+Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,10 @@ class Weights:
     velocity: Triple  # per (m/s)^2
     force: float  # per N^2, about an even share of the weight; above 0, so that there is one best plan
     force_change: float = 0.0  # per N^2, from step to step, and from what the foot pressed with before
+    moment: float = 1.0e-3  # per (N m)^2, of soles
 
     def __post_init__(self) -> None:
-        require_positive(self, "force")
+        require_positive(self, "force", "moment")
         require_not_negative(self, "attitude", "position", "angular_rate", "velocity", "force_change")
 
 
@@ -46,10 +48,13 @@ class Contact:
     slipping_friction: float = 0.12  # counted on while feet slip
     slip_m_s: float = 0.08  # of a standing foot against the others, from which on it slips
     careful_s: float = 4.0  # how long after that
+    # Of a sole, in which its centre of pressure may be; 0: feet are points. Only `mpc-wbc` controls it.
+    sole_share: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive(self, "friction", "most_force_n", "slipping_friction", "slip_m_s")
         require_not_negative(self, "careful_s")
+        require_between(self, 0.0, 1.0, "sole_share")
 
 
 @dataclass(frozen=True)
@@ -82,11 +87,25 @@ class SwingConfig:
 
 
 @dataclass(frozen=True)
+class CatchConfig:
+    """Where a biped's foot lands, from the middle of the other one."""
+
+    apart_m: float  # sideways, of a steady gait
+    ahead_m: Range  # least and most
+    sideways_m: Range  # the same, to the foot's own side
+
+    def __post_init__(self) -> None:
+        require_positive(self, "apart_m")
+        require_ordered(self, "ahead_m", "sideways_m")
+
+
+@dataclass(frozen=True)
 class FootholdConfig:
     """Where feet land (see `policies/controllers/mpc/footholds.py`)."""
 
     capture_gain_s: float
     most_step_m: float
+    catch: CatchConfig | None = None  # for two feet, instead of what is above
 
     def __post_init__(self) -> None:
         require_not_negative(self, "capture_gain_s", "most_step_m")

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.errors import UserError
 from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import contact_trust
 from footfall.policies.controllers.lookahead import Lookahead
-from footfall.policies.controllers.mpc.base import Base, BaseFollower, Disturbance, body_state, moment
+from footfall.policies.controllers.mpc.base import Base, BaseFollower, Disturbance, body_state
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points
 from footfall.policies.controllers.mpc.grip import Grip
@@ -24,6 +25,7 @@ from footfall.policies.controllers.mpc.live import LiveMpc
 from footfall.policies.controllers.mpc.problem import ForceProblems
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
+from footfall.policies.controllers.mpc.wrenches import Wrenches, sole_levers
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
@@ -40,7 +42,7 @@ class Mpc:
     """Convex model-predictive control with Raibert footholds and swing impedance.
 
     Attributes:
-        force: planned for each foot, (feet, 3) N, world.
+        wrenches: planned for each foot, world.
         stands: planned contact of each foot, (feet,) boolean.
         solve_ms: time of each build and solve.
         late: number of solves that fell back.
@@ -54,8 +56,12 @@ class Mpc:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
         self.rate_hz = config.rate_hz
         self._robot, self._legs = robot, robot.legs
+        if config.foothold.catch is not None and self._legs.count != 2:
+            raise UserError(f"robot '{robot.name}' cannot use foothold.catch: it needs two feet")
         self._body = nominal_body(robot)
-        self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
+        sole = config.contact.sole_share
+        levers = sole_levers(robot, sole) if sole else None
+        self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact, levers)
         self._solver = BoundedSolver()
         self._grip = Grip(self._legs, config.contact)
         self._lookahead = Lookahead(robot.motor, 1.0 / config.rate_hz)
@@ -67,7 +73,7 @@ class Mpc:
         self.follower = BaseFollower(float(self._legs.foot_radius.mean()))
         self._disturbance = Disturbance(config.restart)
         self.reference = Reference(config, self._body.centre)
-        self.swing_feet = SwingFeet(config, places, self._legs.foot_radius)
+        self.swing_feet = SwingFeet(config, places, self._legs.foot_radius, self._body.centre)
         self._live = LiveMpc(robot, config)
         self.gaits, self.live_settings = config.gaits, self._live.spans
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
@@ -76,6 +82,11 @@ class Mpc:
     @property
     def notes(self) -> Sequence[str]:
         return ()
+
+    @property
+    def force(self) -> np.ndarray:
+        """Planned for each foot, (feet, 3) N, world."""
+        return self.wrenches.force
 
     @property
     def late(self) -> int:
@@ -100,7 +111,8 @@ class Mpc:
         self.reference.begin(yaw, height)
         self.swing_feet.reset()
         self.swing_feet.height_m = self._config.swing.height_m
-        self.force = np.tile([0.0, 0.0, GRAVITY_M_S2 * self._body.mass / count], (count, 1))
+        weight = [0.0, 0.0, GRAVITY_M_S2 * self._body.mass / count]
+        self.wrenches = Wrenches(np.tile(weight, (count, 1)), np.zeros((count, 3)))
         self.stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
         self._ticks_to_solve = 0
@@ -125,13 +137,13 @@ class Mpc:
 
         stands, progress = self.clock.stance(), self.clock.swing().tolist()
         swinging = [leg for leg, stands_now in enumerate(stands.tolist()) if not stands_now]
-        speed = base.speed
         for leg in swinging:
             self.swing_feet.aim(
                 leg,
                 progress[leg],
                 base,
-                speed,
+                pose,
+                self.wrenches,
                 self.reference.velocity,
                 float(self.command.value[2]),
                 self.clock.timing,
@@ -153,9 +165,9 @@ class Mpc:
     def _acceleration(self, base: Base, pose: LegPose) -> np.ndarray:
         """Of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2, world."""
         body = self._body
-        arms, forces = pose.foot - body.centre, self.force.dot(base.rotation)
-        turn = body.inverse_inertia @ moment(arms, forces)
-        linear = forces.sum(axis=0) / body.mass - cross(turn, body.centre)
+        wrenches = self.wrenches.dot(base.rotation)
+        turn = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
+        linear = wrenches.force.sum(axis=0) / body.mass - cross(turn, body.centre)
         both = np.array([linear, turn]).dot(base.rotation.T)
         both[0, 2] -= GRAVITY_M_S2
         return both.ravel()
@@ -219,8 +231,9 @@ class Mpc:
         problem = self._problems.build(state, reference, contacts, arms, before, self._grip.friction)
         solution = self._solver.solve(problem)
         if solution is None:
-            self.force = self.force * self.stands[:, None]
+            force, moment = self.wrenches
+            self.wrenches = Wrenches(force * self.stands[:, None], moment * self.stands[:, None])
         else:
-            force = self._problems.forces(solution, problem, self._legs.count)
-            self.force = force.dot(to_heading.T)
+            wrenches = self._problems.wrenches(solution, problem, self._legs.count)
+            self.wrenches = wrenches.dot(to_heading.T)
         self.solve_ms.append(1e3 * (time.perf_counter() - began))

@@ -11,6 +11,9 @@ has a closed form: a force f held during step j changes rates after step k >= j 
 position by dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are
 the forces of feet in contact. With a weight per state, the Hessian is a few products of small matrices.
 
+A sole presses with a moment m about its middle, too, which adds I^-1 m to the angular acceleration. Its
+centre of pressure stays within it where |m| <= lever * upward force; friction bounds the moment about z.
+
 The forces' changes that cost are those of every foot, which presses with nothing while it swings: also the
 load that a foot takes up as it lands and gives up before it is lifted.
 """
@@ -21,6 +24,7 @@ import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
+from footfall.policies.controllers.mpc.wrenches import Wrenches
 from footfall.robots.rigid_body import RigidBody
 
 _FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY_M_S2])
@@ -36,13 +40,16 @@ class BodyState(NamedTuple):
 
 
 class ForceProblem(NamedTuple):
-    """minimise x' H x / 2 + g' x, subject to 0 <= x[:n] <= most and rows x <= 0."""
+    """minimise x' H x / 2 + g' x, subject to 0 <= x[:n] <= most and rows x <= 0.
 
-    hessian: np.ndarray  # (3n, 3n), n feet in contact over all steps
-    gradient: np.ndarray  # (3n,)
-    rows: np.ndarray  # (4n, 3n), friction pyramids
-    upper: np.ndarray  # (5n,), bounds of the n upward forces, then of the rows
-    lower: np.ndarray  # (5n,)
+    Each of the n feet in contact over all steps has k variables: 3 for a point, 6 for a sole.
+    """
+
+    hessian: np.ndarray  # (k n, k n)
+    gradient: np.ndarray  # (k n,)
+    rows: np.ndarray  # (r n, k n): friction pyramids (r = 4), then limits of moments (6 more)
+    upper: np.ndarray  # (n + r n,), bounds of the n upward forces, then of the rows
+    lower: np.ndarray  # (n + r n,)
     step: np.ndarray  # (n,) when
     leg: np.ndarray  # (n,) which foot
 
@@ -53,9 +60,9 @@ class _Pattern(NamedTuple):
     step: np.ndarray
     leg: np.ndarray
     now: int  # how many of the n are the first step's; they come first
-    second: np.ndarray  # (3n, 3n) weight shared by two forces through attitude and position
-    first: np.ndarray  # (3n, 3n) the same through the rates
-    linear: np.ndarray  # (3n, 3n) Hessian of the translation, of the forces themselves and of their changes
+    second: np.ndarray  # (k n, k n) weight shared by two forces through attitude and position
+    first: np.ndarray  # (k n, k n) the same through the rates
+    linear: np.ndarray  # (k n, k n) Hessian of the translation, of the forces themselves and of their changes
     even_pull: np.ndarray  # (n,) gradient towards the upward forces that share the weight evenly
     rows: np.ndarray
     upper: np.ndarray
@@ -63,12 +70,27 @@ class _Pattern(NamedTuple):
 
 
 class ForceProblems:
-    """Builds the quadratic programmes of one robot."""
+    """Builds the quadratic programmes of one robot.
 
-    def __init__(self, body: RigidBody, horizon: Horizon, weights: Weights, contact: Contact) -> None:
+    Args:
+        body: its mass and inertia.
+        horizon, weights, contact: settings.
+        levers: (legs, 3) m, largest moment of each sole per upward force, about x, y and, per coefficient of
+            friction, z; None of feet that are points.
+    """
+
+    def __init__(
+        self,
+        body: RigidBody,
+        horizon: Horizon,
+        weights: Weights,
+        contact: Contact,
+        levers: np.ndarray | None = None,
+    ) -> None:
         steps, dt_s = horizon.steps, horizon.step_s
         self._body, self._weights, self._contact = body, weights, contact
-        self._turning = _turning(np.linalg.inv(body.inertia))
+        self._levers, self._variables = levers, 3 if levers is None else 6
+        self._turning = _turning(body.inverse_inertia)
         late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # of state k after force j
         self._second = np.where(late >= 0, dt_s**2 * (late + 0.5), 0.0)
         self._first = np.where(late >= 0, dt_s, 0.0)
@@ -105,9 +127,12 @@ class ForceProblems:
             friction: coefficient that the forces count on; None: the settings'.
         """
         pattern = self._pattern(contacts, friction or self._contact.friction)
-        n = len(pattern.step)
+        n, k = len(pattern.step), self._variables
         turn = (self._turning @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
-        flat = turn.reshape(3, 3 * n)
+        if k > 3:
+            moments = np.broadcast_to(self._body.inverse_inertia[:, :, None], (3, 3, n))
+            turn = np.concatenate([turn, moments], axis=1)
+        flat = turn.reshape(3, k * n)
         hessian = flat.T @ (self._weight_pose[:3, None] * flat)
         hessian *= pattern.second
         by_rate = flat.T @ (self._weight_rate[:3, None] * flat)
@@ -121,13 +146,13 @@ class ForceProblems:
         pull = self._by_force.dot(self._weight * deviation)  # (steps, 6)
         pull = pull.take(pattern.step, axis=0).T  # (6, n)
         gradient = (turn * pull[:3, None]).sum(axis=0)
-        gradient += pull[_FORCE_AXES] / self._body.mass
+        gradient[:3] += pull[_FORCE_AXES] / self._body.mass
         gradient[0] -= pattern.even_pull
         now = pattern.leg[: pattern.now]
-        gradient[:, : pattern.now] -= self._weights.force_change * before[now].T[_AXES]
+        gradient[:3, : pattern.now] -= self._weights.force_change * before[now].T[_AXES]
         return ForceProblem(
             hessian,
-            gradient.reshape(3 * n),
+            gradient.reshape(k * n),
             pattern.rows,
             pattern.upper,
             pattern.lower,
@@ -135,13 +160,16 @@ class ForceProblems:
             pattern.leg,
         )
 
-    def forces(self, solution: np.ndarray, problem: ForceProblem, legs: int) -> np.ndarray:
-        """The first step's forces (legs, 3) in N, heading frame, from a solution (3n,)."""
-        result = np.zeros((legs, 3))
+    def wrenches(self, solution: np.ndarray, problem: ForceProblem, legs: int) -> Wrenches:
+        """What the feet are pressed with in the first step, heading frame, from a solution (k n,)."""
+        force, moment = np.zeros((2, legs, 3))
         now = np.count_nonzero(problem.step == 0)
-        z, x, y = solution.reshape(3, -1)[:, :now]
-        result[problem.leg[:now]] = np.array([x, y, z]).T
-        return result
+        parts = solution.reshape(self._variables, -1)[:, :now]
+        z, x, y = parts[:3]
+        force[problem.leg[:now]] = np.array([x, y, z]).T
+        if len(parts) > 3:
+            moment[problem.leg[:now]] = parts[3:].T
+        return Wrenches(force, moment)
 
     def _pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
         key = contacts.tobytes(), friction
@@ -151,38 +179,44 @@ class ForceProblems:
 
     def _new_pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
         step, leg = np.nonzero(contacts)
-        n = len(step)
+        n, k = len(step), self._variables
         second = (self._second.T @ self._second)[np.ix_(step, step)]
         first = (self._first.T @ self._first)[np.ix_(step, step)]
         change = self._change[np.ix_(step, step)] * (leg[:, None] == leg)
-        linear = self._weights.force * np.eye(3 * n) + np.kron(np.eye(3), change)
+        linear = np.diag(np.repeat([self._weights.force, self._weights.moment], [3 * n, (k - 3) * n]))
+        linear[: 3 * n, : 3 * n] += np.kron(np.eye(3), change)
         for axis, state in enumerate(_FORCE_AXES):
             block = slice(axis * n, (axis + 1) * n)
             shared = self._weight_pose[state] * second + self._weight_rate[state] * first
             linear[block, block] += shared / self._body.mass**2
-        cone = friction * np.eye(n)
-        none = np.zeros((n, n))
-        rows = np.block(
-            [
-                [-cone, np.eye(n), none],
-                [-cone, -np.eye(n), none],
-                [-cone, none, np.eye(n)],
-                [-cone, none, -np.eye(n)],
-            ]
-        )
+        # Of the variables other than the upward force: how many times that each may be at most.
+        ratios = [np.full(n, friction)] * 2
+        if self._levers is not None:
+            ratios += list((self._levers[leg] * [1.0, 1.0, friction]).T)
+        rows = _pyramids(ratios)
         standing = np.maximum(contacts.sum(axis=1), 1)[step]
         return _Pattern(
             step,
             leg,
             int(contacts[0].sum()),
-            np.tile(second, (3, 3)),
-            np.tile(first, (3, 3)),
+            np.tile(second, (k, k)),
+            np.tile(first, (k, k)),
             linear,
             self._weights.force * self._body.mass * GRAVITY_M_S2 / standing,
             rows,
-            np.concatenate([np.full(n, self._contact.most_force_n), np.zeros(4 * n)]),
-            np.concatenate([np.zeros(n), np.full(4 * n, -1e30)]),
+            np.concatenate([np.full(n, self._contact.most_force_n), np.zeros(len(rows))]),
+            np.concatenate([np.zeros(n), np.full(len(rows), -1e30)]),
         )
+
+
+def _pyramids(ratios: list[np.ndarray]) -> np.ndarray:
+    """Rows (2 r n, (1 + r) n) that hold each of r variables within a ratio (n,) of the upward force."""
+    size = len(ratios[0])
+    rows = np.zeros((len(ratios), 2, size, 1 + len(ratios), size))
+    for variable, ratio in enumerate(ratios):
+        rows[variable, :, :, 0] = -np.diag(ratio)
+        rows[variable, 0, :, 1 + variable], rows[variable, 1, :, 1 + variable] = np.eye(size), -np.eye(size)
+    return rows.reshape(2 * len(ratios) * size, (1 + len(ratios)) * size)
 
 
 def _turning(inverse_inertia: np.ndarray) -> np.ndarray:

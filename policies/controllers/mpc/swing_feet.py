@@ -1,13 +1,18 @@
 """Feet that swing: from where they lifted off to their footholds, as seen from the moving base."""
 
+import math
+
 import numpy as np
 
 from footfall.common.rotations import cross, heading_matrix
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.mpc.base import Base
+from footfall.policies.controllers.mpc.catch import catching_foothold
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import foothold
 from footfall.policies.controllers.mpc.swing import swing_motion
+from footfall.policies.controllers.mpc.wrenches import Wrenches
+from footfall.robots.kinematics import LegPose
 
 _NO_SWING = np.empty((0, 3, 3))
 
@@ -19,11 +24,14 @@ class SwingFeet:
         config: of the controller.
         places: (feet, 3) m, below the hips, in the base's frame.
         foot_radius: (feet,) m.
+        centre: (3,) m, centre of mass in the base's frame.
     """
 
-    def __init__(self, config: MpcConfig, places: np.ndarray, foot_radius: np.ndarray) -> None:
-        self._swing, self._foothold = config.swing, config.foothold
-        self.places = places
+    def __init__(
+        self, config: MpcConfig, places: np.ndarray, foot_radius: np.ndarray, centre: np.ndarray
+    ) -> None:
+        self._swing, self._foothold, self._catch = config.swing, config.foothold, config.foothold.catch
+        self.places, self._centre = places, centre
         self._ahead = (places[:, 0] + 1j * places[:, 1]).tolist()
         self._touch_down = np.zeros((len(places), 3))  # of the feet's centres, from the ground
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
@@ -42,7 +50,8 @@ class SwingFeet:
         leg: int,
         progress: float,
         base: Base,
-        speed: complex,
+        pose: LegPose,
+        wrenches: Wrenches,
         wanted: complex,
         yaw_rate: float,
         gait: GaitTiming,
@@ -53,23 +62,39 @@ class SwingFeet:
             leg: its index.
             progress: share of the swing that is over, in [0, 1].
             base: its state.
-            speed: of the base, m/s, world, x + i y.
-            wanted: the same of the reference.
+            pose: of the legs.
+            wrenches: planned for the feet, world.
+            wanted: velocity of the reference, m/s, world, x + i y.
             yaw_rate: commanded, rad/s.
             gait: its timing.
         """
-        target = foothold(
-            self._ahead[leg],
-            base.place,
-            base.height,
-            speed,
-            wanted,
-            base.yaw,
-            yaw_rate,
-            (1.0 - progress) * gait.swing_s,
-            gait.stance_s,
-            self._foothold,
-        )
+        left_s = (1.0 - progress) * gait.swing_s
+        if self._catch is None:
+            target = foothold(
+                self._ahead[leg],
+                base.place,
+                base.height,
+                base.speed,
+                wanted,
+                base.yaw,
+                yaw_rate,
+                left_s,
+                gait.stance_s,
+                self._foothold,
+            )
+        else:
+            target = catching_foothold(
+                base,
+                self._centre,
+                pose.foot[1 - leg],
+                wrenches.pressure(1 - leg),
+                math.copysign(1.0, self.places[leg, 1]),
+                wanted,
+                yaw_rate,
+                left_s,
+                gait,
+                self._catch,
+            )
         self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
 
     def footholds(self) -> np.ndarray:

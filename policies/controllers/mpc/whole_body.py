@@ -6,16 +6,19 @@ works out the joints' torques at each tick (after Kim et al. 2019, "Highly dynam
 whole-body impulse control and model predictive control", with weights instead of null spaces).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.policies.controllers.mpc.base import Base, moment
+from footfall.common.rotations import wrap_angle
+from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.controller import Mpc
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
+from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
 from footfall.policies.controllers.whole_body.problem import FREE_FALL, Wanted
 from footfall.policies.policy import PolicyInput
@@ -32,6 +35,7 @@ class MpcWholeBodyConfig:
     swing: Feedback  # about the trajectories of the swing feet
     posture: Feedback  # of the joints, about the default pose
     whole_body: WholeBodyConfig
+    sole: Feedback | None = None  # of soles that swing, about level and the base's heading; None: points
 
 
 class MpcWholeBody(Mpc):
@@ -44,6 +48,7 @@ class MpcWholeBody(Mpc):
         super().__init__(robot, config.plan)
         self._default_pose = robot.default_pose
         self._swing_feedback, self._posture = config.swing, config.posture
+        self._sole_feedback = config.sole
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / self.rate_hz)
         foot = self.control.body.foot_of_point
         self._most_force = config.plan.contact.most_force_n / np.bincount(foot)[foot]
@@ -59,25 +64,38 @@ class MpcWholeBody(Mpc):
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, inputs.sensed
         dynamics = observed(body, inputs)
-        turning = moment(dynamics.foot - dynamics.centre, self.force)
+        turning = self.wrenches.about(dynamics.foot - dynamics.centre)
         wanted = Wanted(
             centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
             momentum_rate=turning,
             attitude=self._body.inverse_inertia @ (turning @ base.rotation),
-            feet=self._foot_accelerations(sensed.joint_velocity, base, pose, swing),
+            feet=self._foot_accelerations(dynamics, sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
         most = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
 
     def _foot_accelerations(
-        self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
+        self, dynamics: Dynamics, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
     ) -> np.ndarray:
-        """Desired accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet."""
+        """Desired accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet.
+
+        Soles are kept level and turned as the base is.
+        """
         feet, swinging = np.zeros((self._legs.count, 6)), self._swinging
         if swinging:
             rates = self._legs.gather(joint_velocity)[swinging, :, None]
             velocity = (pose.jacobian[swinging] @ rates)[:, :, 0]
             correction = self._swing_feedback(pose.foot[swinging] - swing[:, 0], velocity - swing[:, 1])
             feet[swinging, :3] = (swing[:, 2] + correction) @ base.rotation.T
+            if self._sole_feedback is not None:
+                spin = dynamics.foot_jacobian[swinging, 3:] @ dynamics.velocity
+                turned = _from_level(dynamics.foot_rotation[swinging], base.yaw)
+                feet[swinging, 3:] = self._sole_feedback(turned, spin)
         return feet
+
+
+def _from_level(rotation: np.ndarray, yaw: float) -> np.ndarray:
+    """Small rotation vectors (k, 3), world, of soles (k, 3, 3) from level ones that head at a yaw."""
+    askew = [wrap_angle(math.atan2(sole[1, 0], sole[0, 0]) - yaw) for sole in rotation]
+    return np.column_stack([-rotation[:, 1, 2], rotation[:, 0, 2], askew])

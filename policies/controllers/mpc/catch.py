@@ -1,0 +1,63 @@
+"""Where a biped's swinging foot lands: where it catches the falling body."""
+
+import cmath
+import math
+
+import numpy as np
+
+from footfall.common.rotations import cross
+from footfall.policies.controllers.gait import GaitTiming
+from footfall.policies.controllers.mpc.base import Base
+from footfall.policies.controllers.mpc.config import CatchConfig
+from footfall.policies.controllers.step.footsteps import nominal_step
+from footfall.policies.controllers.whole_body.feedback import pendulum_rate
+
+
+def catching_foothold(
+    base: Base,
+    centre: np.ndarray,
+    stand: np.ndarray,
+    pressure: complex,
+    side: float,
+    wanted: complex,
+    yaw_rate: float,
+    left_s: float,
+    gait: GaitTiming,
+    config: CatchConfig,
+) -> complex:
+    """Touch-down point of a foot on the ground, world frame, m.
+
+    The capture point moves away from the standing foot, p, until touch-down, and shall then be as far from
+    the new foot as in a steady gait (`nominal_step`): what decides all later steps.
+
+    Args:
+        base: its state.
+        centre: (3,) m, centre of mass, base frame.
+        stand: (3,) m, middle of the standing foot, base frame.
+        pressure: m, centre of pressure from the middle of the standing foot, world, x + i y.
+        side: +1.0 where the left foot swings, -1.0 where the right one does.
+        wanted: velocity, m/s, world, x + i y.
+        yaw_rate: commanded, rad/s.
+        left_s: time to touch-down.
+        gait: its timing.
+        config: of the steady gait, and what a step may be.
+    """
+    heading = cmath.rect(1.0, base.yaw)
+    arm = base.rotation @ centre
+    velocity = base.velocity + cross(base.rotation @ base.gyro, arm)
+    rate = pendulum_rate(max(base.height + float(arm[2]), 0.1))
+    capture = (arm + velocity / rate)[:2]
+    foot = (base.rotation @ stand)[:2]
+    pressed = pressure / heading
+    away = complex(*(capture - foot).tolist()) / heading - pressed
+    step_s, double_support_s = gait.period_s / 2, gait.period_s * (gait.duty - 0.5)
+    speed = wanted / heading
+    nominal = nominal_step(
+        np.array([speed.real, speed.imag]), side, config.apart_m, step_s, max(double_support_s, 1e-3), rate
+    )
+    place, offset = complex(*nominal.place.tolist()), complex(*nominal.offset.tolist())
+    step = (pressed + away * math.exp(rate * left_s) - offset - nominal.lag * place) / (1.0 - nominal.lag)
+    ahead = min(max(step.real, config.ahead_m[0]), config.ahead_m[1])
+    sideways = side * min(max(side * step.imag, config.sideways_m[0]), config.sideways_m[1])
+    turned = cmath.rect(1.0, base.yaw + 0.5 * yaw_rate * left_s)
+    return base.place + complex(*foot.tolist()) + complex(ahead, sideways) * turned
