@@ -6,9 +6,13 @@ from deploy_policies import Hold, short_episode
 from odrives import with_odrives
 
 from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
+from footfall.deploy.drivers.choice import open_driver, open_imu
+from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import wire
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
+from footfall.robots.actuator import JointCommand
 from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
@@ -123,3 +127,19 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
     assert "battery is empty" in trace.faults[0]
     assert (trace.final_state, trace.fell) == ("ESTOP", False)
     assert trace.walked_s < 9.0
+
+
+def test_a_low_battery_lowers_the_torque_limits_not_the_gains(go1: Robot) -> None:
+    class Low:
+        state = BatteryState(allowed=0.6)
+
+        def look(self, *_: object) -> bool:
+            return True
+
+    wiring = wire(go1)
+    layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002, battery=Low())  # type: ignore[arg-type]
+    layer.absorb([], 0)
+    zeros = np.zeros(MOTORS)
+    for asked, sent in ((1.0, 0.6), (0.5, 0.5)):
+        layer.command(JointCommand(zeros, zeros, zeros, zeros, asked * go1.motor.peak_torque))
+        np.testing.assert_allclose(layer.sent[4], sent * go1.motor.peak_torque)
