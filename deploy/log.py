@@ -23,8 +23,9 @@ from footfall.common.errors import UserError
 from footfall.common.held import held
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
-from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
+from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
+from footfall.deploy.log_numbers import flatten, input_sizes, odometry_numbers
 from footfall.deploy.log_records import FRAME, START, Kind, record
 from footfall.deploy.log_store import LogStore, lock_name
 from footfall.deploy.receiver import MotorHealth
@@ -40,53 +41,6 @@ from footfall.robots.readings import sensed_sizes
 
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
 LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
-_PLACE_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, pitch, yaw)
-
-
-def flatten(inputs: PolicyInput) -> np.ndarray:
-    """A policy's input as one float64 vector: time, readings in field order, command, velocity, height."""
-    return np.concatenate(
-        [
-            [inputs.time_s],
-            *inputs.sensed,
-            inputs.command,
-            inputs.base_velocity,
-            [inputs.base_height],
-        ]
-    )
-
-
-def input_sizes(joints: int) -> dict[str, int]:
-    """Number of components of each part of a flat policy input, in its order."""
-    return {"time_s": 1, **sensed_sizes(joints), "command": 3, "base_velocity": 3, "base_height": 1}
-
-
-def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
-    """The policy input of a vector by `flatten`.
-
-    Raises:
-        ValueError: a robot with so many joints has another number of readings.
-    """
-    sizes = list(input_sizes(joints).values())
-    if len(values) != sum(sizes):
-        raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
-    time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
-    *sensed, command, velocity, height = rest
-    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))
-
-
-def odometry_numbers(found: Odometry) -> np.ndarray:
-    """The numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
-
-    Covariances of roll, pitch and angular velocity are zero: they are not estimated.
-    """
-    w, x, y, z = found.orientation
-    pose, twist = np.zeros((6, 6)), np.zeros((6, 6))
-    pose[np.ix_(_PLACE_AND_YAW, _PLACE_AND_YAW)] = found.covariance[: YAW + 1, : YAW + 1]
-    twist[:3, :3] = found.covariance[VELOCITY, VELOCITY]
-    return np.concatenate(
-        [found.position, [x, y, z, w], pose.ravel(), found.velocity, found.angular_velocity, twist.ravel()]
-    )
 
 
 class McapLog:

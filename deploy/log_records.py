@@ -15,7 +15,7 @@ class Kind(IntEnum):
     BEGIN = 0  # `START`, then JSON: joints, sizes of readings and inputs, metadata, links, URDF, file's name
     READINGS = 1  # the fields of `Sensed` in their order
     COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
-    INPUTS = 3  # the policy's input: see `log.flatten`
+    INPUTS = 3  # the policy's input: see `log_numbers.flatten`
     DECISION = 4  # (5n,) its decision
     OBSERVATION = 5  # the observation of its network
     ACTION = 6  # the action of its network

@@ -12,8 +12,8 @@ from footfall.common.config import structure
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.handover import Handover, HandoverConfig
-from footfall.deploy.log import unflatten
 from footfall.deploy.log_file import Entry, LogFile, read_log
+from footfall.deploy.log_numbers import unflatten
 from footfall.deploy.turn import WrongSizeError
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand

@@ -27,8 +27,9 @@ from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
-from footfall.deploy.log import McapLog, flatten, unflatten
+from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
+from footfall.deploy.log_numbers import flatten, unflatten
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.receiver import MotorHealth

@@ -17,8 +17,9 @@ from mcap_ros2.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from footfall.common.errors import UserError
-from footfall.deploy.log import McapLog, flatten
+from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
+from footfall.deploy.log_numbers import flatten
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
