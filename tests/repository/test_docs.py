@@ -20,6 +20,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.evaluate.scenarios import load_scenarios
 from footfall.operate.gamepad import GamepadConfig
 from footfall.operate.missions.mission import load_mission
 from footfall.operate.ros2.bridge_process import Ros2Config
@@ -132,6 +133,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "gamepad": lambda path: load(path, GamepadConfig),
     "mission": load_mission,
     "preset": lambda path: load_preset(str(path), load_robot("go1")),
+    "scenarios": lambda path: load_scenarios(load_robot("go1"), path),
     "randomisation": lambda path: load(path, Randomisation),
     "ros2": lambda path: load(path, Ros2Config),
     "robot": lambda path: structure(with_changes(GO1, path), Description, str(path)),
