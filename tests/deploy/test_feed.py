@@ -92,7 +92,7 @@ def test_others_read_the_feed_as_mcap(log: McapLog, tmp_path: Path) -> None:
         log.close()
         kinds = [type(record).__name__ for record in StreamReader(subscriber.makefile("rb")).records]
     assert kinds[:2] == ["Header", "Metadata"]
-    assert kinds.count("Message") == 3
+    assert kinds.count("Message") >= 3  # latched ones, and what came meanwhile
     assert kinds[-2:] == ["DataEnd", "Footer"]
 
 
