@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
 from footfall.terrain.ground import MOST_CELLS, Ground
 
 HIGHEST_M = 10.0
@@ -50,10 +51,8 @@ def _from_array(path: Path) -> np.ndarray:
 
 
 def _from_picture(path: Path, top_m: float) -> np.ndarray:
-    try:
+    with needs_extra("report", f"{path}: a picture needs"):
         from PIL import Image, UnidentifiedImageError
-    except ImportError:
-        raise UserError(f"{path}: to read a picture, pip install 'footfall[report]'") from None
     try:
         with Image.open(path) as picture:
             grey = np.asarray(picture.convert("I"), dtype=float)
