@@ -3,7 +3,15 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-TRAINING = ("common", "domain_rand", "envs", "policies", "robots", "train")  # packages that training imports
+TRAINING = (
+    "common",
+    "domain_rand",
+    "envs",
+    "policies",
+    "robots",
+    "terrain",
+    "train",
+)  # packages that training imports
 
 
 def read_sources(

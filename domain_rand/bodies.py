@@ -13,6 +13,7 @@ from footfall.robots.feet import find_feet
 from footfall.robots.model import joint_addresses
 
 WORLD = 0  # body
+GROUND_SHAPES = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_BOX)
 Array = Any
 
 
@@ -21,7 +22,8 @@ def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     feet = np.concatenate(find_feet(model, robot.description, robot.xml_path))
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides)
+    shaped = np.isin(model.geom_type, GROUND_SHAPES)
+    ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides & shaped)
     geoms = np.union1d(feet, ground)
     if not len(feet):  # a plant whose feet nobody found: whatever can touch the ground
         geoms = np.flatnonzero(collides)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jax.tree_util import Partial
 
 from footfall.common.errors import UserError
 from footfall.common.rotations import heading, rotation_matrix
@@ -193,7 +194,7 @@ class Pieces:
             height=place[2] - jnp.mean(height_at(self._ground, walked.feet, walked.piece)),
             place=place,
             forward=jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]),
-            ground=lambda places: height_at(self._ground, places, walked.piece),
+            ground=Partial(_height_on, self._ground, walked.piece),
         )
 
     def _distance(self, walked: Walked) -> jax.Array:
@@ -233,6 +234,10 @@ def make_terrain(config: EnvConfig, engine: Engine, model: mujoco.MjModel, scene
     if engine.name != "generated":
         raise UserError(f"env.terrain needs physics 'generated', not '{engine.name}'. {engine.note}".strip())
     return Pieces(config, config.terrain, model, scene)
+
+
+def _height_on(ground: Ground, piece: jax.Array, place: jax.Array) -> jax.Array:
+    return height_at(ground, place, piece)
 
 
 def _walked(state: State) -> Walked:

@@ -100,6 +100,11 @@ class Sinks:
             except OSError as error:
                 self._fail(error)
 
+    @property
+    def part_full(self) -> bool:
+        """Whether the log should go on in another part."""
+        return self._file is not None and self._parts is not None and self._parts.full(self._file)
+
     def flush(self) -> None:
         """Write what waits for the disk."""
         if self._file is not None:
@@ -136,6 +141,8 @@ def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray
     while True:
         for kind, now_us, content in take_records(arrived):
             encoder.encode(kind, now_us, content)
+            if sinks.part_full:  # a slow process may have a lot to encode
+                sinks.flush()
         if time.monotonic() >= flush_at:
             sinks.flush()
             flush_at = time.monotonic() + FLUSH_EVERY_S

@@ -1,12 +1,12 @@
 """What terms read: constants of the robot, and the data of one control step."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jax.tree_util import Partial
 
 from footfall.envs.base import Base
 from footfall.envs.feet import Feet
@@ -61,9 +61,7 @@ class StepData(NamedTuple):
     fell: jax.Array  # () 1.0 if a termination term ended the episode
     place: jax.Array  # (3,) m, of the base, world frame
     forward: jax.Array  # (2,) horizontal unit vector along the base's heading, world frame
-    ground: Callable[
-        [jax.Array], jax.Array
-    ]  # from places (..., 2) in the world to the ground's height, m, (...)
+    ground: Partial  # from places (..., 2) in the world to the ground's height, m, (...)
 
     @property
     def period_s(self) -> float:
@@ -98,6 +96,6 @@ def example_data(scene: Scene) -> StepData:
         fell=jnp.float32(0.0),
         place=jnp.array([0.0, 0.0, scene.standing_height]),
         forward=jnp.array([1.0, 0.0]),
-        ground=level_ground,
+        ground=Partial(level_ground),
         **zeros,
     )

@@ -163,7 +163,7 @@ def test_a_tick_is_the_nearest_whole_number_of_microseconds(rate_hz: float, tick
 def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text()
     path = tmp_path / "loop.yaml"
-    path.write_text(page.partition("```yaml")[2].partition("```")[0])
+    path.write_text(page.partition("<!-- read as: loop -->\n```yaml")[2].partition("```")[0])
     assert replace(deploy_config(go1, path), realtime_priority=None) == DeployConfig()
 
 

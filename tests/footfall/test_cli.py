@@ -47,7 +47,8 @@ class TestLimits:
         called.replace("footfall.plant.episode.run_episode", refuse)
         assert shell.refuses("deploy", "stand", "--command", "-100,99.5,100") == "enough"
         (_, _, episode), _ = called.of("run_episode")
-        assert episode.command_source(3.0).tolist() == [-100.0, 99.5, 100.0]
+        request = episode.command_source.poll(SimpleNamespace(walking_s=3.0))
+        assert request.velocity.tolist() == [-100.0, 99.5, 100.0]
         for command in ("0.5", "0.5,0", "0.5,0,0,0", "nan,0,0", "a,0,0", "0,0,101", "0,-100.1,0"):
             assert "expected three numbers" in shell.refuses("deploy", "stand", f"--command={command}")
 

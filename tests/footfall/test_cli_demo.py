@@ -48,7 +48,7 @@ def test_without_options_it_makes_a_folder_of_its_own(steps: list[tuple[str, ...
 
 @pytest.mark.parametrize(
     ("robot", "walkers", "half_speed"),
-    [("hexapod", ["hexapod-flat", "tripod", "mpc"], "0.125"), ("g1", ["g1-flat", "step"], "0.4")],
+    [("hexapod", ["hexapod-flat", "tripod", "mpc"], "0.125"), ("g1", ["g1-flat", "step", "mpc-wbc"], "0.4")],
 )
 def test_another_robot_is_asked_for_its_own_controllers_of_each_kind_and_speed(
     steps: list[tuple[str, ...]],

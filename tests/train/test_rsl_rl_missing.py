@@ -18,6 +18,9 @@ def test_training_with_brax_needs_no_torch() -> None:
 def test_the_lack_of_the_extra_is_one_line(
     tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
+    loaded = [name for name in sys.modules if name.startswith((f"{missing}.", "footfall.train.rsl_rl"))]
+    for name in loaded:  # by other tests of this process
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, missing, None)
     command = ("train", "--preset", "smoke", "--trainer", "rsl_rl", "--out", tmp_path / "run")
     assert "[rsl-rl]'" in shell.refuses(*command)
