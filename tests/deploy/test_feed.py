@@ -65,7 +65,7 @@ def test_a_late_subscriber_gets_what_holds_still_and_then_the_bytes_of_the_log(
     with closing(FeedReader(tmp_path / "feed", timeout_s=10.0)) as reader:
         arriving = iter(reader)
         first: list[FeedMessage] = []
-        while not LATCHED <= {each.channel.topic for each in first}:
+        while not {each.channel.topic for each in first} >= LATCHED:
             first.append(next(arriving))  # others come too, if the process is slower than this one
         assert any(b"STANDING" in each.data for each in first if each.channel.topic == "/state")
         ticks(log, 50, first=5)
