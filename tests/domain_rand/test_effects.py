@@ -383,14 +383,14 @@ class TestBodyMap:
         monkeypatch.setattr("footfall.domain_rand.bodies.joint_addresses", lambda *_: addresses)
         return go1
 
-    def test_friction_is_of_the_feet_that_were_found_and_of_the_floor(
+    def test_friction_is_of_the_feet_that_were_found_and_of_the_worlds_planes_and_boxes(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
         robot = self.robot(go1, monkeypatch, [[4], [], [0]])  # one foot was not found; one is the first geom
         where = body_map(model, robot)
-        assert where.contact_geoms == (0, 1, 4)
+        assert where.contact_geoms == (0, 1, 2, 4)
         assert where.dofs == (6, 0)
         assert where.base == model.body("trunk").id == 2
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from long_tests import long_test
 
 pytest.importorskip("jax")
 
@@ -61,6 +62,7 @@ def test_what_is_not_known_while_tracing_is_left_to_jax() -> None:
     np.testing.assert_array_equal(segment_sum(data, np.array([0, 0, 1])), [[2, 2], [1, 1]])
 
 
+@long_test
 @pytest.mark.usefixtures("on_a_gpu")
 def test_a_step_of_mjx_moves_robots_the_same(go1: Robot) -> None:
     model = training_model(go1)

@@ -3,11 +3,13 @@
 import re
 
 import pytest
+from long_tests import long_test
 from user_folder import UserFolder
 
 pytest.importorskip("torch")
 
 
+@long_test
 def test_the_return_rises(user_folder: UserFolder) -> None:
     user_folder.copy("ppo_torch.py")
     output = user_folder.python("ppo_torch.py", "12")

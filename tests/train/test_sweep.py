@@ -22,6 +22,7 @@ import yaml
 pytest.importorskip("jax")
 pytest.importorskip("ray")
 
+from long_tests import long_test
 from shell import Shell
 
 from footfall.common.errors import UserError
@@ -223,6 +224,7 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
     return tune.with_resources(trial, {"cpu": 0.1})
 
 
+@long_test
 def test_an_interrupted_sweep_says_so_goes_on_and_compares_points_over_seeds(
     tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
