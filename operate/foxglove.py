@@ -3,10 +3,11 @@
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
+from footfall.common.child_process import end_by_input
 from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 
@@ -35,7 +36,6 @@ def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
     )
-    assert process.stdin is not None
     assert process.stdout is not None
     try:
         answer = process.stdout.readline().strip()
@@ -45,11 +45,4 @@ def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
             )
         yield f"ws://{host}:{port}"
     finally:
-        with suppress(OSError):
-            process.stdin.close()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        process.stdout.close()
+        end_by_input(process, END_S)

@@ -5,13 +5,14 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 import footfall
+from footfall.common.child_process import end_by_input
 from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 from footfall.operate.ros2.arguments import READY
@@ -101,7 +102,7 @@ def bridge(backend: Backend, feed: Path, steer: Path | None, config: Ros2Config)
         errors = resources.enter_context((folder / "errors").open("w+b"))
         pipe, environment = subprocess.PIPE, _environment(folder)
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=environment)
-        resources.callback(_end, process)
+        resources.callback(end_by_input, process, END_S)
         assert process.stdout is not None
         if process.stdout.readline().strip() != READY.encode():
             process.wait(END_S)
@@ -120,17 +121,3 @@ def _environment(folder: Path) -> dict[str, str]:
     if environment.get("ROS_DISTRO") == "humble" and environment[RANGE] == "LOCALHOST":
         environment.setdefault("ROS_LOCALHOST_ONLY", "1")  # older than the variable above
     return environment
-
-
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    """The end of its input ends the bridge."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    with suppress(OSError):
-        process.stdin.close()
-    try:
-        process.wait(END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    process.stdout.close()

@@ -1,0 +1,19 @@
+"""How a child process that reads its input is ended."""
+
+import subprocess
+from contextlib import suppress
+from typing import Any
+
+
+def end_by_input(process: "subprocess.Popen[Any]", patience_s: float) -> None:
+    """Close a child's input, whose end tells it to end, and wait; kill it after `patience_s`."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with suppress(OSError):
+        process.stdin.close()
+    try:
+        process.wait(patience_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    process.stdout.close()
