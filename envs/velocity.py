@@ -215,6 +215,7 @@ class VelocityEnv:
         return self.terrain.base(state, data)._replace(
             command=state.command,
             moving=walk,
+            qpos=state.qpos,
             linear_velocity=scene.base.linear_velocity(state.qpos, state.qvel),
             angular_velocity=scene.base.angular_velocity(state.qvel),
             gravity=scene.base.gravity(state.qpos),

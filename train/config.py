@@ -47,6 +47,7 @@ class PpoConfig:
     init_noise_std: float  # standard deviation of the actions at the start
     actor_hidden_dims: tuple[int, ...]  # units of each hidden layer
     critic_hidden_dims: tuple[int, ...]  # the same for the critic
+    final_entropy_coef: float | None = None  # at the end, where it falls linearly; None: it stays the same
     desired_kl: float | None = None  # adapts the learning rate below its falling limit
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
@@ -57,7 +58,8 @@ class PpoConfig:
         )
         require_positive(self, "learning_rate", "desired_kl", "clip_param", "max_grad_norm", "init_noise_std")
         require_between(self, 0.0, 1.0, "learning_rate", "final_learning_rate")
-        require_between(self, 0.0, 100.0, "desired_kl", "clip_param", "entropy_coef", "init_noise_std")
+        require_between(self, 0.0, 100.0, "desired_kl", "clip_param", "init_noise_std")
+        require_between(self, 0.0, 100.0, "entropy_coef", "final_entropy_coef")
         require_positive(self, "actor_hidden_dims", "critic_hidden_dims")
         require_between(self, 0.0, 1.0, "gamma", "lam")
         if not self.actor_hidden_dims or not self.critic_hidden_dims:
@@ -84,6 +86,13 @@ class PpoConfig:
         share = iteration / self.iterations
         return self.learning_rate + share * (self.final_learning_rate - self.learning_rate)
 
+    def entropy_weight(self, iteration: Any) -> Any:
+        """The weight of the entropy after so many iterations, a float32 scalar as `learning_rate_limit`."""
+        if self.final_entropy_coef is None:
+            return self.entropy_coef
+        share = iteration / self.iterations
+        return self.entropy_coef + share * (self.final_entropy_coef - self.entropy_coef)
+
 
 @dataclass(frozen=True)
 class TrainConfig:
@@ -101,6 +110,14 @@ class TrainConfig:
 def available_presets() -> list[str]:
     """Names of the presets that ship with footfall."""
     return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+
+
+def read_preset(name: str) -> dict[str, Any]:
+    """The settings of a preset that ships with footfall, over those of its base where it has one."""
+    path = PRESETS / f"{name}.yaml"
+    settings: dict[str, Any] = read_yaml(path)
+    base = settings.pop(BASE, None)
+    return settings if base is None else _merged(read_preset(base), settings, str(path))
 
 
 def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
@@ -144,7 +161,7 @@ def _copied(settings: dict[str, Any], path: Path, robot: Robot | None) -> TrainC
     if not isinstance(env, dict) or {each.name for each in fields(EnvConfig)} <= env.keys():
         return train_config(settings, str(path))
     settings = settings | {"env": with_lists(env)}
-    originals = {name: read_yaml(PRESETS / f"{name}.yaml") for name in available_presets()}
+    originals = {name: read_preset(name) for name in available_presets()}
     nearest = min(originals, key=lambda name: differences(settings, originals[name]))
     adapted, source = _adapted(nearest, robot)
     return train_config(adapted_copy(settings, originals[nearest], adapted), f"{path} over {source}")
@@ -205,14 +222,15 @@ def _listed_anywhere(part: str) -> set[str]:
     """Names of the terms in a list of any shipped preset, or of older settings."""
     older = {term for of_part, term in SECTIONS.values() if of_part == part}
     older |= {term for term, _ in SCALES.values()} if part == "rewards" else set()
-    lists = [read_yaml(PRESETS / f"{name}.yaml")["env"] for name in available_presets()]
+    paths = (PRESETS / f"{name}.yaml" for name in available_presets())
+    lists = [read_yaml(path)["env"] for path in paths]
     return older.union(*(by_label(env.get(part) or default_terms(part)) for env in lists))
 
 
 def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
     """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from."""
     path = PRESETS / f"{name}.yaml"
-    preset = read_yaml(path)
+    preset = read_preset(name)
     if robot is None:
         return preset, str(path)
     own = robot.folder / TRAINING_FILE

@@ -1,5 +1,6 @@
 """What terms read: constants of the robot, and the data of one control step."""
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -9,6 +10,7 @@ import numpy as np
 from jax.tree_util import Partial
 
 from footfall.envs.base import Base
+from footfall.envs.body_points import BodyPoints
 from footfall.envs.feet import Feet
 from footfall.envs.ground import ground_height
 from footfall.robots.description import Robot
@@ -37,6 +39,11 @@ class Scene:
         place[2] = ground_height(place) + self.standing_height
         self.standing = qpos  # (nq,) in the default pose, feet on the ground
 
+    @cached_property
+    def body(self) -> BodyPoints:
+        """Points on trunk and limbs, for terms that ask for them."""
+        return BodyPoints(self.robot)
+
 
 class StepData(NamedTuple):
     """The robot after one control step. Vectors in the body frame unless the comment says otherwise."""
@@ -48,6 +55,7 @@ class StepData(NamedTuple):
     angular_velocity: jax.Array  # (3,) rad/s
     gravity: jax.Array  # (3,) unit vector
     height: jax.Array  # () m, base above ground
+    qpos: jax.Array  # (nq,) of the training model
     joint_position: jax.Array  # (n,) rad
     joint_velocity: jax.Array  # (n,) rad/s
     torque: jax.Array  # (n,) N m, motor torque at the last physics step
@@ -68,6 +76,12 @@ class StepData(NamedTuple):
         """Length of a control step, s."""
         return self.scene.period_s
 
+    @property
+    def depth(self) -> jax.Array:
+        """How deep each point of `Scene.body` is in the ground, m, (points,); negative above it."""
+        places = self.scene.body.places(self.qpos)
+        return self.ground(places[:, :2]) + self.scene.body.radius - places[:, 2]
+
 
 def level_ground(place: jax.Array) -> jax.Array:
     """Height of level ground at places (..., 2), m, (...)."""
@@ -86,6 +100,7 @@ def example_data(scene: Scene) -> StepData:
         angular_velocity=jnp.zeros(3),
         gravity=jnp.array([0.0, 0.0, -1.0]),
         height=jnp.float32(scene.standing_height),
+        qpos=jnp.asarray(scene.standing),
         joint_position=scene.default_pose,
         joint_velocity=jnp.zeros(n),
         torque=jnp.zeros(n),

@@ -141,6 +141,11 @@ def crowded_feet(data: StepData, *, distance_m: Length = 0.12) -> jax.Array:
     return data.scene.feet.crowding(data.foot_position, distance_m)
 
 
+def collision(data: StepData) -> jax.Array:
+    """How deep points on trunk, thighs and shanks are in the ground, m, summed: see `Scene.body`."""
+    return jnp.sum(jnp.maximum(data.depth, 0.0))
+
+
 REWARDS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
@@ -164,6 +169,7 @@ REWARDS: dict[str, Callable[..., Any]] = {
         slip,
         level_soles,
         crowded_feet,
+        collision,
     )
 }
 

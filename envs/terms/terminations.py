@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from footfall.common.terms import Between
@@ -23,4 +24,9 @@ def sunk(data: StepData, *, least_height_share: Annotated[float, Between(0.0, 1.
     return data.height < least_height_share * data.scene.standing_height
 
 
-TERMINATIONS: dict[str, Callable[..., jax.Array]] = {f.__name__: f for f in (tilted, sunk)}
+def base_contact(data: StepData, *, depth_m: Annotated[float, Between(0.0, 1.0)] = 0.01) -> jax.Array:
+    """A point on the base is deeper than this in the ground."""
+    return jnp.max(jnp.where(data.scene.body.on_base, data.depth, -jnp.inf)) > depth_m
+
+
+TERMINATIONS: dict[str, Callable[..., jax.Array]] = {f.__name__: f for f in (tilted, sunk, base_contact)}

@@ -149,6 +149,22 @@ def test_an_unknown_setting_is_refused_with_both_files(own_folder: Path) -> None
         load_preset("smoke", robot)
 
 
+def test_a_shipped_preset_may_change_another() -> None:
+    rough, gpu = load_preset("rough-blind"), load_preset("gpu")
+    assert rough.env.terrain is not None and gpu.env.terrain is None
+    assert rough.ppo.learning_rate == gpu.ppo.learning_rate
+    assert rough.env.randomisation == gpu.env.randomisation
+    assert set(gpu.env.weights) < set(rough.env.weights)
+
+
+def test_the_entropys_weight_stays_or_falls_linearly() -> None:
+    ppo = replace(load_preset("smoke").ppo, entropy_coef=0.01)
+    assert ppo.entropy_weight(0) == ppo.entropy_weight(ppo.iterations) == 0.01
+    falling = replace(ppo, final_entropy_coef=0.002)
+    shares = [falling.entropy_weight(share * falling.iterations) for share in (0.0, 0.5, 1.0)]
+    assert shares == pytest.approx([0.01, 0.006, 0.002])
+
+
 def test_iterations_cover_all_steps() -> None:
     for steps, iterations in ((1, 1), (18, 1), (19, 2), (36, 2), (37, 3)):
         assert replace(PPO, total_steps=steps).iterations == iterations

@@ -61,22 +61,29 @@ class Ppo:
         key, *shuffle_keys = jax.random.split(key, self.config.num_learning_epochs + 1)
         orders = jnp.stack([jax.random.permutation(k, rollout.reward.shape[1]) for k in shuffle_keys])
         learner = Learner(state.params, with_learning_rate(state.optimizer, rate), key)
-        learner, losses = jax.lax.scan(partial(self._epoch, data=data, limit=limit), learner, orders)
+        entropy = self.config.entropy_weight(state.iteration)
+        epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy)
+        learner, losses = jax.lax.scan(epoch, learner, orders)
         return learner.params, learner.optimizer, losses
 
     def _epoch(
-        self, learner: Learner, order: jax.Array, data: Transition, limit: jax.Array
+        self, learner: Learner, order: jax.Array, data: Transition, limit: jax.Array, entropy: jax.Array
     ) -> tuple[Learner, dict[str, jax.Array]]:
         """Each environment once, in this order."""
         key, mirror_key = jax.random.split(learner.key)
         if self.mirror is not None:
             order = mirror_half(order, mirror_key)
         batches = order.reshape((self.config.num_mini_batches, -1))
-        step = partial(self._mini_batch, data=data, limit=limit)
+        step = partial(self._mini_batch, data=data, limit=limit, entropy=entropy)
         return jax.lax.scan(step, learner._replace(key=key), batches)
 
     def _mini_batch(
-        self, learner: Learner, environments: jax.Array, data: Transition, limit: jax.Array
+        self,
+        learner: Learner,
+        environments: jax.Array,
+        data: Transition,
+        limit: jax.Array,
+        entropy: jax.Array,
     ) -> tuple[Learner, dict[str, jax.Array]]:
         """One gradient step on the samples of these environments."""
         config, mean = self.config, mean_over_devices(self.devices)
@@ -84,7 +91,7 @@ class Ppo:
         # brax's loss wants (environment, time) and swaps them again: nothing is moved.
         batch = jax.tree.map(lambda x: jnp.swapaxes(_columns(x, environments), 0, 1), data)
         with fewer_kernels():
-            gradient, losses = jax.grad(self._loss, has_aux=True)(learner.params, batch, loss_key)
+            gradient, losses = jax.grad(self._loss, has_aux=True)(learner.params, batch, loss_key, entropy)
         gradient, losses["kl_mean"] = mean((gradient, losses["kl_mean"]))
         updates, optimizer = make_optimizer(config).update(gradient, learner.optimizer, learner.params)
         losses["gradient_norm"] = optax.global_norm(gradient)
@@ -95,14 +102,16 @@ class Ppo:
         losses["learning_rate"] = learning_rate(optimizer)
         return Learner(optax.apply_updates(learner.params, updates), optimizer, key), losses
 
-    def _loss(self, params: PPONetworkParams, batch: Transition, key: jax.Array) -> tuple[jax.Array, dict]:
+    def _loss(
+        self, params: PPONetworkParams, batch: Transition, key: jax.Array, entropy: jax.Array
+    ) -> tuple[jax.Array, dict]:
         return compute_ppo_loss(
             params,
             None,  # the batch is normalised already
             batch,
             key,
             ppo_network=self.networks,
-            entropy_cost=self.config.entropy_coef,
+            entropy_cost=entropy,
             discounting=self.config.gamma,
             gae_lambda=self.config.lam,
             clipping_epsilon=self.config.clip_param,

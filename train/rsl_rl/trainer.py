@@ -82,6 +82,7 @@ class RslRlTrainer(Trainer):
     def _iterate(self) -> dict[str, float]:
         algorithm = self.runner.alg
         algorithm.limit = float(self._ppo.learning_rate_limit(np.float32(self.iteration)))
+        algorithm.entropy_coef = float(self._ppo.entropy_weight(np.float32(self.iteration)))
         self.environment.steps_done = self.iteration * self._ppo.steps_per_iteration
         self.runner.current_learning_iteration = self.iteration
         self.runner.learn(1)
@@ -89,7 +90,7 @@ class RslRlTrainer(Trainer):
         seen = algorithm.storage.observations["state"].flatten(0, 1)
         self._seen = seen[-LOGGED_OBSERVATIONS:].cpu().numpy()
         losses = algorithm.losses
-        total = losses["surrogate"] + losses["value"] - self._ppo.entropy_coef * losses["entropy"]
+        total = losses["surrogate"] + losses["value"] - algorithm.entropy_coef * losses["entropy"]
         return self.environment.take_metrics() | {
             "learning/total_loss": total,
             "learning/policy_loss": losses["surrogate"],

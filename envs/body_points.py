@@ -1,0 +1,132 @@
+"""Points on the trunk and the limbs, which meet the ground on a robot and not in training's physics.
+
+Training's contacts are those of the feet. These points tell terms where trunk, thighs and shanks would touch.
+"""
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from footfall.common.rotations import rotation_matrix
+from footfall.envs.base import Base
+from footfall.robots.description import Robot
+from footfall.robots.link_tree import PRISMATIC, Link, link_tree, load_model
+
+SPACING_M = 0.13  # between two points along a shape, at most
+
+
+class Level(NamedTuple):
+    """Links at the same depth of the tree; the place of a link in the last level is its parent's number."""
+
+    parent: np.ndarray  # (links,)
+    position: np.ndarray  # (links, 3) m, in the parent's frame
+    rotation: np.ndarray  # (links, 3, 3) parent's frame from the link's, joint at zero
+    turn: np.ndarray  # (links, 3) axis of a revolute joint, else 0
+    slide: np.ndarray  # (links, 3) axis of a prismatic joint, else 0
+    address: np.ndarray  # (links,) of the joint in qpos; of any number where there is no joint
+
+
+class BodyPoints:
+    """Points on the collision shapes of the robot, but for its feet; holds constants only."""
+
+    def __init__(self, robot: Robot) -> None:
+        model = load_model(robot)
+        links = [link for link in link_tree(robot, model) if link.body >= 0 or link.joint]
+        self._base = Base(model, robot)
+        self._levels = list(_levels(model, links))
+        order = [link.name for level in _by_depth(links) for link in level]
+        feet = {name for foot in robot.description.feet for name in foot.geoms}
+        found = []
+        for number, name in enumerate(order):
+            link = next(link for link in links if link.name == name)
+            found += [
+                (number, link.body_origin + at, radius) for at, radius in _points(model, link.body, feet)
+            ]
+        self._link = np.array([number for number, _, _ in found], dtype=int)
+        self._place = np.array([at for _, at, _ in found]).reshape(-1, 3).astype(np.float32)
+        self.radius = np.array([radius for _, _, radius in found], dtype=np.float32)  # (points,) m
+        self.on_base = self._link == 0  # (points,) bool
+
+    def places(self, qpos: jax.Array) -> jax.Array:
+        """The points in the world, m, (points, 3), of positions qpos (nq,)."""
+        positions = self._base.position(qpos)[None]
+        rotations = rotation_matrix(self._base.quaternion(qpos))[None]
+        all_positions, all_rotations = [positions], [rotations]
+        for level in self._levels:
+            above = rotations[level.parent]
+            angle = qpos[level.address]
+            at = level.position + jnp.einsum("lij,lj->li", level.rotation, level.slide * angle[:, None])
+            positions = positions[level.parent] + jnp.einsum("lij,lj->li", above, at)
+            rotations = above @ (level.rotation @ _about(level.turn, angle))
+            all_positions.append(positions)
+            all_rotations.append(rotations)
+        origin, turned = (jnp.concatenate(each)[self._link] for each in (all_positions, all_rotations))
+        return origin + jnp.einsum("pij,pj->pi", turned, self._place)
+
+
+def _by_depth(links: list[Link]) -> list[list[Link]]:
+    """The links by their distance from the root, the root's level first."""
+    levels = [links[:1]]
+    while True:
+        names = {link.name for link in levels[-1]}
+        below = [link for link in links if link.parent in names]
+        if not below:
+            return levels
+        levels.append(below)
+
+
+def _levels(model: mujoco.MjModel, links: list[Link]) -> Iterator[Level]:
+    levels = _by_depth(links)
+    for above, level in itertools.pairwise(levels):
+        names = [link.name for link in above]
+        slides = np.array([link.kind == PRISMATIC for link in level])[:, None]
+        axes = np.array([link.axis for link in level], dtype=np.float32)
+        joints = [model.joint(link.joint).qposadr[0] if np.any(link.axis) else 0 for link in level]
+        yield Level(
+            parent=np.array([names.index(link.parent) for link in level]),
+            position=np.array([link.position for link in level], dtype=np.float32),
+            rotation=np.array([link.rotation for link in level], dtype=np.float32),
+            turn=np.where(slides, 0.0, axes).astype(np.float32),
+            slide=np.where(slides, axes, 0.0).astype(np.float32),
+            address=np.array(joints),
+        )
+
+
+def _about(axis: np.ndarray, angle: jax.Array) -> jax.Array:
+    """Rotations (links, 3, 3) about unit axes (links, 3), or none about a zero one (Rodrigues' formula)."""
+    x, y, z = axis.T
+    nothing = np.zeros_like(x)
+    skew = np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)
+    sine, versine = jnp.sin(angle)[:, None, None], (1.0 - jnp.cos(angle))[:, None, None]
+    return np.eye(3, dtype=np.float32) + sine * skew + versine * (skew @ skew)
+
+
+def _points(model: mujoco.MjModel, body: int, feet: set[str]) -> Iterator[tuple[np.ndarray, float]]:
+    """Places in the body's frame, m, and radii, m, of points on its collision shapes."""
+    for geom in np.flatnonzero(model.geom_bodyid == body).tolist() if body >= 0 else ():
+        if model.geom(geom).name in feet or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            continue
+        half, radius = _core(model, geom)
+        counts = 1 + np.ceil(2.0 * half / SPACING_M - 1e-9).astype(int)
+        axes = [np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half, counts, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        outside = np.any(np.abs(grid) > half - 1e-9, axis=1)  # as all points of a line are
+        turn = rotation_matrix(model.geom_quat[geom])
+        for place in grid[outside]:
+            yield model.geom_pos[geom] + turn @ (model.geom_aabb[geom, :3] + place), radius
+
+
+def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
+    """A shape as a box of half sizes (3,), m, that a ball of this radius, m, is swept through."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return np.zeros(3), float(size[0])
+    if kind in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_CYLINDER):
+        is_capsule = kind == mujoco.mjtGeom.mjGEOM_CAPSULE
+        return np.array([0.0, 0.0, size[1] if is_capsule else max(0.0, size[1] - size[0])]), float(size[0])
+    return model.geom_aabb[geom, 3:].copy(), 0.0

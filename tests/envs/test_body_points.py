@@ -1,0 +1,86 @@
+"""Points on trunk and limbs lie where MuJoCo has the robot's shapes, and terms see them in the ground."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.envs.body_points import BodyPoints
+from footfall.envs.feet import Feet
+from footfall.envs.terms.data import Scene, StepData, example_data
+from footfall.envs.terms.rewards import collision
+from footfall.envs.terms.terminations import base_contact
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.link_tree import load_model
+from footfall.robots.model import training_model
+
+STEP_S = 1 / 200
+
+
+def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, place: np.ndarray) -> np.ndarray:
+    """Distance of places (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
+    own = np.abs((place - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+    size = model.geom_size[geom]
+    cores = {
+        int(mujoco.mjtGeom.mjGEOM_SPHERE): np.zeros(3),
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE): np.array([0.0, 0.0, size[1]]),
+        int(mujoco.mjtGeom.mjGEOM_BOX): size,
+    }
+    return np.linalg.norm(np.maximum(own - cores[int(model.geom_type[geom])], 0.0), axis=1)
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod", "g1"])
+def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name: str) -> None:
+    robot = load_robot(name)
+    points, model = BodyPoints(robot), load_model(robot)
+    data = mujoco.MjData(model)
+    data.qpos += np.random.default_rng(3).normal(0.0, 0.4, model.nq)
+    mujoco.mj_normalizeQuat(model, data.qpos)
+    mujoco.mj_kinematics(model, data)
+    places = np.asarray(jax.jit(points.places)(data.qpos.astype(np.float32)))
+    feet = {geom for foot in robot.description.feet for geom in foot.geoms}
+    shapes = [
+        geom
+        for geom in range(model.ngeom)
+        if (model.geom_contype[geom] or model.geom_conaffinity[geom]) and model.geom(geom).name not in feet
+    ]
+    distances = np.array([to_shape(model, data, geom, places) for geom in shapes])
+    assert distances.min(axis=0).max() < 1e-5
+    assert (distances < 1e-5).any(axis=1).all()  # no shape is without a point
+    base = model.body(robot.description.base).id
+    on_base = distances[model.geom_bodyid[shapes] == base].min(axis=0) < 1e-5
+    assert np.all(on_base[points.on_base])
+    assert points.on_base.any()
+
+
+@pytest.fixture(scope="module")
+def standing(go1: Robot) -> StepData:
+    model = training_model(go1, STEP_S)
+    return example_data(Scene(model, go1, Feet(model, go1, STEP_S, None), 0.02))
+
+
+def sunk_to(data: StepData, bottom_m: float) -> StepData:
+    """The data with the trunk's lower face, 0.05 m below its middle, at this height."""
+    return data._replace(qpos=data.scene.base.at_height(data.qpos, jnp.float32(bottom_m + 0.05)))
+
+
+def test_a_trunk_in_the_ground_ends_the_episode_and_a_standing_robot_touches_nothing(
+    standing: StepData,
+) -> None:
+    assert collision(standing) == 0.0
+    assert not base_contact(standing)
+    lying = sunk_to(standing, -0.02)
+    assert float(jnp.max(lying.depth[np.flatnonzero(standing.scene.body.on_base)])) == pytest.approx(
+        0.02, abs=1e-6
+    )
+    assert base_contact(lying)
+    assert not base_contact(lying, depth_m=0.03)
+    assert not base_contact(sunk_to(standing, 0.01))
+
+
+def test_shanks_in_the_ground_cost_by_their_depth(standing: StepData) -> None:
+    knees_down = sunk_to(standing, 0.05)  # the feet are in the ground, and the shanks with them
+    deeper = sunk_to(standing, 0.03)
+    assert 0.0 < collision(knees_down) < collision(deeper)
+    assert not base_contact(knees_down)
