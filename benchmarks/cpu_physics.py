@@ -26,7 +26,6 @@ from footfall.envs.batch import step_batch
 from footfall.envs.physics.engines import ENGINES
 from footfall.envs.physics.interface import Drive, Motion
 from footfall.envs.velocity import VelocityEnv
-from footfall.robots.actuator import Motor
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.brax.iteration import make_iteration
@@ -118,7 +117,7 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 
     target = jnp.repeat(state.target[:, None], substeps, axis=1)
     bias = jnp.zeros_like(state.target)
-    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), bias)
+    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), jax.tree.map(each, ROBOT.motor), bias)
 
     @jax.jit
     def roll_out(motion: Motion) -> Motion:

@@ -25,7 +25,7 @@ from footfall.envs.physics.generated.llvm import Program
 from footfall.envs.physics.generated.substep import DOUBLE, SINGLE, substep
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GROUND, Drive, joint_effort
-from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.actuator import JointCommand, Lag, Motor, lag_over
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
 from footfall.robots.model import joint_addresses, training_model
@@ -78,11 +78,30 @@ def random_arguments(
                 "kp": command.kp,
                 "kd": command.kd,
                 "encoder_bias": np.zeros(n) if bias is None else bias,
-                **{f"motor.{k}": np.broadcast_to(v, n) for k, v in motor._asdict().items()},
+                **{f"motor.{k}": np.broadcast_to(v, n) for k, v in motor._asdict().items() if v is not None},
+                **_lag(motor, model.opt.timestep, rng),
                 **(randomised_fields(model, sample, body_map(model, robot)) if sample else {}),
             }
         )
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _lag(motor: Motor, timestep_s: float, rng: np.random.Generator) -> Arrays:
+    """Of motors with lag: its shares over a physics step, and a torque before the first one."""
+    if motor.lag_s is None:
+        return {}
+    shares = lag_over(motor.lag_s, timestep_s)
+    return {
+        "lag.at_end": shares.at_end,
+        "lag.in_mean": shares.in_mean,
+        "lagged_torque": motor.peak_torque * rng.uniform(-1.0, 1.0, len(shares.at_end)),
+    }
+
+
+def _of(given: Arrays, part: str, robot: int) -> Arrays:
+    """One robot's arrays whose names begin with `part` and a dot, by the rest of the name."""
+    prefix = f"{part}."
+    return {name.removeprefix(prefix): v[robot] for name, v in given.items() if name.startswith(prefix)}
 
 
 def reference(
@@ -102,12 +121,15 @@ def reference(
             getattr(model, name)[:] = given[name][k]
         for name in ("qpos", "qvel", "qacc_warmstart"):
             getattr(data, name)[:] = given[name][k]
-        motor = Motor(*(given[f"motor.{name}"][k] for name in Motor._fields))
-        drive = Drive(given["target"][k], given["kp"][k], given["kd"][k], motor, given["encoder_bias"][k])
+        motor, shares = Motor(**_of(given, "motor", k)), _of(given, "lag", k)
+        lag = Lag(**shares) if shares else None
+        bias, before = given["encoder_bias"][k], given["lagged_torque"][k] if lag else None
+        drive = Drive(given["target"][k], given["kp"][k], given["kd"][k], motor, bias, lag)
         own = model.dof_armature[dofs].copy()
         for target in drive.target:
             now = data.qpos[positions].copy(), data.qvel[dofs].copy()
-            effort = joint_effort(drive, target, *now, model.opt.timestep)
+            effort = joint_effort(drive, target, *now, model.opt.timestep, before)
+            before = effort.lagged_torque
             model.dof_armature[dofs] = own + effort.inertia
             data.qfrc_applied[dofs] = effort.torque
             mujoco.mj_step(model, data)
@@ -133,11 +155,12 @@ def compare(
         other: MuJoCo's model, where it is another one.
     """
     given = {name: values.astype(dtype).astype(float) for name, values in given.items()}
-    own = {"qpos", "qvel", "qacc_warmstart", "target", "kp", "kd", "encoder_bias"}
-    fields = [name for name in given if name not in own and not name.startswith("motor.")]
+    own = {"qpos", "qvel", "qacc_warmstart", "lagged_torque", "target", "kp", "kd", "encoder_bias"}
+    fields = [name for name in given if name not in own and not name.startswith(("motor.", "lag."))]
+    effects = tuple(name for name in Motor._field_defaults if f"motor.{name}" in given)
     shapes = {name: given[name].shape[1:] for name in fields}
     began = time.perf_counter()
-    step = substep(model, robot, shapes, DOUBLE if dtype is np.float64 else SINGLE)
+    step = substep(model, robot, shapes, DOUBLE if dtype is np.float64 else SINGLE, effects)
     program = Program(step, STEPS, dtype)
     compile_s = time.perf_counter() - began
     count, (inputs, outputs) = len(given["qpos"]), arguments(step)

@@ -71,8 +71,8 @@ def scales(*names: str) -> Effect:
 
 
 def adds_to(*names: str) -> Effect:
-    """The drawn value is added to these fields."""
-    return Effect(names, lambda nominal, drawn: nominal + drawn)
+    """The drawn value is added to these fields; it is the value of one that is absent (None)."""
+    return Effect(names, lambda nominal, drawn: drawn if nominal is None else nominal + drawn)
 
 
 def scales_bodies(*names: str) -> Effect:

@@ -89,6 +89,17 @@ class Randomisation:
         kinds.VECTOR, OFFSET, least=-1.0, most=1.0, bias_of="gravity"
     )
 
+    # motors, each joint: effects that a nominal motor may lack
+    torque_lag_s: Distribution | None = quantity(  # time constant of the torque, beyond robot.yaml's
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.1, motor=adds_to("lag_s")
+    )
+    stribeck_friction: Distribution | None = quantity(  # N m at rest, beyond robot.yaml's
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=100.0, motor=adds_to("stribeck")
+    )
+    load_friction: Distribution | None = quantity(  # share of the motor torque, beyond robot.yaml's
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.9, motor=adds_to("load_friction")
+    )
+
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]

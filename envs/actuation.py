@@ -9,7 +9,7 @@ from footfall.domain_rand.sample import Sample, delay_s, randomised_command, ran
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
-from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.actuator import JointCommand, Motor, lag_over
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
 
@@ -24,7 +24,7 @@ class Actuation:
         self._period_s, self._timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
         self._starts_s = np.arange(config.substeps) * config.timestep_s
         require_delays(config.randomisation, "actions", (KEPT_GOALS - 1) * self._period_s)
-        self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
+        self._motor: Motor = jax.tree.map(lambda a: jnp.asarray(a, dtype=jnp.float32), robot.motor)
         self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
         self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
         self._rate_rad_s = robot.description.target_rate_rad_s
@@ -61,4 +61,10 @@ class Actuation:
         command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), sample)
         bias = sensor_bias(sample, "joint_position")
         motor = randomised_motor(self._motor, sample)
-        return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias)
+        lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
+        return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
+
+    def no_torque(self, sample: Sample) -> jax.Array | None:
+        """Torque of motors with lag before an episode, N m, (n,); None for motors without."""
+        lags = randomised_motor(self._motor, sample).lag_s is not None
+        return jnp.zeros_like(self._kp) if lags else None

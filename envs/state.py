@@ -28,6 +28,7 @@ class State(NamedTuple):
     recent_readings: jax.Array  # (substeps, m) true ones after each physics step, oldest first
     frames: jax.Array  # (history, frame)
     terms: dict[str, dict[str, Any]]  # states of the terms that have one, by kind and name
+    lagged_torque: jax.Array | None = None  # (n,) N m, of motors with lag
 
 
 class Step(NamedTuple):

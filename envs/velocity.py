@@ -144,6 +144,7 @@ class VelocityEnv:
             recent_readings=jnp.zeros((substeps, self.observer.numbers)),
             frames=self.observer.no_frames(),
             terms={},
+            lagged_torque=self.actuation.no_torque(sample),
         )
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
         readings = self.observer.readings(state.qpos, state.qvel, torque)
@@ -195,7 +196,7 @@ class VelocityEnv:
     def simulate(self, state: State) -> tuple[State, Trace]:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample)
-        start = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+        start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
         drive, fields = self.actuation.drive(targets, state.sample), self.terrain.fields(state)
         end, trace = self.engine.simulate(start, drive, state.fields | fields)
         return state._replace(**end._asdict(), target=targets[-1]), trace

@@ -11,7 +11,7 @@ from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
-from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
+from footfall.robots.actuator import JointCommand, Motor, friction_torque, lag_over, lagged, motor_torque
 
 TEMPERATURE_C = 30
 
@@ -53,6 +53,8 @@ class SimulatedMotors:
         self._end = end
         self.broadcasts = end.broadcasts
         self._motor = randomised_motor(motor, sample)
+        self._lag = None if self._motor.lag_s is None else lag_over(self._motor.lag_s, step_s)
+        self._lagged = np.zeros(n)  # torque at the end of the last step, of motors with lag
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
         if bias is not None:
@@ -90,7 +92,7 @@ class SimulatedMotors:
             self.enabled &= ~late
             self._note_enabled()
         if not self._any_enabled:
-            return np.zeros(len(position))
+            return self._through_lag(np.zeros(len(position)))
         ratio = None
         if self._geared is not None:
             ratio, about = self._geared
@@ -99,7 +101,14 @@ class SimulatedMotors:
         torque = motor_torque(self._command, measured, velocity, self._motor)
         if ratio is not None:
             torque = ratio * torque
-        return torque if self._all_enabled else self.enabled * torque
+        return self._through_lag(torque if self._all_enabled else self.enabled * torque)
+
+    def _through_lag(self, demand: np.ndarray) -> np.ndarray:
+        """Mean torque over this step, N m, (n,)."""
+        if self._lag is None:
+            return demand
+        mean, self._lagged = lagged(demand, self._lagged, self._lag)
+        return mean
 
     def reboot(self, motors: np.ndarray) -> None:
         """Disable motors (joint indices), as after power-up."""
@@ -131,9 +140,9 @@ class SimulatedMotors:
             stall_torque=share * motor.stall_torque, no_load_speed=share * motor.no_load_speed
         )
 
-    def friction(self, velocity: np.ndarray) -> np.ndarray:
-        """Gearbox friction at the joint, N m, (n,)."""
-        return friction_torque(velocity, self._motor)
+    def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Gearbox friction at the joint, N m, (n,), of gearboxes that transmit a torque (n,)."""
+        return friction_torque(velocity, self._motor, torque)
 
     def answer(self, step: int, frames: Frames, readings: np.ndarray) -> Frames | None:
         """Process frames; returns the replies of the addressed motors.

@@ -202,7 +202,7 @@ class SimulatedRobot:
             self._report_imu(now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
-        self._applied[joints] = torque + motors.friction(velocity)
+        self._applied[joints] = torque + motors.friction(velocity, torque)
         self._held = self._held and not motors.commanded
         if self._frame is not None:
             self._hold_up(self._frame)

@@ -27,7 +27,10 @@ class JointCommand(NamedTuple):
 
 
 class Motor(NamedTuple):
-    """Limits and losses of motors, seen at the joint: arrays that broadcast to (..., n)."""
+    """Limits and losses of motors, seen at the joint: arrays that broadcast to (..., n).
+
+    An optional effect is None where no joint has it: the law then computes nothing for it.
+    """
 
     peak_torque: Array  # N m, the current limit
     stall_torque: Array  # N m, where the torque-speed line meets zero speed
@@ -36,11 +39,56 @@ class Motor(NamedTuple):
     friction_speed: Array  # rad/s at which Coulomb friction is fully developed
     damping: Array  # N m s/rad, viscous
     strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
+    lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0 for none
+    stribeck: Array | None = None  # N m, friction at rest beyond Coulomb friction
+    stribeck_speed: Array | None = None  # rad/s at which half of it is left; None: STRIBECK_RAMPS ramps
+    load_friction: Array | None = None  # share of the motor torque that friction takes
+    backlash: Array | None = None  # rad, whole play of the gearbox
+    compliance: Array | None = None  # rad/(N m), of the gearbox
+    voltage_driven: Array | None = None  # 1: the command is a voltage (hobby servo); 0: a current
 
 
 def weaker(motor: Motor, share: float) -> Motor:
     """The motor with its torque limits scaled by `share`, 0 to 1, at all speeds."""
     return motor._replace(peak_torque=share * motor.peak_torque, stall_torque=share * motor.stall_torque)
+
+
+STRIBECK_RAMPS = 5.0  # a Stribeck speed that is not given, in friction speeds
+
+
+class Lag(NamedTuple):
+    """A first-order lag over one time step: the shares that the torque before the step has, (..., n)."""
+
+    at_end: Array  # in the torque at the end of the step
+    in_mean: Array  # in the step's mean torque
+
+
+def lag_over(lag_s: Array, step_s: float) -> Lag:
+    """The exact first-order lag of a torque demand that is constant over a step.
+
+    T f' = u - f has f(t) = u + (f(0) - u) exp(-t / T); its mean over a step h is
+    u + (f(0) - u) (T / h) (1 - exp(-h / T)).
+
+    Args:
+        lag_s: time constants T, (..., n); 0 for no lag.
+        step_s: length h of the step.
+    """
+    xp = library(lag_s)
+    lag_s = xp.maximum(lag_s, 1e-6 * step_s)  # a step of a million time constants: no lag
+    at_end = xp.exp(-step_s / lag_s)
+    return Lag(at_end, (lag_s / step_s) * (1.0 - at_end))
+
+
+def lagged(demand: Array, before: Array, lag: Lag) -> tuple[Array, Array]:
+    """The mean torque over a step and the torque at its end, N m, (..., n).
+
+    Args:
+        demand: torque that the motor is driven to in this step, N m.
+        before: torque at the beginning of the step, N m.
+        lag: of the step.
+    """
+    change = before - demand
+    return demand + lag.in_mean * change, demand + lag.at_end * change
 
 
 def pd_torque(command: JointCommand, position: Array, velocity: Array) -> Array:
@@ -71,16 +119,41 @@ def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
     return motor.stall_torque * (-1.0 - speed), motor.stall_torque * (1.0 - speed)
 
 
-def friction_torque(velocity: Array, motor: Motor) -> Array:
-    """Torque lost in the gearbox, N m, opposing motion: Coulomb, ramped through zero, and viscous."""
-    xp, most = library(velocity), motor.friction
+def friction_torque(velocity: Array, motor: Motor, load: Array | None = None) -> Array:
+    """Torque lost in the gearbox, N m, opposing motion: dry friction, ramped through zero, and viscous.
+
+    Args:
+        velocity: joint velocities, rad/s.
+        motor: the motors' parameters.
+        load: motor torque that the gearbox transmits, N m; None to leave load friction out.
+    """
+    xp, most = library(velocity), _dry_friction(velocity, motor, load)
     least = -most
     coulomb = xp.minimum(xp.maximum(least * (velocity / motor.friction_speed), least), most)
     return coulomb - motor.damping * velocity
 
 
+def _dry_friction(velocity: Array, motor: Motor, load: Array | None) -> Array:
+    """Dry friction once the ramp is passed, N m: Coulomb, Stribeck and a share of the load.
+
+    The Stribeck part falls with speed as 1 / (1 + (v / v_s)^2): Hess and Soom, Journal of Tribology 112
+    (1990), 147-152.
+    """
+    dry = motor.friction
+    if motor.stribeck is not None:
+        half = motor.stribeck_speed
+        relative = velocity / (STRIBECK_RAMPS * motor.friction_speed if half is None else half)
+        dry = dry + motor.stribeck / (1.0 + relative * relative)
+    if motor.load_friction is not None and load is not None:
+        dry = dry + motor.load_friction * library(velocity).abs(load)
+    return dry
+
+
 def motor_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
-    """Electromagnetic torque at the joint, N m: the PD law within the motor's limits, shape (..., n)."""
+    """Electromagnetic torque at the joint, N m: the PD law within the motor's limits, shape (..., n).
+
+    A lag is left out: it needs the torque before (`lagged`).
+    """
     asked = pd_torque(command, position, velocity) * motor.strength
     return limit_torque(asked, velocity, motor)
 
@@ -94,15 +167,21 @@ def joint_torque(command: JointCommand, position: Array, velocity: Array, motor:
         velocity: joint velocities, rad/s.
         motor: the motors' parameters.
     """
-    return motor_torque(command, position, velocity, motor) + friction_torque(velocity, motor)
+    torque = motor_torque(command, position, velocity, motor)
+    return torque + friction_torque(velocity, motor, torque)
 
 
-def joint_damping(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+def joint_damping(
+    command: JointCommand, position: Array, velocity: Array, motor: Motor, lag: Lag | None = None
+) -> Array:
     """Damping of `joint_torque`, N m s/rad: minus its derivative in velocity, (..., n).
 
     It is the sum of three parts: kd within the limits, the slope of the torque-speed line on that line and
-    nothing at the current limit; the ramp of Coulomb friction at low speed; viscous friction. Long physics
-    steps integrate it implicitly (envs/physics/interface.py).
+    nothing at the current limit; the ramp of dry friction at low speed; viscous friction. Long physics steps
+    integrate it implicitly (envs/physics/interface.py).
+
+    With a lag, the share of the motor's part that reaches the step's mean torque counts. The change of
+    friction with the load and the fall of Stribeck friction with speed are left to the explicit part.
     """
     xp = library(velocity)
     asked = pd_torque(command, position, velocity) * motor.strength
@@ -112,5 +191,8 @@ def joint_damping(command: JointCommand, position: Array, velocity: Array, motor
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
     delivered = xp.where((asked > most) | (asked < least), limited, command.kd * motor.strength)
-    ramp = xp.where(xp.abs(velocity) < motor.friction_speed, motor.friction / motor.friction_speed, 0.0)
+    if lag is not None:
+        delivered = delivered * (1.0 - lag.in_mean)
+    dry = _dry_friction(velocity, motor, asked.clip(least, most))
+    ramp = xp.where(xp.abs(velocity) < motor.friction_speed, dry / motor.friction_speed, 0.0)
     return delivered + ramp + motor.damping

@@ -10,12 +10,12 @@ import numpy as np
 from footfall.common.config import load
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
-from footfall.robots.actuator import Motor
+from footfall.robots.actuator import STRIBECK_RAMPS, Motor
 from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
 from footfall.robots.kinematics import Legs
 from footfall.robots.mjcf import load_spec
-from footfall.robots.robot_yaml import Description
+from footfall.robots.robot_yaml import Description, MotorType
 from footfall.robots.stability import instabilities
 from footfall.robots.stance import foot_places
 from footfall.robots.targets import soft_limits
@@ -153,6 +153,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
     ids = [model.joint(joint.name).id for joint in description.joints]
     motors = [description.motors[joint.motor] for joint in description.joints]
     dofs = model.jnt_dofadr[ids]
+    optional = _optional_effects(motors)
     motor = Motor(
         peak_torque=np.array([m.peak_torque_nm for m in motors]),
         stall_torque=np.array([m.stall_torque_nm for m in motors]),
@@ -161,6 +162,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         friction_speed=np.array([m.friction_speed_rad_s for m in motors]),
         damping=model.dof_damping[dofs].copy(),
         strength=np.ones(len(ids)),
+        **optional,
     )
     robot = Robot(
         description=description,
@@ -175,6 +177,22 @@ def _assemble(description: Description, folder: Path) -> Robot:
     _refuse(source, instabilities(description, model, robot.kp, robot.kd, motor))
     _refuse(source, overreach(description, robot.action_scale, robot.upper_rad - robot.lower_rad))
     return robot
+
+
+def _optional_effects(motors: list[MotorType]) -> dict[str, np.ndarray]:
+    """Optional fields of `Motor` that at least one joint's motor has, each (n,)."""
+    bandwidth_hz = np.array([m.torque_bandwidth_hz or np.inf for m in motors])
+    found = {
+        "lag_s": 1.0 / (2.0 * np.pi * bandwidth_hz),
+        "stribeck": np.array([m.stribeck_friction_nm for m in motors]),
+        "load_friction": np.array([m.load_friction for m in motors]),
+    }
+    found = {name: values for name, values in found.items() if values.any()}
+    if any(m.stribeck_speed_rad_s is not None for m in motors):
+        of_ramps = [STRIBECK_RAMPS * m.friction_speed_rad_s for m in motors]
+        given = [m.stribeck_speed_rad_s for m in motors]
+        found["stribeck_speed"] = np.array([s or r for s, r in zip(given, of_ramps, strict=True)])
+    return found
 
 
 def _refuse(source: Path, findings: Iterator[str]) -> None:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.config import unstructure
-from footfall.robots.robot_yaml import Description
+from footfall.robots.robot_yaml import Description, MotorType
 
 # Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
 # geoms only those count that are feet or can touch something, by themselves or through a pair.
@@ -31,6 +31,9 @@ CONSTRAINTS = (
     "eq_type", "eq_obj1id", "eq_obj2id", "eq_active0", "eq_data", "eq_solref", "eq_solimp", "tendon_num",
     "tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_range",
     "tendon_lengthspring", "wrap_type", "wrap_objid", "wrap_prm", "exclude_signature",
+)  # fmt: skip
+NOMINALLY_ABSENT = (
+    "torque_bandwidth_hz", "stribeck_friction_nm", "stribeck_speed_rad_s", "load_friction",
 )  # fmt: skip
 OPTIONS = ("gravity", "cone", "impratio")
 
@@ -69,6 +72,9 @@ def _counted(description: Description) -> Any:
     for motor in content["motors"].values():
         for name in ("protocol", "temperature_limit_c", "voltage_v", "timeout_s", "watchdog_endpoints"):
             del motor[name]
+        for name in NOMINALLY_ABSENT:
+            if motor[name] == MotorType.__dataclass_fields__[name].default:
+                del motor[name]  # a motor without the effect keeps the digest that it had before
     for foot in content["feet"]:
         del foot["geoms"]  # `_figures` has it
     return content

@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from footfall.common.config import require_between, require_ordered, require_positive
+from footfall.common.config import (
+    require_between,
+    require_not_negative,
+    require_ordered,
+    require_positive,
+)
 from footfall.robots.battery import Battery
 from footfall.robots.commands import CommandRange
 from footfall.robots.stop_inputs import StopInputs
@@ -41,12 +46,20 @@ class MotorType:
     temperature_limit_c: float = 85.0  # windings and magnets are damaged from 100 on
     voltage_v: tuple[float, float] | None = None  # least and most at its supply; None for no limit
     watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
+    torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None for no lag
+    stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
+    stribeck_speed_rad_s: float | None = None  # half of it is left; None for 5 times friction_speed_rad_s
+    load_friction: float = 0.0  # share of the motor torque that friction takes
     timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
-        require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
+        may_be_zero = "stribeck_friction_nm", "load_friction"
+        rest = (name for name in self.__dataclass_fields__ if name not in ("protocol", *may_be_zero))
+        require_positive(self, *rest)
+        require_not_negative(self, *may_be_zero)
         require_ordered(self, "voltage_v")
         require_between(self, *MOTOR_TIMEOUT_S, "timeout_s")
+        require_between(self, 0.0, 0.9, "load_friction")
         require_between(self, 1, 0xFFFF, "watchdog_endpoints")
         if self.stall_torque_nm < self.peak_torque_nm:
             raise ValueError(

@@ -36,7 +36,8 @@ def instabilities(
             f"gains: natural_frequency_hz of {description.gains.natural_frequency_hz:g} makes joint"
             f" {joint} too stiff for physics steps of {1e3 * TRAINING_TIMESTEP_S:g} ms"
         )
-    damping = kd + motor.friction / motor.friction_speed + motor.damping
+    dry = motor.friction + (0.0 if motor.stribeck is None else motor.stribeck)
+    damping = kd + dry / motor.friction_speed + motor.damping
     rate, index = _fastest(_mobility(description, model), damping)
     if PLANT_TIMESTEP_S * rate > MOST_TAKEN:
         yield (

@@ -57,7 +57,7 @@ class Prediction:
                 JointCommand(target, zero, kp, kd, zero), seen, ratio * velocity[cause.joint], self._limits
             )
             torque[cause.joint] = ratio * motor_nm
-            data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor)
+            data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor, torque)
             if step >= 0:
                 values[step, :n] = motor_nm
                 values[step, n:] = up[6:8]

@@ -13,7 +13,7 @@ from mujoco.batch import Batch, SimulationError
 
 from footfall.common.arrays import as_slice
 from footfall.common.processors import usable_cores
-from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, joint_effort
+from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, bodies, joint_effort
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
@@ -59,7 +59,7 @@ class _Simulations:
 
     def __call__(self, motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
         """One control step of robots with any number of leading axes, one after `jax.vmap`."""
-        end = Motion(*(np.empty(x.shape, np.float32) for x in motion))
+        end = jax.tree.map(lambda x: np.empty(x.shape, np.float32), motion)
         lead = motion.qpos.shape[:-1]
         trace = self.room(drive.target.shape[-2], lead)
         self.in_place(None, (end, trace), motion, drive, fields)
@@ -94,24 +94,30 @@ class _Simulations:
     def _simulate(self, end: Motion, trace: Trace, start: Motion, drive: Drive, fields: Fields) -> None:
         robots, substeps, _ = drive.target.shape
         pool = self._pool(robots)
-        state = Motion(*map(pool.bind, Motion._fields))
+        state = Motion(**{name: pool.bind(name) for name in bodies(start)})
         force, geoms = pool.bind("qfrc_applied"), pool.bind("geom_xpos")
         for name, values in fields.items():
             pool.expand(name)[:] = values
         inertia = pool.expand("dof_armature")
         own_inertia = fields.get("dof_armature", self._model.dof_armature)[..., self._dofs]
         timestep_s = self._model.opt.timestep
-        _copy(start, state)
+        for name, values in bodies(start).items():
+            getattr(state, name)[:] = values
+        before = start.lagged_torque
         for k in range(substeps):
             position = state.qpos[:, self._positions].astype(np.float32)
             velocity = state.qvel[:, self._dofs].astype(np.float32)
-            effort = joint_effort(drive, drive.target[:, k], position, velocity, timestep_s)
+            effort = joint_effort(drive, drive.target[:, k], position, velocity, timestep_s, before)
+            before = effort.lagged_torque
             force[:, self._dofs] = effort.torque
             inertia[:, self._dofs] = own_inertia + effort.inertia
             _step(pool, state)
             left = Trace(state.qpos, state.qvel, geoms[:, self._points], effort.motor_torque)
             _copy(left, Trace(*(kept[:, k] for kept in trace)))
-        _copy(state, end)
+        for name, values in bodies(state).items():
+            getattr(end, name)[:] = values
+        if end.lagged_torque is not None:
+            end.lagged_torque[:] = before
 
     def _pool(self, robots: int) -> Batch:
         if robots not in self._pools:

@@ -6,7 +6,15 @@ Engines differ only in the integration of the bodies (`mjx.py`, `c.py`, `generat
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from footfall.robots.actuator import JointCommand, Motor, friction_torque, joint_damping, motor_torque
+from footfall.robots.actuator import (
+    JointCommand,
+    Lag,
+    Motor,
+    friction_torque,
+    joint_damping,
+    lagged,
+    motor_torque,
+)
 
 Array = Any  # a NumPy or a JAX array
 
@@ -17,6 +25,12 @@ class Motion(NamedTuple):
     qpos: Array  # (nq,)
     qvel: Array  # (nv,)
     qacc_warmstart: Array  # (nv,)
+    lagged_torque: Array | None = None  # (n,) N m, of the motors; None for motors without lag
+
+
+def bodies(motion: Motion) -> dict[str, Array]:
+    """The part of a motion that is MuJoCo's, by the field's name in its data."""
+    return {name: getattr(motion, name) for name in ("qpos", "qvel", "qacc_warmstart")}
 
 
 class Drive(NamedTuple):
@@ -27,6 +41,7 @@ class Drive(NamedTuple):
     kd: Array  # (n,) N m s/rad
     motor: Motor
     encoder_bias: Array  # (n,) rad
+    lag: Lag | None = None  # of the motors' torque over a physics step, (n,)
 
 
 class Trace(NamedTuple):
@@ -54,13 +69,19 @@ Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]
 class JointEffort(NamedTuple):
     """Torque and inertia of the joints in one physics step, each of shape (..., n)."""
 
-    motor_torque: Array  # N m, of the motors
+    motor_torque: Array  # N m, of the motors, mean over the step
     torque: Array  # N m, at the joints
     inertia: Array  # kg m^2, to be added to the joints' own during this step
+    lagged_torque: Array | None  # N m, motor torque at the end of the step; None without lag
 
 
 def joint_effort(
-    drive: Drive, target: Array, position: Array, velocity: Array, timestep_s: float
+    drive: Drive,
+    target: Array,
+    position: Array,
+    velocity: Array,
+    timestep_s: float,
+    before: Array | None = None,
 ) -> JointEffort:
     """The joint law at the beginning of a physics step, with the terms that keep long steps stable.
 
@@ -80,10 +101,14 @@ def joint_effort(
         position: joint positions, rad.
         velocity: joint velocities, rad/s.
         timestep_s: length h of the physics step.
+        before: motor torque at the beginning of the step, N m, of motors with lag.
     """
     command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
     measured = position + drive.encoder_bias
     torque = motor_torque(command, measured, velocity, drive.motor)
-    damping = joint_damping(command, measured, velocity, drive.motor)
-    friction = friction_torque(velocity, drive.motor)
-    return JointEffort(torque, torque + friction, 0.5 * timestep_s * damping)
+    damping = joint_damping(command, measured, velocity, drive.motor, drive.lag)
+    after = None
+    if drive.lag is not None:
+        torque, after = lagged(torque, before, drive.lag)
+    friction = friction_torque(velocity, drive.motor, torque)
+    return JointEffort(torque, torque + friction, 0.5 * timestep_s * damping, after)

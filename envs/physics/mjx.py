@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, joint_effort
+from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, bodies, joint_effort
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.envs.workarounds.quiet_mjx import mjx
 from footfall.robots.description import Robot
@@ -31,14 +31,14 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
 
         def substep(motion: Motion, target: jax.Array) -> tuple[Motion, Trace]:
             position, velocity = motion.qpos[positions], motion.qvel[dofs]
-            effort = joint_effort(drive, target, position, velocity, model.opt.timestep)
+            effort = joint_effort(drive, target, position, velocity, model.opt.timestep, motion.lagged_torque)
             of_joints = jnp.pad(jnp.stack([effort.torque, effort.inertia]), ((0, 0), (0, 1)))
             force, inertia = of_joints[:, joint_of]
             stepped = sampled.replace(dof_armature=sampled.dof_armature + inertia)
             with fewer_kernels():
-                data = mjx.step(stepped, template.replace(**motion._asdict(), qfrc_applied=force))
+                data = mjx.step(stepped, template.replace(**bodies(motion), qfrc_applied=force))
             trace = Trace(data.qpos, data.qvel, data.geom_xpos[points], effort.motor_torque)
-            return Motion(data.qpos, data.qvel, data.qacc_warmstart), trace
+            return Motion(data.qpos, data.qvel, data.qacc_warmstart, effort.lagged_torque), trace
 
         return jax.lax.scan(substep, motion, drive.target)
 

@@ -152,7 +152,10 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
     place, policy, trace, _ = walk
     speed, torque = trace.joint_velocity[:, joints].ravel(), trace.motor_torque[:, joints].ravel()
     motor = type(robot.motor)(
-        *(np.broadcast_to(part, robot.armature.shape)[joints[0]] for part in robot.motor)
+        *(
+            None if part is None else np.broadcast_to(part, robot.armature.shape)[joints[0]]
+            for part in robot.motor
+        )
     )
     with Panel(identity) as panel:
         ax = panel.axes

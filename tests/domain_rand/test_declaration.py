@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
-from footfall.domain_rand.randomisation import Randomisation, load_randomisation
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, load_randomisation
 from footfall.domain_rand.sample import draw, sample_shapes, towards_nominal
 from footfall.train.config import load_preset
 
@@ -24,13 +24,24 @@ def fixed(numbers: np.ndarray):
     return lambda k: numbers[:k]
 
 
+def everything() -> Randomisation:
+    """The default, and what it leaves out from a range of its own."""
+    default = load_randomisation()
+    left_out = {
+        name: Distribution(max(quantity.least, 0.0), quantity.most)
+        for name, quantity in QUANTITIES.items()
+        if getattr(default, name) is None
+    }
+    return replace(default, **left_out)
+
+
 @pytest.fixture(scope="module")
 def uniforms() -> np.ndarray:
     return np.random.default_rng(0).random(500).astype(np.float32)
 
 
-def test_the_default_declaration_randomises_everything_within_its_ranges(uniforms: np.ndarray) -> None:
-    randomisation = load_randomisation()
+def test_every_quantity_is_drawn_within_its_range(uniforms: np.ndarray) -> None:
+    randomisation = everything()
     sample = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
     for name, shape in sample_shapes(JOINTS, BODIES).items():
         value, distribution = sample[name], getattr(randomisation, name)
@@ -49,7 +60,7 @@ def test_the_gpu_preset_trains_on_the_default_declaration_but_mostly_on_short_de
 
 
 def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
-    randomisation = load_randomisation()
+    randomisation = everything()
     ours = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
     theirs = draw(randomisation, fixed(jnp.asarray(uniforms)), JOINTS, BODIES)
     for name in NAMES:
@@ -59,11 +70,11 @@ def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_line_alone_changes_nothing_else(uniforms: np.ndarray, name: str) -> None:
     """Nor does it change what another line would draw from the same numbers."""
-    everything = load_randomisation()
-    alone = Randomisation(**{name: getattr(everything, name)})
+    whole = everything()
+    alone = Randomisation(**{name: getattr(whole, name)})
     sample = draw(alone, fixed(uniforms), JOINTS, BODIES)
     assert list(sample) == [name]
-    full = draw(everything, fixed(uniforms), JOINTS, BODIES)
+    full = draw(whole, fixed(uniforms), JOINTS, BODIES)
     np.testing.assert_array_equal(sample[name], full[name])
 
 
@@ -74,7 +85,7 @@ def test_joints_and_links_are_drawn_apart(uniforms: np.ndarray) -> None:
 
 
 def test_every_quantity_is_drawn_from_numbers_of_its_own(uniforms: np.ndarray) -> None:
-    randomisation = load_randomisation()
+    randomisation = everything()
     sample = draw(randomisation, fixed(uniforms.astype(np.float64)), JOINTS, BODIES)
     ranges = {name: getattr(randomisation, name) for name in NAMES}
     used = [np.ravel((sample[name] - r.low) / (r.high - r.low)) for name, r in ranges.items()]

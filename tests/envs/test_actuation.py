@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.actuation import Actuation
 from footfall.envs.physics.interface import Drive, joint_effort
 from footfall.envs.velocity import VelocityEnv
-from footfall.robots.actuator import JointCommand, Motor, joint_torque, motor_torque
+from footfall.robots.actuator import JointCommand, joint_torque, motor_torque
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 
@@ -107,7 +108,7 @@ class TestActuation:
 def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
     """And the added inertia is half a step of its slope in velocity, here by differences."""
     rng = np.random.default_rng(6)
-    motor = Motor(*(np.asarray(part) * rng.uniform(0.5, 1.5, N) for part in ROBOT.motor))
+    motor = jax.tree.map(lambda part: part * rng.uniform(0.5, 1.5, N), ROBOT.motor)
     motor = motor._replace(damping=rng.uniform(0.1, 0.2, N))
     bias, target, position = 0.05 * rng.normal(size=(3, N))
     velocity = rng.uniform(0.5, 2.0, N)

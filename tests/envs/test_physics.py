@@ -19,11 +19,11 @@ from footfall.envs import batch
 from footfall.envs.batch import step_batch
 from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
 from footfall.envs.physics.engines import ENGINES
-from footfall.envs.physics.interface import Drive, Motion
+from footfall.envs.physics.interface import Drive, Fields, Motion
 from footfall.envs.physics.mjx import mjx_physics
 from footfall.envs.state import State
 from footfall.envs.velocity import VelocityEnv
-from footfall.robots.actuator import JointCommand, Motor, joint_damping, joint_torque
+from footfall.robots.actuator import JointCommand, joint_damping, joint_torque, lag_over
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
 from footfall.train.config import PRESETS, load_preset
@@ -70,15 +70,19 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 
 @IN_C
 def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
-    """To rounding, from many states of a walk: MJX calculates in single precision, C in double."""
+    """To rounding, from many states of a walk: MJX calculates in single precision, C in double.
+
+    With motors that have every optional effect.
+    """
     model = training_model(ROBOT, SMOKE.timestep_s)
     model.opt.iterations, model.opt.ls_iterations = 20, 50
     mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
     state, contacts = begun, set()
     for k, action in enumerate(actions(STEPS)):
         if k % COMPARED_EVERY == 0:
-            given = arguments(state)
+            given = with_effects(*arguments(state))
             (mjx_end, mjx_trace), (c_end, c_trace) = mjx(*given), c(*given)
+            assert worst(mjx_end.lagged_torque, c_end.lagged_torque) < 2e-2
             assert worst(mjx_end.qpos, c_end.qpos) < 1e-4
             assert worst(mjx_end.qvel, c_end.qvel) < 5e-3
             assert worst(mjx_trace.foot_position, c_trace.foot_position) < 1e-4
@@ -120,7 +124,7 @@ def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
         data, armature = mujoco.MjData(model), model.dof_armature[dofs].copy()
         data.qpos[:], data.qvel[:] = motion.qpos[k], motion.qvel[k]
         kp, kd, bias = (np.asarray(each[k], float) for each in (drive.kp, drive.kd, drive.encoder_bias))
-        motor = Motor(*(np.asarray(part[k], float) for part in drive.motor))
+        motor = jax.tree.map(lambda part, k=k: np.asarray(part[k], float), drive.motor)
         for target in np.asarray(drive.target[k]):
             q, v = data.qpos[positions] + bias, data.qvel[dofs]
             command = JointCommand(target, np.zeros(12), kp, kd, np.zeros(12))
@@ -278,8 +282,16 @@ def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
     moving = 0.01 * jnp.arange(SMOKE.substeps)[:, None] * jnp.linspace(-1.0, 1.0, 12)
     target = state.target[:, None] + moving
     bias = jnp.asarray(0.02 * rng.normal(size=(ROBOTS, 12)), dtype=jnp.float32)
-    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), bias)
+    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), jax.tree.map(each, ROBOT.motor), bias)
     return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields
+
+
+def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Drive, Fields]:
+    """The same with lag, Stribeck and load friction in each motor."""
+    each = jnp.ones_like(drive.encoder_bias)
+    motor = drive.motor._replace(lag_s=0.004 * each, stribeck=0.3 * each, load_friction=0.06 * each)
+    drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
+    return motion._replace(lagged_torque=2.0 * each), drive, fields
 
 
 @pytest.mark.parametrize("at_once", [3, 16])

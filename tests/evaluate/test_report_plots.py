@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 from markupsafe import Markup
@@ -318,7 +319,7 @@ class TestMotors:
             x, y = panel.points(svg.colour(number % 2 + 1))
             np.testing.assert_array_equal(x, trace.joint_velocity[:, joints].ravel())
             np.testing.assert_array_equal(y, trace.motor_torque[:, joints].ravel())
-            motor = type(go1.motor)(*(np.broadcast_to(part, (12,))[joints[0]] for part in go1.motor))
+            motor = jax.tree.map(lambda part, at=joints[0]: np.broadcast_to(part, (12,))[at], go1.motor)
             for sign, drawn_limit in zip((1, -1), panel.lines(svg.INK), strict=True):
                 speed, limit = np.asarray(drawn_limit.get_xydata()).T
                 assert (speed[0], speed[-1]) == pytest.approx(

@@ -100,7 +100,9 @@ class TestMotors:
         expected = VALUES.copy()
         expected[:, [2, 0]] = other
         np.testing.assert_allclose(stand.torque(1), torque_of(expected))
-        np.testing.assert_allclose(stand.motors.friction(VELOCITY), friction_torque(VELOCITY, MOTOR))
+        np.testing.assert_allclose(
+            stand.motors.friction(VELOCITY, np.zeros(3)), friction_torque(VELOCITY, MOTOR)
+        )
 
     def test_a_latched_error_keeps_a_motor_off_until_it_is_cleared(self) -> None:
         stand = Stand()
@@ -243,3 +245,28 @@ class TestMotors:
         stand.motors.faults.stuck[2] = False
         stand.ask(3, slice(None), None, VALUES, 4.0 * READINGS)
         np.testing.assert_array_equal(stand.end.replied[-1][1], 4.0 * READINGS)
+
+
+def test_torque_follows_a_first_order_lag() -> None:
+    """After 5 time constants of constant demand, and back to zero once the motor is disabled."""
+    stand, lag_s = Stand(torque_lag_s=np.full(3, 0.004)), 0.004
+    stand.on()
+    values = np.zeros((5, 3))
+    values[4] = 2.0  # feed-forward torque alone
+    stand.ask(0, slice(None), None, values)
+    for step in range(20):
+        mean, start = stand.torque(step), step * 0.001
+        expected = 1 - (lag_s / 0.001) * (np.exp(-start / lag_s) - np.exp(-(start + 0.001) / lag_s))
+        np.testing.assert_allclose(mean, expected * 2.0 * MOTOR.strength, rtol=1e-9)
+    stand.motors.reboot(np.arange(3))
+    assert (stand.torque(20) > 0.5).all()
+    assert (stand.torque(60) < 2.0).all()
+
+
+def test_friction_grows_with_the_load_that_the_gearbox_transmits() -> None:
+    stand = Stand(load_friction=np.full(3, 0.1), stribeck_friction=np.full(3, 0.2))
+    torque = np.array([1.0, -2.0, 3.0])
+    more = stand.motors.friction(VELOCITY, torque) - friction_torque(VELOCITY, MOTOR)
+    half = 5.0 * MOTOR.friction_speed
+    expected = 0.1 * np.abs(torque) + 0.2 / (1.0 + (VELOCITY / half) ** 2)
+    np.testing.assert_allclose(more, -np.sign(VELOCITY) * expected)

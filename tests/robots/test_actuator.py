@@ -167,7 +167,7 @@ UNLIKE = Motor(
 
 def by_hand(command: JointCommand, position: np.ndarray, velocity: np.ndarray, joint: int) -> list[float]:
     """Motor torque, friction and the law's slope in speed of one joint, case by case."""
-    peak, stall, no_load, coulomb, full_at, viscous, strength = (float(x[joint]) for x in UNLIKE)
+    peak, stall, no_load, coulomb, full_at, viscous, strength = (float(x[joint]) for x in UNLIKE[:7])
     target, speed_target, kp, kd, extra = (float(x[joint]) for x in command)
     angle, speed = float(position[joint]), float(velocity[joint])
     torque = strength * (kp * (target - angle) + kd * (speed_target - speed) + extra)

@@ -64,6 +64,11 @@ WRONG_YAML = (
     ("frequency_hz: 14.0", "frequency_hz: 100", "too stiff for physics steps of 5 ms"),
     ("damping_ratio: 1.0", "damping_ratio: 1000", "too much for its inertia and physics steps of 1 ms"),
     ("friction_speed_rad_s: 0.2", "friction_speed_rad_s: 1.0e-6", "friction at low speed"),
+    (
+        "friction_speed_rad_s: 0.2",
+        "friction_speed_rad_s: 0.2\n    load_friction: 1.2",
+        "load_friction must be",
+    ),
     ("torque_share: 0.3", "torque_share: 30", "an action of 1 move joint FR_hip_joint by 22.8 rad"),
     ("default_rad: 0.1, ", "default_rad: 3.0, ", "outside -0.863 to 0.863"),
     ("base: trunk", "base: FR_hip", "no free joint"),
@@ -150,6 +155,23 @@ def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot)
     np.testing.assert_array_equal(robot.motor.peak_torque, np.tile([23.7, 23.7, 35.55], 4))
     np.testing.assert_array_equal(robot.motor.stall_torque, np.tile([40.0, 40.0, 35.55], 4))
     np.testing.assert_allclose(robot.action_scale * robot.kp, 0.3 * np.tile([23.7, 23.7, 35.55], 4))
+
+
+def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path, go1: Robot) -> None:
+    """The knees' motors only; 20 Hz is a time constant of 8 ms. A motor that has any is another robot."""
+    effects = (
+        "torque_bandwidth_hz: 20, stribeck_friction_nm: 0.4, stribeck_speed_rad_s: 2, load_friction: 0.1"
+    )
+    knee = "friction_speed_rad_s: 0.6"
+    lines = "\n".join(f"    {effect}" for effect in effects.split(", "))
+    edit(own_folder, "robot.yaml", knee, f"{knee}\n{lines}")
+    robot = load_robot(own_folder)
+    assert (go1.motor.lag_s, go1.motor.stribeck, go1.motor.load_friction) == (None, None, None)
+    np.testing.assert_allclose(robot.motor.lag_s, np.tile([0.0, 0.0, 0.0079577], 4), rtol=1e-5)
+    np.testing.assert_array_equal(robot.motor.stribeck, np.tile([0.0, 0.0, 0.4], 4))
+    np.testing.assert_array_equal(robot.motor.stribeck_speed, np.tile([1.0, 1.0, 2.0], 4))
+    np.testing.assert_array_equal(robot.motor.load_friction, np.tile([0.0, 0.0, 0.1], 4))
+    assert robot.digest != go1.digest
 
 
 def test_each_joint_has_its_own_figures_whatever_else_the_file_moves(own_folder: Path, go1: Robot) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
-from footfall.robots.actuator import JointCommand, Motor, joint_torque
+from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
 
@@ -49,7 +49,7 @@ def rollout_in_c(robot: Robot, model: mujoco.MjModel, start: np.ndarray) -> np.n
 def rollout_in_mjx(go1: Robot) -> Rollout:
     """Compiled once for all steps' lengths: the model is an argument."""
     positions, dofs = (jnp.asarray(a) for a in joint_addresses(training_model(go1), go1))
-    motor = Motor(*(jnp.asarray(part) for part in go1.motor))
+    motor = jax.tree.map(jnp.asarray, go1.motor)
 
     @jax.jit
     def rollout(model: mjx.Model, data: mjx.Data) -> jax.Array:

@@ -15,6 +15,7 @@ from footfall.envs.physics.generated.contacts import contact_refusals
 from footfall.envs.physics.generated.substep import SINGLE, Substep, substep
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace
+from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot
 
 
@@ -36,8 +37,10 @@ def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     """The motion of a robot whose nominal model this is; `jax.vmap` hands over all robots at once."""
 
     @cache
-    def step_of(shapes: tuple[tuple[str, tuple[int, ...]], ...]) -> Callable[[], Substep]:
-        made = substep(model, robot, dict(shapes), SINGLE)
+    def step_of(
+        shapes: tuple[tuple[str, tuple[int, ...]], ...], effects: tuple[str, ...]
+    ) -> Callable[[], Substep]:
+        made = substep(model, robot, dict(shapes), SINGLE, effects)
         return lambda: made
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
@@ -46,7 +49,7 @@ def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     return simulate
 
 
-def _batched(step_of: Callable[[Any], Callable[[], Substep]], lead: tuple[int, ...]) -> Physics:
+def _batched(step_of: Callable[..., Callable[[], Substep]], lead: tuple[int, ...]) -> Physics:
     """The physics of robots with these leading axes; each `jax.vmap` adds one."""
 
     @jax.custom_batching.custom_vmap
@@ -65,17 +68,21 @@ def _batched(step_of: Callable[[Any], Callable[[], Substep]], lead: tuple[int, .
 
 
 def _control_step(
-    step_of: Callable[[Any], Callable[[], Substep]],
+    step_of: Callable[..., Callable[[], Substep]],
     lead: tuple[int, ...],
     motion: Motion,
     drive: Drive,
     fields: Fields,
 ) -> tuple[Motion, Trace]:
     axes, robots = len(lead), int(np.prod(lead, dtype=int))
-    substep_of = step_of(tuple((name, jnp.shape(value)[axes:]) for name, value in sorted(fields.items())))
+    motor = {name: value for name, value in drive.motor._asdict().items() if value is not None}
+    effects = tuple(name for name in motor if name in Motor._field_defaults)
+    shapes = tuple((name, jnp.shape(value)[axes:]) for name, value in sorted(fields.items()))
+    substep_of = step_of(shapes, effects)
     joints, steps = drive.target.shape[-1], drive.target.shape[-2]
-    motor = {f"motor.{name}": value for name, value in drive.motor._asdict().items()}
-    held = {"kp": drive.kp, "kd": drive.kd, "encoder_bias": drive.encoder_bias} | motor
+    held = {"kp": drive.kp, "kd": drive.kd, "encoder_bias": drive.encoder_bias}
+    held |= {f"motor.{name}": value for name, value in motor.items()}
+    held |= {f"lag.{name}": value for name, value in drive.lag._asdict().items()} if drive.lag else {}
     named = motion._asdict() | fields | {"target": drive.target}
     named |= {name: jnp.broadcast_to(value, (*lead, joints)) for name, value in held.items()}
     inputs, outputs = arguments(substep_of())
@@ -90,5 +97,5 @@ def _control_step(
     }
     points = found["trace.foot_position"]
     found["trace.foot_position"] = points.reshape((*points.shape[:-1], -1, 3))
-    end = Motion(*(found[f"end.{name}"] for name in Motion._fields))
+    end = Motion(*(found.get(f"end.{name}") for name in Motion._fields))
     return end, Trace(*(found[f"trace.{name}"] for name in Trace._fields))

@@ -21,7 +21,7 @@ from footfall.envs.physics.generated.expression import Graph, Scalar, cos, neare
 from footfall.envs.physics.generated.solver import newton_step
 from footfall.envs.physics.generated.tree import BASE, Tree, read_tree, rotation
 from footfall.envs.physics.interface import GROUND, Drive, Motion, joint_effort
-from footfall.robots.actuator import Motor
+from footfall.robots.actuator import Lag, Motor
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
 from footfall.robots.model import joint_addresses
@@ -45,7 +45,11 @@ class Substep(NamedTuple):
 
 
 def substep(
-    model: mujoco.MjModel, robot: Robot, fields: dict[str, tuple[int, ...]], precision: Precision
+    model: mujoco.MjModel,
+    robot: Robot,
+    fields: dict[str, tuple[int, ...]],
+    precision: Precision,
+    effects: tuple[str, ...] = (),
 ) -> Substep:
     """The physics step of a model that passes `refusals` and `contact_refusals`.
 
@@ -55,12 +59,15 @@ def substep(
         fields: shapes of the model's fields that are arrays of their own for each robot, and of `GROUND`
             where each of the feet's points has a plane of its own; the rest is the model's.
         precision: of the program's numbers.
+        effects: optional fields of `Motor` that the motors have.
     """
     graph, tree = Graph(), read_tree(model)
     count = len(robot.joint_names)
     state = {"qpos": model.nq, "qvel": model.nv, "qacc_warmstart": model.nv}
-    motion = Motion(*(graph.inputs(name, width) for name, width in state.items()))
-    held = dict.fromkeys(("kp", "kd", "encoder_bias", *(f"motor.{name}" for name in Motor._fields)), count)
+    if "lag_s" in effects:
+        state["lagged_torque"] = count
+    motion = Motion(**{name: graph.inputs(name, width) for name, width in state.items()})
+    held = dict.fromkeys(("kp", "kd", "encoder_bias", *_motor_inputs(effects)), count)
     held |= {name: math.prod(shape) for name, shape in fields.items()}
     values = {name: graph.inputs(name, *shape) for name, shape in fields.items()}
 
@@ -68,10 +75,12 @@ def substep(
         return values[name] if name in values else getattr(model, name)
 
     positions, dofs = joint_addresses(model, robot)
-    drives = [_drive(graph, joint) for joint in range(count)]
+    drives = [_drive(graph, joint, effects) for joint in range(count)]
+    before = [None] * count if motion.lagged_torque is None else motion.lagged_torque
+    timestep_s = float(model.opt.timestep)
     efforts = [
-        joint_effort(drive, drive.target, motion.qpos[position], motion.qvel[dof], float(model.opt.timestep))
-        for drive, position, dof in zip(drives, positions, dofs, strict=True)
+        joint_effort(drive, drive.target, motion.qpos[position], motion.qvel[dof], timestep_s, torque_before)
+        for drive, position, dof, torque_before in zip(drives, positions, dofs, before, strict=True)
     ]
     torque: list[Scalar] = [0.0] * model.nv
     inertia = list(field("dof_armature"))
@@ -84,7 +93,12 @@ def substep(
         state=state,
         held=held,
         stepwise={"target": count},
-        following=dict(zip(Motion._fields, following, strict=True)),
+        following={
+            name: [effort.lagged_torque for effort in efforts]
+            if name == "lagged_torque"
+            else getattr(following, name)
+            for name in state
+        },
         trace={
             "qpos": following.qpos,
             "qvel": following.qvel,
@@ -94,11 +108,22 @@ def substep(
     )
 
 
-def _drive(graph: Graph, joint: int) -> Drive:
+def _motor_inputs(effects: tuple[str, ...]) -> list[str]:
+    """Names of the input arrays with motor parameters; a lag comes as its shares over a physics step."""
+    needed = [name for name in Motor._fields if name not in Motor._field_defaults or name in effects]
+    inputs = [f"motor.{name}" for name in needed if name != "lag_s"]
+    return inputs + ([f"lag.{name}" for name in Lag._fields] if "lag_s" in effects else [])
+
+
+def _drive(graph: Graph, joint: int, effects: tuple[str, ...]) -> Drive:
     """Target, gains, motor parameters and encoder bias of one joint."""
-    motor = Motor(*(graph.input(f"motor.{name}", joint) for name in Motor._fields))
+    read: dict[str, dict[str, Scalar]] = {"motor": {}, "lag": {}}
+    for source in _motor_inputs(effects):
+        part, name = source.split(".")
+        read[part][name] = graph.input(source, joint)
+    lag = Lag(**read["lag"]) if read["lag"] else None
     kp, kd, bias = (graph.input(name, joint) for name in ("kp", "kd", "encoder_bias"))
-    return Drive(graph.input("target", joint), kp, kd, motor, bias)
+    return Drive(graph.input("target", joint), kp, kd, Motor(**read["motor"]), bias, lag)
 
 
 def _step(

@@ -58,5 +58,5 @@ class GroundForce:
 
     def _outside(self, sensed: Sensed) -> np.ndarray:
         """Torque that holds each joint and comes neither from its motor nor its gearbox, N m, (legs, m)."""
-        own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor)
+        own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
         return outside_torque(self._legs, sensed, own)
