@@ -3,6 +3,7 @@
 python tools/make_picture.py go1-flat
 python tools/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
 python tools/make_picture.py hexapod-flat --robot hexapod --push 1 --width 400 --out docs/images/hexapod.webp
+python tools/make_picture.py go1-rough-blind --ground stairs,step_m=0.15 --width 400 --out docs/images/stairs.webp
 """
 
 import argparse
@@ -22,16 +23,23 @@ from footfall.evaluate.report import films
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
+from footfall.terrain.declaration import load_ground
 
 COURSE = (  # from this time on, s: shares of the fastest forward, leftward and turning command
     (0.0, (1.0, 0.0, 0.0)),
     (3.5, (0.5, 0.0, -1.0)),
     (5.0, (1.0, 0.0, 0.0)),
 )
+STRAIGHT_SHARE = 0.5  # of the fastest forward command, on ground that is not level
 PUSH_AFTER_S = 2.0
 DURATION_S = 6.0
 BEGIN = 12  # frames left out, in which it sets off
 QUALITY = 55  # of WebP, 0 to 100
+
+
+def straight(fastest: np.ndarray, time_s: float) -> np.ndarray:
+    """Straight ahead, as `command`."""
+    return fastest * [STRAIGHT_SHARE, 0.0, 0.0]
 
 
 def command(fastest: np.ndarray, time_s: float) -> np.ndarray:
@@ -46,16 +54,19 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[1] / "docs/images/walking.webp")
     parser.add_argument("--push", type=float, default=2.0, help="m/s to the left")
     parser.add_argument("--width", type=int, default=films.WIDTH, help="of the picture, pixels")
+    parser.add_argument("--ground", help="as of footfall deploy; the robot goes straight, without a push")
     options = parser.parse_args()
     robot = load_robot(options.robot)
+    policy = load_policy(options.policy, robot)
     ranges = robot.description.commands
     fastest = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
-    push = Push(PUSH_AFTER_S, (0.0, options.push, 0.0))
-    episode = Episode(partial(command, fastest), DURATION_S, pushes=(push,))
-    trace = run_episode(robot, load_policy(options.policy, robot), episode)
+    ground = load_ground(options.ground) if options.ground else None
+    pushes = () if ground else (Push(PUSH_AFTER_S, (0.0, options.push, 0.0)),)
+    course = partial(straight if ground else command, fastest)
+    trace = run_episode(robot, policy, Episode(course, DURATION_S, pushes=pushes, ground=ground))
     if trace.fell:
         sys.exit(f"{options.policy} fell: {trace.fall_reason}")
-    film = films.FilmTask(options.robot, None, trace, (push,), DURATION_S)
+    film = films.FilmTask(options.robot, None, trace, pushes, DURATION_S, ground)
     size = options.width, round(options.width * films.HEIGHT / films.WIDTH)
     first, *others = [Image.fromarray(frame).resize(size) for frame in films.frames(film)][BEGIN:]
     frame_ms = round(1000 / films.FRAME_RATE_HZ)

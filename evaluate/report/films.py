@@ -171,7 +171,7 @@ def camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
             mujoco.mj_kinematics(model, data)
             mujoco.mj_camlight(model, data)
             looked_at[:] += 0.15 * (trace.base_position[index] - looked_at)
-            scene.follow(camera, looked_at, size_m)
+            scene.follow(camera, looked_at, size_m, task.ground is None)
             renderer.update_scene(data, camera, options)
             for arrow in arrows(task, index, height_m):
                 scene.add_arrow(renderer.scene, *arrow)

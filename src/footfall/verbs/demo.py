@@ -52,7 +52,8 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")
     run, report = folder / "trained", folder / "report.html"
-    others = [*zoo_names(robot), *first_of_each_kind(walking_controllers(robot))]
+    # The first is for the flat ground of the comparison: NAME-flat comes before NAME-rough.
+    others = [*zoo_names(robot)[:1], *first_of_each_kind(walking_controllers(robot))]
     command = f"{0.5 * robot.description.commands.forward_m_s[1]:g},0,0"
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
     _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))

@@ -1,0 +1,107 @@
+"""How often a policy succeeds on fixed levels of ground: in its training environment and on the simulated robot.
+
+    footfall evaluate RUN --scenario-file benchmarks/rough_ground.yaml --scenarios high_stairs --json stairs.json
+    python benchmarks/success_per_level.py RUN --scenario-file benchmarks/rough_ground.yaml high_stairs stairs.json
+
+In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not fall and
+covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run did, the
+scenario draws from the declared family: the two differ in more than the contacts.
+"""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.batch import step_batch
+from footfall.envs.config import EnvConfig, TerrainConfig
+from footfall.envs.make import make_environment
+from footfall.envs.terrain import KEY
+from footfall.evaluate.metrics import ARRIVED
+from footfall.evaluate.scenarios import Scenario, load_scenarios
+from footfall.policies.learned import open_network
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import Robot, load_robot
+from footfall.train.config import read_config
+
+SETTLED_S = 0.5  # the episode's last moments, in which its environment would begin the next one
+
+
+def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> EnvConfig:
+    """The training's environment on the scenario's ground alone, asked for its first command, without pushes."""
+    assert scenario.ground is not None and config.terrain is not None
+    ground = replace(scenario.ground, settings={**scenario.ground.settings, **level})
+    terrain: TerrainConfig = replace(
+        config.terrain, grounds=(ground,), levels=2, start_levels=1, spread_m=0.0
+    )
+    asked = scenario.script[0]
+    axes = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
+    ranges = CommandRange(**{axis: (getattr(asked, axis) or 0.0,) * 2 for axis in axes})
+    commands = replace(
+        config.commands,
+        ranges=ranges,
+        hold_s=Distribution(2 * scenario.duration_s, 2 * scenario.duration_s),
+        standing_probability=0.0,
+        single_axis_probability=0.0,
+    )
+    return replace(
+        config,
+        terrain=terrain,
+        commands=commands,
+        events=tuple(event for event in config.events if event.term != "push"),
+        curricula=(),
+        episode_s=scenario.duration_s + SETTLED_S,
+    )
+
+
+def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, count: int, seed: int) -> int:
+    """How many of `count` robots succeed in the training environment."""
+    env: Any = make_environment(robot, config)
+    state, observation = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(seed), count))
+    step = jax.jit(lambda state, action: step_batch(env, state, action))
+    fell = np.zeros(count, bool)
+    for _ in range(round(duration_s * config.control_rate_hz)):
+        rows = np.asarray(observation["state"], np.float32)
+        actions = np.concatenate(
+            [network.run(None, {network.get_inputs()[0].name: row[None]})[0] for row in rows]
+        )
+        state, observation, outcome = step(state, jnp.asarray(actions))
+        fell |= np.asarray(outcome.terminated) > 0
+    walked = state.terms[KEY][KEY]
+    return int(np.sum(~fell & np.asarray(walked.along >= ARRIVED * walked.asked)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("run", type=Path, help="run folder, or one of policies/zoo/")
+    parser.add_argument("scenario")
+    parser.add_argument("results", type=Path, help="JSON of footfall evaluate")
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--scenario-file", type=Path, required=True)
+    parser.add_argument("--robots", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    robot, config = load_robot(options.robot), read_config(options.run / "config.yaml").env
+    scenario = load_scenarios(robot, options.scenario_file).scenarios[options.scenario]
+    network, _ = open_network(options.run / "policy.onnx")
+    table = Table("level", "training environment", "simulated robot", "difference, points")
+    (name,) = scenario.rows
+    for row in json.loads(options.results.read_text())["scenarios"][options.scenario]["rows"]:
+        here = at_level(config, scenario, {name: row[name]})
+        count = successes(robot, here, network, scenario.duration_s, options.robots, options.seed)
+        trained, acted = count / options.robots, row["success_rate"]
+        shown = f"{count} of {options.robots}", f"{row['successes']} of {row['episodes']}"
+        table.add_row(f"{name} {row[name]:g}", *shown, f"{100 * (acted - trained):+.0f}")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
