@@ -1,10 +1,11 @@
-"""How often a policy succeeds on fixed levels of ground: in its training environment and on the simulated robot.
+"""How often a policy succeeds on fixed levels of ground: in training's environment, on the simulated robot.
 
-    footfall evaluate RUN --scenario-file benchmarks/rough_ground.yaml --scenarios high_stairs --json stairs.json
-    python benchmarks/success_per_level.py RUN --scenario-file benchmarks/rough_ground.yaml high_stairs stairs.json
+    LEVELS="--scenario-file benchmarks/rough_ground.yaml"
+    footfall evaluate RUN $LEVELS --scenarios high_stairs --json stairs.json
+    python benchmarks/success_per_level.py RUN $LEVELS high_stairs stairs.json
 
-In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not fall and
-covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run did, the
+In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not fall
+and covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run did, the
 scenario draws from the declared family: the two differ in more than the contacts.
 """
 
