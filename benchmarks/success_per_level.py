@@ -4,9 +4,9 @@
     footfall evaluate RUN $LEVELS --scenarios high_stairs --json stairs.json
     python benchmarks/success_per_level.py RUN $LEVELS high_stairs stairs.json
 
-In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not fall
-and covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run did, the
-scenario draws from the declared family: the two differ in more than the contacts.
+In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not
+fall and covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run
+did, the scenario draws from the declared family: the two differ in more than the contacts.
 """
 
 import argparse
@@ -37,8 +37,9 @@ SETTLED_S = 0.5  # the episode's last moments, in which its environment would be
 
 
 def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> EnvConfig:
-    """The training's environment on the scenario's ground alone, asked for its first command, without pushes."""
-    assert scenario.ground is not None and config.terrain is not None
+    """The training's environment on the scenario's ground alone, at its first command, without pushes."""
+    assert scenario.ground is not None
+    assert config.terrain is not None
     ground = replace(scenario.ground, settings={**scenario.ground.settings, **level})
     terrain: TerrainConfig = replace(
         config.terrain, grounds=(ground,), levels=2, start_levels=1, spread_m=0.0

@@ -151,7 +151,8 @@ def test_an_unknown_setting_is_refused_with_both_files(own_folder: Path) -> None
 
 def test_a_shipped_preset_may_change_another() -> None:
     rough, gpu = load_preset("rough-blind"), load_preset("gpu")
-    assert rough.env.terrain is not None and gpu.env.terrain is None
+    assert rough.env.terrain is not None
+    assert gpu.env.terrain is None
     assert rough.ppo.learning_rate == gpu.ppo.learning_rate
     assert rough.env.randomisation == gpu.env.randomisation
     assert set(gpu.env.weights) < set(rough.env.weights)
