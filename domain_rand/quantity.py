@@ -66,8 +66,8 @@ def check_quantity(name: str, declared: Quantity) -> None:
 
 
 def scales(*names: str) -> Effect:
-    """The drawn value multiplies these fields."""
-    return Effect(names, lambda nominal, drawn: nominal * drawn)
+    """The drawn value multiplies these fields; one that is absent (None) stays absent."""
+    return Effect(names, lambda nominal, drawn: None if nominal is None else nominal * drawn)
 
 
 def adds_to(*names: str) -> Effect:

@@ -69,7 +69,11 @@ class Randomisation:
     kp: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kp"))
     kd: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kd"))
     battery: Distribution | None = quantity(  # its voltage, for all joints
-        kinds.SCALAR, SCALE, least=0.0, most=10.0, motor=scales("stall_torque", "no_load_speed")
+        kinds.SCALAR,
+        SCALE,
+        least=0.0,
+        most=10.0,
+        motor=scales("stall_torque", "no_load_speed", "voltage_gain"),
     )
     # timing
     action_delay_s: Distribution | None = quantity(
@@ -98,6 +102,12 @@ class Randomisation:
     )
     load_friction: Distribution | None = quantity(  # share of the motor torque, beyond robot.yaml's
         kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.9, motor=adds_to("load_friction")
+    )
+    backlash_rad: Distribution | None = quantity(  # whole play of the gearbox, beyond robot.yaml's
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.5, motor=adds_to("backlash")
+    )
+    gear_compliance: Distribution | None = quantity(  # rad/(N m), beyond robot.yaml's
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=1.0, motor=adds_to("compliance")
     )
 
     def __post_init__(self) -> None:

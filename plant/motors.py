@@ -11,7 +11,15 @@ from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
-from footfall.robots.actuator import JointCommand, Motor, friction_torque, lag_over, lagged, motor_torque
+from footfall.robots.actuator import (
+    JointCommand,
+    Motor,
+    at_supply,
+    friction_torque,
+    lag_over,
+    lagged,
+    motor_torque,
+)
 
 TEMPERATURE_C = 30
 
@@ -134,11 +142,8 @@ class SimulatedMotors:
         self._geared = ratio, about
 
     def sag(self, share: float) -> None:
-        """Scale the supply voltage by `share`: stall torque and no-load speed scale with it."""
-        motor = self._motor
-        self._motor = motor._replace(
-            stall_torque=share * motor.stall_torque, no_load_speed=share * motor.no_load_speed
-        )
+        """Scale the supply voltage by `share` (see `at_supply`)."""
+        self._motor = at_supply(self._motor, share)
 
     def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,), of gearboxes that transmit a torque (n,)."""

@@ -45,12 +45,26 @@ class Motor(NamedTuple):
     load_friction: Array | None = None  # share of the motor torque that friction takes
     backlash: Array | None = None  # rad, whole play of the gearbox
     compliance: Array | None = None  # rad/(N m), of the gearbox
-    voltage_driven: Array | None = None  # 1: the command is a voltage (hobby servo); 0: a current
+    voltage_gain: Array | None = None  # of a command that sets a voltage, not a current: the supply's share
+    # of its nominal voltage; 0 for a motor whose command sets a current
 
 
 def weaker(motor: Motor, share: float) -> Motor:
     """The motor with its torque limits scaled by `share`, 0 to 1, at all speeds."""
     return motor._replace(peak_torque=share * motor.peak_torque, stall_torque=share * motor.stall_torque)
+
+
+def at_supply(motor: Motor, share: Array) -> Motor:
+    """The motor with its supply voltage scaled by `share`.
+
+    Stall torque and no-load speed scale with it, and so does what a command that sets a voltage gives.
+    """
+    gain = motor.voltage_gain
+    return motor._replace(
+        stall_torque=share * motor.stall_torque,
+        no_load_speed=share * motor.no_load_speed,
+        voltage_gain=None if gain is None else share * gain,
+    )
 
 
 STRIBECK_RAMPS = 5.0  # a Stribeck speed that is not given, in friction speeds
@@ -154,8 +168,55 @@ def motor_torque(command: JointCommand, position: Array, velocity: Array, motor:
 
     A lag is left out: it needs the torque before (`lagged`).
     """
-    asked = pd_torque(command, position, velocity) * motor.strength
-    return limit_torque(asked, velocity, motor)
+    return limit_torque(_demand(command, position, velocity, motor), velocity, motor)
+
+
+def _demand(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque that the command demands of the motor at this speed, N m, before the motor's limits."""
+    if motor.backlash is None and motor.compliance is None:
+        asked = pd_torque(command, position, velocity)
+    else:
+        asked = _through_gear(command, position, velocity, motor)
+    asked = asked * motor.strength
+    if motor.voltage_gain is None:
+        return asked
+    xp, gain, stall = library(velocity), motor.voltage_gain, motor.stall_torque
+    duty = xp.minimum(xp.maximum(asked * gain, -stall), stall)  # all of the supply's voltage at most
+    return xp.where(gain > 0.0, duty - (stall / motor.no_load_speed) * velocity, asked)
+
+
+def _through_gear(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque of the PD law through a gearbox with play and compliance, N m.
+
+    The loop is closed on the rotor's encoder, and the rotor follows it without inertia of its own (the
+    reflected inertia is the joint's). With gear stiffness k and play b, a rotor at x from the joint has
+
+        kp (e - x) + ff = k dead_zone(x, b / 2),  e = position error of the joint,
+
+    so the joint gets dead_zone(kp e + ff, kp b / 2) / (1 + kp / k). Damping acts through two such shares,
+    to first order in the frequency, and not while the rotor is within the play.
+    """
+    spring = command.kp * (command.position - position) + command.torque
+    damping = _engaged_damping(command, position, motor)
+    if motor.backlash is not None:
+        xp, half = library(velocity), 0.5 * command.kp * motor.backlash
+        spring = spring - xp.minimum(xp.maximum(spring, -half), half)
+    if motor.compliance is not None:
+        spring = spring / (1.0 + command.kp * motor.compliance)
+    return spring + damping * (command.velocity - velocity)
+
+
+def _engaged_damping(command: JointCommand, position: Array, motor: Motor) -> Array:
+    """Damping that reaches the joint through the gearbox, N m s/rad; see `_through_gear`."""
+    damping = command.kd
+    if motor.backlash is not None:
+        spring = command.kp * (command.position - position) + command.torque
+        xp, half = library(spring), 0.5 * command.kp * motor.backlash
+        damping = xp.where(xp.abs(spring) < half, 0.0, damping)
+    if motor.compliance is not None:
+        share = 1.0 / (1.0 + command.kp * motor.compliance)
+        damping = damping * share * share
+    return damping
 
 
 def joint_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
@@ -184,13 +245,18 @@ def joint_damping(
     friction with the load and the fall of Stribeck friction with speed are left to the explicit part.
     """
     xp = library(velocity)
-    asked = pd_torque(command, position, velocity) * motor.strength
+    asked = _demand(command, position, velocity, motor)
     peak = motor.peak_torque
     least, most = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
     limit = xp.where(asked > most, most, least)
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
-    delivered = xp.where((asked > most) | (asked < least), limited, command.kd * motor.strength)
+    within = _engaged_damping(command, position, motor) * motor.strength
+    if motor.voltage_gain is not None:
+        gain = motor.voltage_gain
+        full = xp.abs(asked + line * velocity) > (1.0 - 1e-6) * motor.stall_torque  # duty
+        within = xp.where(gain > 0.0, xp.where(full, 0.0, within * gain) + line, within)
+    delivered = xp.where((asked > most) | (asked < least), limited, within)
     if lag is not None:
         delivered = delivered * (1.0 - lag.in_mean)
     dry = _dry_friction(velocity, motor, asked.clip(least, most))

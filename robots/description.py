@@ -186,6 +186,9 @@ def _optional_effects(motors: list[MotorType]) -> dict[str, np.ndarray]:
         "lag_s": 1.0 / (2.0 * np.pi * bandwidth_hz),
         "stribeck": np.array([m.stribeck_friction_nm for m in motors]),
         "load_friction": np.array([m.load_friction for m in motors]),
+        "backlash": np.array([m.backlash_rad for m in motors]),
+        "compliance": np.array([1.0 / (m.gear_stiffness_nm_rad or np.inf) for m in motors]),
+        "voltage_gain": np.array([float(m.voltage_driven) for m in motors]),
     }
     found = {name: values for name, values in found.items() if values.any()}
     if any(m.stribeck_speed_rad_s is not None for m in motors):

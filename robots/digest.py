@@ -33,7 +33,8 @@ CONSTRAINTS = (
     "tendon_lengthspring", "wrap_type", "wrap_objid", "wrap_prm", "exclude_signature",
 )  # fmt: skip
 NOMINALLY_ABSENT = (
-    "torque_bandwidth_hz", "stribeck_friction_nm", "stribeck_speed_rad_s", "load_friction",
+    "torque_bandwidth_hz", "stribeck_friction_nm", "stribeck_speed_rad_s", "load_friction", "backlash_rad",
+    "gear_stiffness_nm_rad", "voltage_driven",
 )  # fmt: skip
 OPTIONS = ("gravity", "cone", "impratio")
 

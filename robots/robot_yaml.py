@@ -50,11 +50,18 @@ class MotorType:
     stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
     stribeck_speed_rad_s: float | None = None  # half of it is left; None for 5 times friction_speed_rad_s
     load_friction: float = 0.0  # share of the motor torque that friction takes
+    backlash_rad: float = 0.0  # whole play of the gearbox
+    gear_stiffness_nm_rad: float | None = None  # of the gearbox; None for a rigid one
+    voltage_driven: bool = False  # the command sets a voltage, as a hobby servo's does, not a current
     timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
-        may_be_zero = "stribeck_friction_nm", "load_friction"
-        rest = (name for name in self.__dataclass_fields__ if name not in ("protocol", *may_be_zero))
+        may_be_zero = "stribeck_friction_nm", "load_friction", "backlash_rad"
+        rest = (
+            name
+            for name in self.__dataclass_fields__
+            if name not in ("protocol", "voltage_driven", *may_be_zero)
+        )
         require_positive(self, *rest)
         require_not_negative(self, *may_be_zero)
         require_ordered(self, "voltage_v")

@@ -22,6 +22,8 @@ EFFECTS = Randomisation(
     torque_lag_s=Distribution(0.001, 0.006),
     stribeck_friction=Distribution(0.1, 0.4),
     load_friction=Distribution(0.02, 0.1),
+    backlash_rad=Distribution(0.005, 0.02),
+    gear_compliance=Distribution(0.001, 0.004),
 )
 SMOKE = load_preset("smoke").env
 
@@ -29,7 +31,8 @@ SMOKE = load_preset("smoke").env
 def test_the_generated_physics_moves_as_mujoco_with_every_effect() -> None:
     model = training_model(ROBOT)
     given = random_arguments(ROBOT, model, 20, EFFECTS)
-    assert {"motor.stribeck", "motor.load_friction", "lag.in_mean"} <= set(given)
+    given["motor.voltage_gain"] = np.tile([0.0, 0.9, 1.0], (20, 4))
+    assert {"motor.stribeck", "motor.load_friction", "motor.backlash", "lag.in_mean"} <= set(given)
     assert compare(ROBOT, model, given).errors.max() < 1e-12
 
 
@@ -65,7 +68,7 @@ def test_the_lag_of_one_episode_does_not_reach_the_next() -> None:
     assert not env.restart(later)[0].lagged_torque.any()
 
 
-@pytest.mark.parametrize("effect", ["torque_lag_s", "stribeck_friction", "load_friction"])
+@pytest.mark.parametrize("effect", ["torque_lag_s", "load_friction", "backlash_rad"])
 def test_a_negative_range_is_refused(effect: str) -> None:
     with pytest.raises(ValueError, match=effect):
         Randomisation(**{effect: Distribution(-0.01, 0.01)})

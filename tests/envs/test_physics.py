@@ -290,6 +290,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
     """The same with lag, Stribeck and load friction in each motor."""
     each = jnp.ones_like(drive.encoder_bias)
     motor = drive.motor._replace(lag_s=0.004 * each, stribeck=0.3 * each, load_friction=0.06 * each)
+    motor = motor._replace(backlash=0.01 * each, compliance=0.002 * each, voltage_gain=0.9 * each)
     drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
     return motion._replace(lagged_torque=2.0 * each), drive, fields
 

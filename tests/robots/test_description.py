@@ -160,7 +160,8 @@ def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot)
 def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path, go1: Robot) -> None:
     """The knees' motors only; 20 Hz is a time constant of 8 ms. A motor that has any is another robot."""
     effects = (
-        "torque_bandwidth_hz: 20, stribeck_friction_nm: 0.4, stribeck_speed_rad_s: 2, load_friction: 0.1"
+        "torque_bandwidth_hz: 20, stribeck_friction_nm: 0.4, stribeck_speed_rad_s: 2, load_friction: 0.1, "
+        "backlash_rad: 0.01, gear_stiffness_nm_rad: 400, voltage_driven: true"
     )
     knee = "friction_speed_rad_s: 0.6"
     lines = "\n".join(f"    {effect}" for effect in effects.split(", "))
@@ -171,6 +172,9 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
     np.testing.assert_array_equal(robot.motor.stribeck, np.tile([0.0, 0.0, 0.4], 4))
     np.testing.assert_array_equal(robot.motor.stribeck_speed, np.tile([1.0, 1.0, 2.0], 4))
     np.testing.assert_array_equal(robot.motor.load_friction, np.tile([0.0, 0.0, 0.1], 4))
+    np.testing.assert_array_equal(robot.motor.backlash, np.tile([0.0, 0.0, 0.01], 4))
+    np.testing.assert_array_equal(robot.motor.compliance, np.tile([0.0, 0.0, 1 / 400], 4))
+    np.testing.assert_array_equal(robot.motor.voltage_gain, np.tile([0.0, 0.0, 1.0], 4))
     assert robot.digest != go1.digest
 
 

@@ -1,11 +1,13 @@
 """Optional effects of motors: what each changes in the joint law, against the closed form."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from footfall.robots.actuator import (
     JointCommand,
     Motor,
+    at_supply,
     friction_torque,
     joint_damping,
     joint_torque,
@@ -89,3 +91,69 @@ def test_damping_of_a_lagged_torque_is_that_of_its_mean() -> None:
 
     slope = (mean(1.001) - mean(0.999)) / 0.002
     assert joint_damping(command, np.zeros(1), np.array([1.0]), motor, lag) == pytest.approx(-slope)
+
+
+def one(*numbers: float) -> JointCommand:
+    """A command to one joint."""
+    return JointCommand(*(np.array([x]) for x in numbers))
+
+
+def at(angle: float, speed: float, command: JointCommand, motor: Motor) -> float:
+    return float(motor_torque(command, np.array([angle]), np.array([speed]), motor)[0])
+
+
+def test_play_and_compliance_are_in_equilibrium_with_the_loop() -> None:
+    """The rotor's place that `kp (e - x) + ff = k dead_zone(x)` holds at, found by bisection."""
+    stiffness, half, kp, feed = 400.0, 0.01, 60.0, 0.3
+    motor = MOTOR._replace(backlash=np.array([2 * half]), compliance=np.array([1 / stiffness]))
+    for error in (-0.1, -0.02, -0.012, 0.0, 0.004, 0.011, 0.2):
+        low, high = -1.0, 1.0
+        for _ in range(80):
+            x = (low + high) / 2
+            gear = stiffness * (x - np.clip(x, -half, half))
+            low, high = (x, high) if kp * (error - x) + feed > gear else (low, x)
+        assert at(-error, 0.0, one(0, 0, kp, 0, feed), motor) == pytest.approx(gear, abs=1e-9)
+
+
+def test_within_the_play_the_joint_is_free() -> None:
+    """No stiffness and no damping; beyond it the damping is back. Damping alone acts without a gap."""
+    motor = MOTOR._replace(backlash=np.array([0.02]))
+    assert at(0.009, 3.0, one(0, 0, 50, 2, 0), motor) == 0.0
+    assert at(0.011, 3.0, one(0, 0, 50, 2, 0), motor) == pytest.approx(-0.05 - 6.0)
+    assert at(0.009, 3.0, one(0, 0, 0, 2, 0), motor) == pytest.approx(-6.0)
+
+
+def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
+    """Stiffness 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
+    motor = MOTOR._replace(compliance=np.array([1 / 300.0]))
+    assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
+    assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)
+
+
+SERVO = """<mujoco><worldbody>
+  <body><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("share", [1.0, 0.7])
+def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float) -> None:
+    """Duty from the position error, at a voltage; also in the slope that long physics steps integrate."""
+    volts, constant, ohms, duty_per_rad = 12.0, 1.5, 3.0, 8.0
+    spec = mujoco.MjSpec.from_string(SERVO)
+    servo = spec.add_actuator(target="j", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    servo.set_to_dcmotor(motorconst=[constant, constant], resistance=ohms)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    stall = constant * volts / ohms
+    nominal = Motor(*(np.array([x]) for x in (100.0, stall, volts / constant, 0.0, 1.0, 0.0, 1.0)))
+    motor = at_supply(nominal._replace(voltage_gain=np.ones(1)), share)
+    command, seen = one(0.2, 0.0, duty_per_rad * stall, 0.0, 0.0), []
+    for angle, speed in np.random.default_rng(0).uniform(-1, 1, (40, 2)) * (0.4, 6.0):
+        duty = np.clip(duty_per_rad * (0.2 - angle), -1, 1)
+        data.qpos[0], data.qvel[0], data.ctrl[0] = angle, speed, share * volts * duty
+        mujoco.mj_forward(model, data)
+        assert at(angle, speed, command, motor) == pytest.approx(data.actuator_force[0], abs=1e-9)
+        slope = joint_damping(command, np.array([angle]), np.array([speed]), motor)
+        assert slope == pytest.approx(constant**2 / ohms)
+        seen.append(abs(duty) == 1)
+    assert 0.2 < np.mean(seen) < 0.9
