@@ -45,6 +45,7 @@ class Quantity(NamedTuple):
     command: Effect | None = None  # on a JointCommand, as the motors carry it out
     bias_of: str | None = None  # reading that it is added to
     delay_of: Literal["actions", "readings"] | None = None  # s by which these arrive later
+    charge: bool = False  # it is the battery's charge at first, 0 to 1
 
 
 def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
@@ -55,8 +56,10 @@ def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
 def check_quantity(name: str, declared: Quantity) -> None:
     """Raises ValueError for a declaration that would act on nothing."""
     effects = (declared.model, declared.motor, declared.command, declared.bias_of, declared.delay_of)
-    if not any(effects):
-        raise ValueError(f"quantity '{name}' has no effect: give model, motor, command, bias_of or delay_of")
+    if not declared.charge and not any(effects):
+        raise ValueError(
+            f"quantity '{name}' has no effect: give model, motor, command, bias_of, delay_of or charge"
+        )
     if declared.bias_of is not None and declared.bias_of not in READINGS:
         raise ValueError(f"quantity '{name}': no reading '{declared.bias_of}', only {', '.join(READINGS)}")
     if declared.bias_of is not None and declared.kind is not READINGS[declared.bias_of].kind:

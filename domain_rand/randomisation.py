@@ -23,6 +23,7 @@ from footfall.domain_rand.quantity import (
 from footfall.robots import kinds
 from footfall.robots.description import Robot
 
+FULL = 1.0  # charge of a nominal battery
 DEFAULT = Path(__file__).parent / "default.yaml"
 OWN_FILE = "randomisation.yaml"  # in a robot's folder: what fits no robot of another size
 
@@ -110,6 +111,10 @@ class Randomisation:
         kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=1.0, motor=adds_to("compliance")
     )
 
+    battery_charge: Distribution | None = quantity(  # of robot.yaml's battery, whose voltage sags under load
+        kinds.SCALAR, FULL, least=0.0, most=1.0, charge=True
+    )
+
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]
@@ -147,6 +152,14 @@ def require_delays(randomisation: Randomisation, of: Literal["actions", "reading
     if longest_s > most_s:
         names = " + ".join(name for name, each in drawn.items() if each is not None)
         raise UserError(f"randomisation.{names}: must be at most {most_s:g} s, not {longest_s:g}")
+
+
+def require_battery(robot: Robot) -> None:
+    """Raises UserError if a robot whose battery's charge is drawn declares none."""
+    if robot.description.battery is None:
+        raise UserError(
+            f"randomisation.battery_charge: robot '{robot.name}' declares no battery in robot.yaml"
+        )
 
 
 def load_randomisation(path: Path = DEFAULT) -> Randomisation:

@@ -79,6 +79,12 @@ def delay_s(sample: Sample, of: Literal["actions", "readings"]) -> Array | None:
     return _sum(sample, delays(of))
 
 
+def battery_charge(sample: Sample, otherwise: float | None = None) -> Any:
+    """Charge of the sampled robot's battery at first, 0 to 1; `otherwise` where none is drawn."""
+    drawn = (sample[name] for name, each in QUANTITIES.items() if each.charge and name in sample)
+    return next(drawn, otherwise)
+
+
 def _sum(sample: Sample, names: list[str]) -> Array | None:
     """The sum of the drawn ones of some quantities; None if there is none."""
     drawn = [sample[name] for name in names if name in sample]

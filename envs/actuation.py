@@ -9,7 +9,7 @@ from footfall.domain_rand.sample import Sample, delay_s, randomised_command, ran
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
-from footfall.robots.actuator import JointCommand, Motor, lag_over
+from footfall.robots.actuator import JointCommand, Motor, at_supply, lag_over
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
 
@@ -55,12 +55,17 @@ class Actuation:
         arrived = delayed_goals(goals, late_s, self._starts_s, self._timestep_s, self._period_s)
         return jax.lax.scan(tick, target, arrived, unroll=True)[1]
 
-    def drive(self, targets: jax.Array, sample: Sample) -> Drive:
-        """What the motors of a sampled robot follow, given targets (substeps, n)."""
+    def drive(self, targets: jax.Array, sample: Sample, supply: jax.Array | None = None) -> Drive:
+        """What the motors of a sampled robot follow, given targets (substeps, n).
+
+        `supply` is the share of the nominal voltage that they get, (); None for all of it.
+        """
         zeros = jnp.zeros_like(self._kp)
         command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), sample)
         bias = sensor_bias(sample, "joint_position")
         motor = randomised_motor(self._motor, sample)
+        if supply is not None:
+            motor = at_supply(motor, supply)
         lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
         return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
 

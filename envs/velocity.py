@@ -24,6 +24,7 @@ from footfall.envs.physics.engines import ENGINES, make_engine
 from footfall.envs.physics.interface import Motion, Trace
 from footfall.envs.random_numbers import uniform
 from footfall.envs.state import State, Step
+from footfall.envs.supply import Supply
 from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.envs.task import Task
 from footfall.envs.terms.data import Scene, StepData, example_data
@@ -57,6 +58,7 @@ class VelocityEnv:
         self.terrain = make_terrain(config, self.engine, model, self.scene)
         self.task = Task(config, self.scene)
         self.actuation = Actuation(robot, config)
+        self.supply = Supply(robot, config.randomisation)
         self.observer = Observer(model, robot, config, self.contract)
         self.disturbances = Disturbances(self.task, config, self.scene)
         self._map = body_map(model, robot)
@@ -145,6 +147,7 @@ class VelocityEnv:
             frames=self.observer.no_frames(),
             terms={},
             lagged_torque=self.actuation.no_torque(sample),
+            supply=self.supply.at_rest(sample),
         )
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
         readings = self.observer.readings(state.qpos, state.qvel, torque)
@@ -197,9 +200,11 @@ class VelocityEnv:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
-        drive, fields = self.actuation.drive(targets, state.sample), self.terrain.fields(state)
-        end, trace = self.engine.simulate(start, drive, state.fields | fields)
-        return state._replace(**end._asdict(), target=targets[-1]), trace
+        drive = self.actuation.drive(targets, state.sample, state.supply)
+        end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))
+        speeds = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
+        supply = self.supply.under_load(state.sample, trace.torque, speeds)
+        return state._replace(**end._asdict(), target=targets[-1], supply=supply), trace
 
     def step_data(self, state: State, trace: Trace) -> StepData:
         """What terms read, of a state after the physics and the trace of its physics steps."""

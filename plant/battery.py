@@ -1,12 +1,10 @@
 """A simulated battery: it sags under load, and the motors' electrical energy discharges it."""
 
-import math
-
 import numpy as np
 
 from footfall.plant.energy import EnergyMeter
 from footfall.plant.motors import SimulatedMotors
-from footfall.robots.battery import Battery
+from footfall.robots.battery import Battery, voltage_under_load
 from footfall.robots.description import Robot
 
 UPDATE_S = 0.01
@@ -46,11 +44,11 @@ class SimulatedBattery:
             self.charge = min(max(self.charge - spent, 0.0), 1.0)
 
     def _load(self, power_w: float) -> None:
-        """Draw a power: V = E - R I and P = V I; at most what the pack can give, E²/4R."""
+        """Draw a power."""
         before_v, battery, motors = self.voltage_v, self._battery, self._motors
         open_v = battery.open_circuit_v(self.charge)
-        root = math.sqrt(max(open_v**2 - 4.0 * self.resistance_ohm * power_w, 0.0))
-        self.voltage_v, self.current_a = (open_v + root) / 2.0, 2.0 * power_w / (open_v + root)
+        self.voltage_v = float(voltage_under_load(open_v, self.resistance_ohm, power_w))
+        self.current_a = power_w / self.voltage_v
         of_each_a = (self.current_a - battery.idle_w / self.voltage_v) / len(motors.enabled)
         motors.supply = self.voltage_v + self.reads_off_v, of_each_a
         motors.sag(self.voltage_v / before_v)

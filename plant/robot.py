@@ -17,8 +17,8 @@ from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import QUANTITIES
-from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.randomisation import QUANTITIES, require_battery
+from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground import replaced_by
@@ -85,7 +85,7 @@ class SimulatedRobot:
         config = config or PlantConfig()
         sample = config.sample
         plant = read_plant(robot, config.plant, replaced_by(config.ground))
-        _check_sample(sample, plant)
+        _check_sample(sample, plant, robot)
         self.model, self.notes = plant.model, plant.notes
         apply_to_model(self.model, sample, body_map(self.model, robot))
         self.data = mujoco.MjData(self.model)
@@ -112,7 +112,8 @@ class SimulatedRobot:
         self._energy = EnergyMeter(robot)
         declared, self.battery = robot.description.battery, None
         if declared is not None:
-            self.battery = SimulatedBattery(robot, declared, self._motors, config.charge, step_s)
+            charge = battery_charge(sample, config.charge)
+            self.battery = SimulatedBattery(robot, declared, self._motors, float(charge), step_s)
         self._ground_truth = GroundTruth(plant, self.data, self._layout, robot.description.standing_height_m)
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
@@ -291,7 +292,9 @@ def _first_pose(robot: Robot, lying: bool) -> np.ndarray:
     return robot.lying_pose
 
 
-def _check_sample(sample: Sample, plant: Plant) -> None:
+def _check_sample(sample: Sample, plant: Plant, robot: Robot) -> None:
+    if battery_charge(sample) is not None:
+        require_battery(robot)
     bodies = plant.model.nbody - 1
     for name, drawn in sample.items():
         if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,17 @@ from footfall.common.config import read_yaml, require_between, require_not_negat
 
 CHEMISTRIES = Path(__file__).with_name("batteries.yaml")
 MOST_CELLS = 300
+
+Number = Any  # a float, or a NumPy or a JAX array
+
+
+def voltage_under_load(open_v: Number, resistance_ohm: float, power_w: Number) -> Number:
+    """Voltage of a pack that gives a power, V: V = E - R I and P = V I.
+
+    Beyond what the pack can give, E²/4R, it is that of the greatest power, E/2.
+    """
+    squared = open_v**2 - 4.0 * resistance_ohm * power_w
+    return (open_v + (squared * (squared > 0.0)) ** 0.5) / 2.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +56,11 @@ class Battery:
             points = known[self.chemistry]
         charge, voltage = np.array(points, dtype=float).T
         return charge, self.cells * voltage
+
+    @property
+    def curve(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of charge, rising, and the pack's voltage without load at each, V."""
+        return self._curve
 
     def open_circuit_v(self, charge: float) -> float:
         """Voltage of the pack without load, V."""

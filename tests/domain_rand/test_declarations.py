@@ -145,5 +145,5 @@ def test_kinds_of_quantities_are_those_of_the_robot() -> None:
     assert {name for name in NAMES if shapes[name] == (13,)} == {"link_mass", "inertia"}
     assert {name for name in NAMES if shapes[name] == (3,)} == {"com_offset_m", "gyro_bias", "gravity_bias"}
     assert {name for name in NAMES if shapes[name] == ()} == {
-        "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s",
+        "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s", "battery_charge",
     }  # fmt: skip

@@ -1,8 +1,12 @@
 """A simulated pack: what the motors take from it is gone, and they feel its voltage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from plant_bodies import body_of
 
+from footfall.common.errors import UserError
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.motor_ends.motor_end import SUPPLY
 from footfall.robots.battery import Battery
@@ -38,3 +42,15 @@ def test_energy_drawn_is_charge_lost_and_the_voltage_falls_with_load_and_charge(
     spent = 1.0 - pack.charge
     # Above half of its charge a joule takes less charge than the mean one, whose voltage is the nominal one.
     assert 0.85 * given_j < spent * 3600.0 * battery.capacity_wh < given_j
+
+
+def test_a_drawn_charge_is_that_of_the_simulated_pack(go1: Robot) -> None:
+    """And it is refused by name for a robot without one."""
+    pack = Battery(8, 230.0, 0.1)
+    robot = replace(go1, description=replace(go1.description, battery=pack))
+    drawn = {"battery_charge": np.array(0.3)}
+    simulated = body_of(robot, sample=drawn)
+    assert simulated.battery is not None
+    assert simulated.battery.charge == pytest.approx(0.3)
+    with pytest.raises(UserError, match="battery_charge"):
+        body_of(go1, sample=drawn)

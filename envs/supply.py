@@ -1,0 +1,47 @@
+"""The motors' supply in training: the battery's voltage sags with the power of the control step before."""
+
+import jax
+import jax.numpy as jnp
+
+from footfall.domain_rand.randomisation import Randomisation, require_battery
+from footfall.domain_rand.sample import Sample, battery_charge
+from footfall.robots.battery import Battery, voltage_under_load
+from footfall.robots.description import Robot
+
+
+class Supply:
+    """Voltage of a robot's battery over its nominal voltage. The charge is constant in an episode."""
+
+    def __init__(self, robot: Robot, randomisation: Randomisation) -> None:
+        """Raises UserError if a charge is drawn for a robot that declares no battery."""
+        self._battery: Battery | None = robot.description.battery
+        self._loss = jnp.asarray(robot.copper_loss, dtype=jnp.float32)
+        if randomisation.battery_charge is not None:
+            require_battery(robot)
+
+    def at_rest(self, sample: Sample) -> jax.Array | None:
+        """The share before an episode, (); None where no charge is drawn: the supply stays nominal."""
+        charge = battery_charge(sample)
+        return None if charge is None else self._share(charge, jnp.float32(0.0))
+
+    def under_load(self, sample: Sample, torque: jax.Array, velocity: jax.Array) -> jax.Array | None:
+        """The share after a control step, ().
+
+        Args:
+            sample: of the robot.
+            torque: of the motors in each physics step, N m, (substeps, n).
+            velocity: of the joints before each physics step and after the last, rad/s, (substeps + 1, n).
+        """
+        charge = battery_charge(sample)
+        if charge is None:
+            return None
+        shaft_w = torque * 0.5 * (velocity[:-1] + velocity[1:])
+        return self._share(charge, jnp.mean(jnp.sum(shaft_w + self._loss * torque**2, axis=-1)))
+
+    def _share(self, charge: jax.Array, motors_w: jax.Array) -> jax.Array:
+        battery = self._battery
+        assert battery is not None
+        shares, volts = (jnp.asarray(part, dtype=jnp.float32) for part in battery.curve)
+        open_v = jnp.interp(charge, shares, volts)
+        power_w = motors_w + battery.idle_w
+        return voltage_under_load(open_v, battery.internal_resistance_ohm, power_w) / battery.nominal_v
