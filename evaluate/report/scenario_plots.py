@@ -19,6 +19,10 @@ LEVEL_LABELS = {
     "payload_kg": "load, kg",
     "motor_strength": "motor strength, share",
     "action_delay_s": "added latency, s",
+    "step_m": "step of the stairs, m",
+    "angle_deg": "slope, degrees",
+    "roughness_m": "heights above and below, m",
+    "block_m": "highest block, m",
 }
 
 FEW_EPISODES = 4  # at a size of push; a fit of fewer is a guess
@@ -86,7 +90,7 @@ def _survival_panel(place: int, policy: str, summary: Summary, strongest: float)
 
 
 def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
-    """Velocity error and falls as a condition worsens: two panels for each scenario with one level.
+    """Velocity error, falls and, on uneven ground, successes as a condition worsens: panels for each scenario.
 
     Args:
         scenarios: names of levels, each with the summaries {policy: summary} of its scenario.
@@ -97,11 +101,11 @@ def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
         if any(rows.values()):
             panels += [
                 _condition_panel(f"condition-{number}-{column}", level, rows, figure)
-                for column, figure in enumerate(CONDITION_FIGURES)
+                for column, figure in enumerate(_figures_of(rows))
             ]
     return Plot(
         "Harder conditions",
-        "How tracking and falls change as one condition worsens, all else nominal.",
+        "How tracking, falls and successes change as one condition worsens, all else as the scenario says.",
         panels,
         legend=range(len(scenarios[0][1])) if panels else (),
     )
@@ -113,6 +117,10 @@ def _error(row: Summary) -> float:
 
 def _falls(row: Summary) -> float:
     return 100.0 * row["falls"] / row["episodes"]
+
+
+def _successes(row: Summary) -> float:
+    return 100.0 * float(row["success_rate"])
 
 
 class ConditionFigure(NamedTuple):
@@ -128,6 +136,15 @@ CONDITION_FIGURES = (
     ConditionFigure("velocity error", "m/s", _error, None),
     ConditionFigure("falls", "%", _falls, 105.0),
 )
+
+
+SUCCESSES = ConditionFigure("successes", "%", _successes, 105.0)
+
+
+def _figures_of(rows: Mapping[str, list[Summary]]) -> tuple[ConditionFigure, ...]:
+    """Figures that these rows have: successes are counted on uneven ground only."""
+    on_ground = any("success_rate" in row for each in rows.values() for row in each)
+    return (*CONDITION_FIGURES, SUCCESSES) if on_ground else CONDITION_FIGURES
 
 
 def _condition_panel(

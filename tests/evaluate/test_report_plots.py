@@ -149,6 +149,16 @@ class TestConditions:
         assert error.axes.get_ylim()[0] == 0.0
         assert falls.axes.get_ylim() == (-5.0, 105.0)
 
+    def test_on_uneven_ground_successes_are_shown_too(self, drawn: list[Drawn]) -> None:
+        shares = {0.1: 1.0, 0.2: 0.5}
+        on_stairs = [
+            row(0, 8, (0, 1), lin_vel_rmse=0.1, step_m=step, success_rate=share)
+            for step, share in shares.items()
+        ]
+        scenario_plots.conditions([("step_m", {"a": {"rows": on_stairs}})])
+        assert len(drawn) == 3
+        assert drawn[2].points(svg.colour(0))[1] == [100.0, 50.0]
+
     def test_where_nobody_has_rows_there_is_no_plot(self, drawn: list[Drawn]) -> None:
         plot = scenario_plots.conditions([("friction", {"a": {"episodes": 0}})])
         assert (list(plot.panels), list(plot.legend), drawn) == ([], [], [])
