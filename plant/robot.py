@@ -23,7 +23,7 @@ from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
-from footfall.plant.hanging import Frame
+from footfall.plant.holder import Holder, holder
 from footfall.plant.imu_ends import open_imu_end
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
@@ -42,7 +42,7 @@ SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
 @dataclass
 class Faults:
-    """Injected faults; set from outside."""
+    """Injected faults."""
 
     motors: MotorFaults
     imu_silent: bool = False
@@ -61,6 +61,7 @@ class PlantConfig:
     motor_timeout_s: float | None = None  # of all motors; None for robot.yaml's
     lying: bool = False  # starts in the robot's lying pose
     hanging: bool = False  # hangs in a frame, its feet in the air
+    clamped: bool = False  # likewise, its base bolted to a stand
     charge: float = 1.0  # of its battery at first, where robot.yaml declares one
     held: bool = True  # does not move until its motors are commanded
     # Time after the first command at which a robot that cannot stand still is let go (`held_start`).
@@ -70,7 +71,7 @@ class PlantConfig:
 class SimulatedRobot:
     """A robot in simulation, seen through its buses.
 
-    It starts in its default pose on the ground, or lying. It does not move until its motors are commanded.
+    It starts in its default pose on the ground, or lying, and does not move until motors are commanded.
     """
 
     def __init__(
@@ -120,8 +121,12 @@ class SimulatedRobot:
         self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
         self.faults = Faults(self._motors.faults)
         self._put_down(robot, _first_pose(robot, config.lying))
-        self._frame = self._frame_for(robot, plant.base, config.hanging)
-        self._held_steps = np.inf if config.hanging else round(config.let_go_after_s / step_s)
+        self._frame = holder(
+            robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped
+        )
+        self._held_steps = (
+            np.inf if config.hanging or config.clamped else round(config.let_go_after_s / step_s)
+        )
         self._held = config.held
         if self._held:
             self._keep_still()
@@ -217,7 +222,7 @@ class SimulatedRobot:
             self.battery.add(torque, velocity, after)
         self._step += 1
 
-    def _hold_up(self, frame: Frame) -> None:
+    def _hold_up(self, frame: Holder) -> None:
         """Hold the robot for the next step, or let it go."""
         self._held_steps -= self._motors.commanded
         if self._held_steps > 0:
@@ -265,16 +270,6 @@ class SimulatedRobot:
             low, high = (middle, high) if self._touches_ground_at(middle) else (low, middle)
         data.qpos[at + 2] = low
         mujoco.mj_forward(self.model, data)
-
-    def _frame_for(self, robot: Robot, base: int, hanging: bool) -> Frame | None:
-        """What holds the robot: raised by its standing height if it hangs; None if it stands by itself."""
-        data, height_m = self.data, robot.description.standing_height_m
-        if hanging:
-            data.qpos[self._layout.base_qpos + 2] += height_m
-            mujoco.mj_forward(self.model, data)
-        elif not robot.description.held_start:
-            return None
-        return Frame(data, self._layout, base, float(self.model.body_subtreemass[base]), height_m)
 
     def _touches_ground_at(self, height_m: float) -> bool:
         self.data.qpos[self._layout.base_qpos + 2] = height_m
