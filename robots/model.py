@@ -34,7 +34,7 @@ def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujo
     stay inside soft limits, and the joint law contains the friction. Each row less makes MJX faster.
     """
     spec = load_spec(robot.xml_path)
-    _make_inertia_explicit(spec)
+    make_inertia_explicit(spec)
     for actuator in list(spec.actuators):
         spec.delete(actuator)
     for sensor in list(spec.sensors):
@@ -238,7 +238,7 @@ def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
         joint.damping = np.zeros_like(joint.damping)
 
 
-def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
+def make_inertia_explicit(spec: mujoco.MjSpec) -> None:
     """Set each body's compiled mass and inertia explicitly, so that deleting geoms does not change them."""
     for number, body in enumerate(spec.bodies):
         body.name = body.name or f"unnamed_body_{number}"  # used to find it below

@@ -26,6 +26,7 @@ from footfall.verbs.diagnose import diagnose
 from footfall.verbs.doctor import doctor
 from footfall.verbs.evaluate import evaluate
 from footfall.verbs.export import export
+from footfall.verbs.identify import identify
 from footfall.verbs.list import list_names
 from footfall.verbs.log import log
 from footfall.verbs.replay import replay
@@ -52,6 +53,7 @@ for verb in (
     compare,
     replay,
     log,
+    identify,
     robot,
     can,
     bring_up,

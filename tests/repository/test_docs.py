@@ -21,6 +21,7 @@ from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.evaluate.scenarios import load_scenarios
+from footfall.identify.excitation import ExcitationConfig
 from footfall.operate.gamepad import GamepadConfig
 from footfall.operate.missions.mission import load_mission
 from footfall.operate.ros2.bridge_process import Ros2Config
@@ -129,6 +130,7 @@ def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 GO1 = yaml.safe_load((ROBOTS / "go1" / "robot.yaml").read_text())
 READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
+    "excitation": lambda path: load(path, ExcitationConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "gamepad": lambda path: load(path, GamepadConfig),
     "mission": load_mission,

@@ -38,12 +38,16 @@ ALLOWED = {
     "operate": {"common", "robots", "policies", "deploy"},
     "plant": {"common", "robots", "policies", "domain_rand", "terrain", "deploy"},
     "evaluate": {"common", "robots", "policies", "domain_rand", "terrain", "deploy", "plant"},
+    "identify": {"common", "robots", "policies", "domain_rand", "deploy", "plant"},
     "envs": {"common", "robots", "policies", "domain_rand", "terrain"},
     "train": {"common", "robots", "policies", "domain_rand", "envs"},
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "operate", "plant", "train"},
 }
 ROOMS = (*ALLOWED, COMMAND_LINE)
-ACTING = ("common", "robots", "domain_rand", "terrain", "policies", "deploy", "operate", "plant", "evaluate")
+ACTING = (
+    *("common", "robots", "domain_rand", "terrain", "policies", "deploy", "operate", "plant", "evaluate"),
+    "identify",
+)
 # What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
-from footfall.common.outputs import check_outputs
-from footfall.options import AS_TYPED, OptionalPath
+from footfall.common.outputs import check_outputs, write_json
+from footfall.options import AS_TYPED, JsonFile, OptionalPath
 
 if TYPE_CHECKING:
     from footfall.deploy.log_analysis.findings import LogFindings
@@ -51,6 +51,41 @@ def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
         topics.add_row(topic, kind.replace("/msg/", "/"), str(count), rate)
     console.print(topics, highlight=False)
     return 0 if found.good else 1
+
+
+@log.command
+def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -> int:
+    """Simulate the commands of a robot on a stand, and tell each joint's difference; exit 1 beyond the noise.
+
+    Parameters
+    ----------
+    file
+        The log, made by `footfall identify record` or of any policy on a robot whose base did not move.
+    robot
+        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+    """
+    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.deploy.log_file import read_log
+    from footfall.identify.compare import compare_leg
+    from footfall.identify.leg import fixed_legs
+    from footfall.identify.recording import read_recording
+    from footfall.robots.description import load_robot
+
+    check_outputs(json)
+    model = logged_robot(read_log(file, topics=())) if robot is None else load_robot(robot)
+    recording, figures, good = read_recording(file, model), {}, True
+    for leg in fixed_legs(model):
+        gap = compare_leg(leg, recording)
+        for place, joint in enumerate(leg.joint_names):
+            error, noise = 1e3 * gap.error_rad[place], 1e3 * gap.noise_rad[place]
+            good &= error < 2.0 * noise
+            print(
+                f"{joint}: {error:.2f} mrad rms, noise {noise:.2f}: {gap.verdict(place)}",
+                flush=True,
+            )
+            figures[joint] = {"error_mrad": error, "noise_mrad": noise, "explains": gap.explains[place]}
+    write_json(json, figures)
+    return 0 if good else 1
 
 
 @log.command

@@ -1,0 +1,1 @@
+"""A robot's parameters from its own motion: excitation, fits, held-out checks, proposals."""

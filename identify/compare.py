@@ -1,0 +1,79 @@
+"""A log's motion beside the simulation of its commands, and what would explain the difference."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from footfall.identify.fit import FitConfig, problem_of, slopes
+from footfall.identify.leg import FixedLeg
+from footfall.identify.parameters import QUANTITIES
+from footfall.identify.problem import Problem
+from footfall.identify.recording import Recording
+
+CLEAR = 0.3  # share of the squared error that a quantity has to explain to be named
+RIDGE = 1e-6  # of a step's normal equations: a parameter moves by a thousand scales at most
+
+
+@dataclass(frozen=True)
+class LegGap:
+    """The difference between a leg's recorded motion and the nominal simulation."""
+
+    leg: FixedLeg
+    error_rad: np.ndarray  # (n,) rms of positions over windows with their best starts
+    noise_rad: np.ndarray  # (n,) of the position readings
+    explains: tuple[dict[str, float], ...]  # for each joint: quantity to the share of its squared error
+
+    def verdict(self, joint: int) -> str:
+        """In one line, what would explain a joint's error."""
+        if self.error_rad[joint] < 2.0 * self.noise_rad[joint]:
+            return "within the noise of its readings"
+        name, share = max(self.explains[joint].items(), key=lambda each: each[1])
+        if share < CLEAR:
+            return "no single parameter explains it"
+        return f"{name} explains {share:.0%}"
+
+
+def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = None) -> LegGap:
+    """Simulate a recording's commands on the nominal leg.
+
+    A quantity's share comes from one Gauss-Newton step of that quantity alone, for the whole leg.
+
+    Raises:
+        UserError: the recording is too short, or the base moved in it.
+    """
+    problem = problem_of(leg, [recording], config or FitConfig())
+    x = np.zeros(len(problem.parameters))
+    problem.refine_starts(x)
+    problem.refine_starts(x)
+    errors, _ = problem.errors(x[:, None])
+    positions = replace(problem, torque_sigma=np.full(leg.count, np.inf))
+    positions.start = problem.start
+    residual, slope = slopes(positions, x)
+    by_joint = [_of_joint(positions, joint) for joint in range(leg.count)]
+    return LegGap(
+        leg,
+        np.sqrt((errors**2).mean(axis=(0, 1, 2))),
+        problem.position_sigma,
+        tuple(_shares(problem, residual[:, mine], slope[:, mine]) for mine in by_joint),
+    )
+
+
+def _of_joint(problem: Problem, joint: int) -> np.ndarray:
+    """Places of a joint's position residuals among those of a window."""
+    rows, n = problem.windows.position.shape[1:]
+    places = np.arange(rows) * n + joint
+    return places
+
+
+def _shares(problem: Problem, residual: np.ndarray, slope: np.ndarray) -> dict[str, float]:
+    """Share of the squared residual that each quantity explains."""
+    flat, slopes_flat = residual.reshape(-1), slope.reshape(-1, slope.shape[2])
+    total = float(flat @ flat)
+    found = {}
+    for name in QUANTITIES:
+        mine = [row for row, each in enumerate(problem.parameters) if each.quantity == name]
+        part = slopes_flat[:, mine]
+        step = np.linalg.solve(part.T @ part + RIDGE * np.eye(len(mine)), part.T @ flat)
+        left = flat - part @ step
+        found[name] = 1.0 - float(left @ left) / total if total else 0.0
+    return found

@@ -1,0 +1,140 @@
+"""Motion that tells a robot's joints: slow triangles, chirps, bursts of feed-forward torque."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.policies.contract import Contract
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, training_model
+
+GOLDEN = 0.618034  # no small multiple of it is a whole number: joints never move alike
+
+
+@dataclass(frozen=True)
+class ExcitationConfig:
+    """How a robot is moved. Gains are shares of the robot's own."""
+
+    settle_s: float = 1.0  # from the pose found to the middle of the motion
+    triangle_s: float = 4.0  # of each joint of a leg: slow, for friction
+    chirp_s: float = 10.0  # of each of the chirps
+    burst_s: float = 4.0  # of feed-forward torque: strength apart from stiffness
+    amplitude_rad: float = 0.3
+    second_amplitude: float = 0.5  # share of it, in the second chirp
+    lowest_hz: float = 0.2
+    highest_hz: float = 8.0
+    corner_hz: float = 1.5  # above it, a chirp's amplitude falls with frequency
+    stiffness: tuple[float, float] = (0.5, 1.0)  # of the two chirps
+    damping: tuple[float, float] = (0.7, 1.0)  # likewise
+    burst_share: float = 0.04  # of each motor's peak torque
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.1, 600.0, "settle_s", "triangle_s", "chirp_s", "burst_s")
+        require_between(self, 0.01, 1.0, "amplitude_rad", "second_amplitude")
+        require_between(self, 0.05, 40.0, "lowest_hz", "highest_hz", "corner_hz")
+        require_between(self, 0.005, 0.5, "burst_share")
+        if any(not 0.05 <= each <= 3.0 for each in (*self.stiffness, *self.damping)):
+            raise ValueError("stiffness and damping must be from 0.05 to 3, as shares of the robot's gains")
+
+
+class Excitation:
+    """A policy that runs through the whole motion, all legs at once."""
+
+    name = "excitation"
+    needs_estimate = False
+    contract: Contract | None = None
+    notes: Sequence[str] = ()
+
+    def __init__(self, robot: Robot, config: ExcitationConfig, rate_hz: float) -> None:
+        """Decides at `rate_hz`, which may be that of joint ticks."""
+        self.rate_hz, self._config, self._robot = rate_hz, config, robot
+        n = len(robot.joint_names)
+        low, high = robot.soft_limits
+        self._middle = robot.default_pose
+        room = np.minimum(self._middle - low, high - self._middle)
+        self._amplitude = np.minimum(config.amplitude_rad, 0.9 * room)
+        self._place = np.zeros(n)  # of each joint in its leg
+        for joints in robot.foot_joints:
+            self._place[joints] = np.arange(len(joints))
+        self._side = _senses(robot)
+        self._longest = 1 + int(self._place.max())
+        self._start = self._middle
+        self._signs = np.random.default_rng(config.seed).choice((-1.0, 1.0), size=(4096, n))
+
+    @property
+    def duration_s(self) -> float:
+        """Of the whole motion."""
+        config = self._config
+        return config.settle_s + self._longest * config.triangle_s + 2 * config.chirp_s + config.burst_s
+
+    def reset(self, inputs: PolicyInput) -> None:
+        self._start = inputs.sensed.joint_position.copy()
+
+    def stance(self) -> np.ndarray | None:
+        return None
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        config, time_s = self._config, inputs.time_s
+        if time_s < config.settle_s:
+            share = 0.5 - 0.5 * math.cos(math.pi * time_s / config.settle_s)
+            return self._command((1.0 - share) * (self._start - self._middle), second=True)
+        time_s -= config.settle_s
+        if time_s < self._longest * config.triangle_s:
+            return self._command(self._triangle(time_s), second=True)
+        time_s -= self._longest * config.triangle_s
+        if time_s < 2 * config.chirp_s:
+            second = time_s >= config.chirp_s
+            size = config.second_amplitude if second else 1.0
+            return self._command(size * self._chirp(time_s % config.chirp_s), second)
+        return self._command(np.zeros_like(self._middle), True, self._burst(time_s - 2 * config.chirp_s))
+
+    def _command(self, offset: np.ndarray, second: bool, torque: np.ndarray | None = None) -> JointCommand:
+        robot, config, zero = self._robot, self._config, np.zeros_like(self._middle)
+        kp, kd = config.stiffness[second] * robot.kp, config.damping[second] * robot.kd
+        return JointCommand(self._middle + offset, zero, kp, kd, zero if torque is None else torque)
+
+    def _triangle(self, time_s: float) -> np.ndarray:
+        """One joint of each leg after the other goes up, down and back at constant speed."""
+        share = (time_s / self._config.triangle_s) % 1.0
+        wave = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
+        moves = self._place == int(time_s / self._config.triangle_s)
+        return self._side * moves * wave * self._amplitude
+
+    def _chirp(self, time_s: float) -> np.ndarray:
+        """A sweep of frequencies that grow exponentially, of all joints, each with its own phase."""
+        config = self._config
+        growth = math.log(config.highest_hz / config.lowest_hz) / config.chirp_s
+        hz = config.lowest_hz * math.exp(growth * time_s)
+        turns = (hz - config.lowest_hz) / growth
+        fade = min(1.0, time_s / 0.5, (config.chirp_s - time_s) / 0.2)
+        phase = GOLDEN * self._place
+        wave = np.sin(2.0 * math.pi * (turns + phase))
+        return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
+
+    def _burst(self, time_s: float) -> np.ndarray:
+        """Torque that changes sign at random, ten times a second, N m."""
+        config = self._config
+        if time_s > config.burst_s - 0.3:
+            return np.zeros_like(self._middle)
+        signs = self._signs[int(time_s / 0.1) % len(self._signs)]
+        torque: np.ndarray = config.burst_share * self._robot.motor.peak_torque * signs
+        return torque
+
+
+def _senses(robot: Robot) -> np.ndarray:
+    """Signs, (n,), by which all legs swing the same way in the body's frame: they keep their distance."""
+    model = training_model(robot)
+    data = mujoco.MjData(model)
+    places, _ = joint_addresses(model, robot)
+    data.qpos[places] = robot.default_pose
+    mujoco.mj_kinematics(model, data)
+    axes = np.array([data.xaxis[model.joint(name).id] for name in robot.joint_names])
+    largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.where(largest < 0.0, -1.0, 1.0)

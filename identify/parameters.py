@@ -1,0 +1,123 @@
+"""What a fit may change of a leg: one row per quantity, and values of many candidates at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.identify.leg import FixedLeg
+from footfall.robots.actuator import Motor
+
+LEG = "leg"  # the owner of what all joints of a leg share
+
+
+class Quantity(NamedTuple):
+    """A quantity that is fitted, for each joint, each body or the whole leg."""
+
+    of: str  # "joint", "body" or "leg"
+    unit: str  # "" for a factor of the nominal value
+    nominal: float
+    low: float
+    high: float
+    scale: float  # a difference between two robots that surprises nobody
+    floor: float  # least half-width of a range
+
+
+# Ordered by what is frozen first where data cannot tell quantities apart: what a datasheet or scales tell
+# better comes first. Floors: run-to-run deviation of fits on one machine (facts of the field).
+QUANTITIES = {
+    "link_mass": Quantity("body", "", 1.0, 0.5, 2.0, 0.1, 0.03),
+    "friction_speed": Quantity("joint", "", 1.0, 0.1, 10.0, 0.5, 0.5),
+    "torque_lag_s": Quantity("joint", "s", 0.0, 0.0, 0.03, 0.003, 0.001),
+    "kd": Quantity("joint", "", 1.0, 0.3, 3.0, 0.2, 0.1),
+    "kp": Quantity("joint", "", 1.0, 0.5, 2.0, 0.1, 0.03),
+    "encoder_bias": Quantity("joint", "rad", 0.0, -0.2, 0.2, 0.01, 0.003),
+    "delay_s": Quantity("joint", "s", 0.002, 0.0, 0.04, 0.004, 0.002),
+    "motor_strength": Quantity("joint", "", 1.0, 0.3, 2.0, 0.1, 0.03),
+    "joint_damping": Quantity("joint", "N m s/rad", 0.0, 0.0, 2.0, 0.05, 0.01),
+    "joint_friction": Quantity("joint", "", 1.0, 0.0, 10.0, 0.3, 0.15),
+    "armature": Quantity("joint", "", 1.0, 0.1, 8.0, 0.3, 0.05),
+}
+ORDER = tuple(QUANTITIES)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a fit."""
+
+    quantity: str
+    owner: str  # joint, body, or LEG
+
+    @property
+    def kind(self) -> Quantity:
+        return QUANTITIES[self.quantity]
+
+    @property
+    def label(self) -> str:
+        """For tables."""
+        return f"{self.owner} {self.quantity}"
+
+
+class Values(NamedTuple):
+    """Quantities of K candidates of a leg with n joints and m bodies."""
+
+    armature: np.ndarray  # (K, n) kg m^2
+    motor: Motor  # fields (K, 1, n)
+    encoder_bias: np.ndarray  # (K, 1, n) rad
+    kp: np.ndarray  # (K, 1, n) of the commanded stiffness
+    kd: np.ndarray  # (K, 1, n) of the commanded damping
+    delay_s: np.ndarray  # (K, n) from a command's tick to its effect, plus that of the readings
+    link_mass: np.ndarray  # (K, m) of the nominal masses
+
+
+def parameters_of(leg: FixedLeg) -> tuple[Parameter, ...]:
+    """All parameters of a leg."""
+    owners = {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}
+    return tuple(
+        Parameter(name, owner) for name, quantity in QUANTITIES.items() for owner in owners[quantity.of]
+    )
+
+
+def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Their nominal values, (p,)."""
+    return np.array([each.kind.nominal for each in parameters])
+
+
+def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarray) -> Values:
+    """The candidates whose parameters are the columns of `numbers`, (p, K); what is absent is nominal."""
+    count = numbers.shape[1]
+    owners = {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}
+    place = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
+
+    def all_of(name: str) -> np.ndarray:
+        """(K, owners)."""
+        quantity = QUANTITIES[name]
+        rows = [place.get((name, owner)) for owner in owners[quantity.of]]
+        return np.stack(
+            [np.full(count, quantity.nominal) if row is None else numbers[row] for row in rows], axis=1
+        )
+
+    def joint(name: str) -> np.ndarray:
+        return all_of(name)[:, None, :]
+
+    motor, base = leg.motor, np.ones((count, 1, leg.count))
+    fields = {name: value * base for name, value in motor._asdict().items() if value is not None}
+    return Values(
+        armature=leg.armature * all_of("armature"),
+        motor=motor._replace(
+            **fields
+            | {
+                "friction": motor.friction * joint("joint_friction"),
+                "damping": motor.damping + joint("joint_damping"),
+                "friction_speed": motor.friction_speed * joint("friction_speed"),
+                "strength": motor.strength * joint("motor_strength"),
+                "lag_s": (0.0 if motor.lag_s is None else motor.lag_s) + joint("torque_lag_s"),
+            }
+        ),
+        encoder_bias=joint("encoder_bias"),
+        kp=joint("kp"),
+        kd=joint("kd"),
+        delay_s=all_of("delay_s"),
+        link_mass=all_of("link_mass"),
+    )

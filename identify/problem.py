@@ -1,0 +1,125 @@
+"""Residuals of a leg over windows, with the windows' starts eliminated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.identify.leg import FixedLeg
+from footfall.identify.parameters import Parameter, nominal, values_of
+from footfall.identify.simulate import simulate
+from footfall.identify.windows import Windows
+
+START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: what a window's estimated start may be wrong by
+OUTLIER = 3.0  # robust deviations from which a residual counts less
+
+
+@dataclass
+class Problem:
+    """Least squares of one leg: residuals in units of their noise, parameters in units of their scales.
+
+    A window's start (2n numbers) is a nuisance: at each linearisation it is moved to its best value and the
+    residuals are projected onto what no start explains (variable projection, Golub and Pereyra 1973).
+    """
+
+    leg: FixedLeg
+    windows: Windows
+    parameters: tuple[Parameter, ...]  # free ones
+    fixed: dict[Parameter, float]  # others that are not nominal
+    position_sigma: np.ndarray  # (n,) rad
+    torque_sigma: np.ndarray  # (n,) N m; infinite where torque does not count
+
+    def __post_init__(self) -> None:
+        self.start = self.windows.start.copy()  # (W, 2, n)
+        self.weight = np.ones(self._shape())
+        self._project: tuple[np.ndarray, np.ndarray] | None = None  # slopes of the starts, and their share
+
+    def _shape(self) -> tuple[int, int]:
+        """Windows and residuals of each."""
+        w, r, n = self.windows.position.shape
+        return w, 2 * r * n
+
+    @property
+    def low(self) -> np.ndarray:
+        return self.scaled(np.array([each.kind.low for each in self.parameters]))
+
+    @property
+    def high(self) -> np.ndarray:
+        return self.scaled(np.array([each.kind.high for each in self.parameters]))
+
+    def scaled(self, numbers: np.ndarray) -> np.ndarray:
+        """Parameters (p,) in units of their scales, from nominal."""
+        scale = np.array([each.kind.scale for each in self.parameters])
+        result: np.ndarray = (numbers - nominal(self.parameters)) / scale
+        return result
+
+    def numbers(self, x: np.ndarray) -> np.ndarray:
+        """Parameters (p, K) in their own units."""
+        scale = np.array([each.kind.scale for each in self.parameters])
+        result: np.ndarray = nominal(self.parameters)[:, None] + scale[:, None] * x
+        return result
+
+    def errors(self, x: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Predicted less read positions, rad, and torques, N m: (K, W, R, n) each, of candidates (p, K)."""
+        count = x.shape[1]
+        fixed = tuple(self.fixed)
+        known = np.array(list(self.fixed.values())).reshape(-1, 1) * np.ones(count)
+        numbers = np.concatenate([self.numbers(x), known])
+        values = values_of(self.leg, (*self.parameters, *fixed), numbers)
+        begin = np.broadcast_to(self.start, (count, *self.start.shape)) if start is None else start
+        found = simulate(self.leg, self.windows, values, begin)
+        return found.position - self.windows.position, found.torque - self.windows.torque
+
+    def _residuals(self, x: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+        """Weighted residuals, (K, W, m)."""
+        position, torque = self.errors(x, start)
+        stacked = np.concatenate(
+            [position / self.position_sigma, np.nan_to_num(torque / self.torque_sigma)], axis=2
+        )
+        result: np.ndarray = stacked.reshape(*stacked.shape[:2], -1) * self.weight
+        return result
+
+    def refine_starts(self, x: np.ndarray) -> None:
+        """Move each window's start to its best value at `x`, (p,), and take it out of the residuals."""
+        n, eps = self.leg.count, 1e-3
+        self._project = None
+        w, _ = self._shape()
+        columns = 2 * n
+        start = np.repeat(self.start[None], columns + 1, axis=0)
+        sigma = np.repeat(START_SIGMA, n)
+        for column in range(columns):
+            start[column + 1, :, column // n, column % n] += eps * sigma[column]
+        found = self._residuals(np.repeat(x[:, None], columns + 1, axis=1), start)
+        slope = np.moveaxis((found[1:] - found[0]) / eps, 0, 2)  # (W, m, 2n), per sigma
+        now = ((self.start - self.windows.start) / START_SIGMA[:, None]).reshape(w, columns)
+        normal = np.einsum("wmi,wmj->wij", slope, slope) + np.eye(columns)
+        gradient = np.einsum("wmi,wm->wi", slope, found[0]) + now
+        move = -np.linalg.solve(normal, gradient[..., None])[..., 0]
+        cost = (found[0] ** 2).sum(axis=1) + (now**2).sum(axis=1)
+        moved = self.start + (move * sigma).reshape(w, 2, n)
+        there = self._residuals(x[:, None], moved[None])[0]
+        away = ((moved - self.windows.start) / START_SIGMA[:, None]).reshape(w, columns)
+        better = (there**2).sum(axis=1) + (away**2).sum(axis=1) < cost  # a joint that sticks has no slope
+        self.start = np.where(better[:, None, None], moved, self.start)
+        self._project = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal)), slope
+
+    def reweight(self, x: np.ndarray) -> None:
+        """Let outliers count less at `x`, (p,)."""
+        self.weight = np.ones(self._shape())
+        found = self._residuals(x[:, None])[0]
+        size = np.median(np.abs(found[found != 0.0])) / 0.6745 if found.any() else 1.0
+        self.weight = 1.0 / np.sqrt(1.0 + (found / (OUTLIER * max(size, 1.0))) ** 2)
+
+    def by_window(self, x: np.ndarray) -> np.ndarray:
+        """Projected residuals, (K, W, m), of candidates (p, K)."""
+        found = self._residuals(x)
+        if self._project is None:
+            return found
+        back, slope = self._project
+        along = np.einsum("wmi,kwm->kwi", slope, found)
+        result: np.ndarray = found - np.einsum("wmi,kwi->kwm", back, along)
+        return result
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """For `mujoco.minimize`: (residuals, K) of candidates (p, K)."""
+        found = self.by_window(x)
+        return found.reshape(len(found), -1).T

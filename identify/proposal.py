@@ -1,0 +1,138 @@
+"""A proposed robot folder: the identified bodies and motors, and ranges for randomisation about them."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.outputs import write_text
+from footfall.domain_rand.randomisation import OWN_FILE
+from footfall.identify.fit import LegFit
+from footfall.identify.parameters import QUANTITIES, Parameter
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
+from footfall.robots.model import make_inertia_explicit
+
+IN_FOLDER = ("armature", "joint_friction", "joint_damping", "link_mass")  # its ranges lie about nominal
+RANGED = ("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s")  # as identified
+
+
+def propose(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder: Path) -> Path:
+    """Write a robot folder with what was identified.
+
+    Args:
+        robot: the nominal robot, whose folder is copied.
+        fits: of its legs.
+        sources: the recordings, for the provenance.
+        folder: must not exist.
+
+    Raises:
+        UserError: it exists, or cannot be written.
+    """
+    if folder.exists():
+        raise UserError(f"{folder} exists: give another --out, nothing is overwritten")
+    try:
+        shutil.copytree(robot.folder, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    except (OSError, shutil.Error) as error:
+        raise UserError(f"cannot write {folder}: {error}") from None
+    write_text(folder / robot.description.model, _mjcf(robot, fits))
+    write_text(folder / OWN_FILE, _ranges(robot, fits, sources, folder / OWN_FILE))
+    return folder
+
+
+def _mjcf(robot: Robot, fits: Sequence[LegFit]) -> str:
+    """The robot's MJCF with identified inertias and losses."""
+    spec = load_spec(robot.xml_path)
+    make_inertia_explicit(spec)
+    for fit in fits:
+        leg = fit.leg
+        for place, name in enumerate(leg.joint_names):
+            joint = spec.joint(name)
+            armature, friction, damping = (
+                fit.value(each, name) for each in ("armature", "joint_friction", "joint_damping")
+            )
+            if armature is not None:
+                joint.armature = armature * float(leg.armature[place])
+            if friction is not None:
+                joint.frictionloss = friction * float(leg.motor.friction[place])
+            if damping is not None:
+                _set_damping(joint, damping + float(leg.motor.damping[place]))
+        for name in leg.body_names:
+            mass = fit.value("link_mass", name)
+            if mass is not None:
+                body = spec.body(name)
+                body.mass, body.inertia = mass * body.mass, mass * np.array(body.inertia)
+    spec.compile()
+    text: str = spec.to_xml()
+    return text
+
+
+def _set_damping(joint: mujoco.MjsJoint, damping: float) -> None:
+    """Viscous damping of a joint; MjSpec has it as a number or as an array."""
+    values = np.zeros_like(np.atleast_1d(joint.damping), dtype=float)
+    values[0] = damping
+    joint.damping = values if np.ndim(joint.damping) else damping
+
+
+def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: Path) -> str:
+    """The content of randomisation.yaml: the robot's own lines that were not identified, then new ones."""
+    lines = [
+        "# Identified from the robot's own motion by `footfall identify fit`. Ground friction,",
+        "# payload and centre of mass are not told by it and keep their ranges.",
+        f"# Nominal robot: {robot.name}, digest {robot.digest}.",
+        *(f"# Recording: {source}" for source in sources),
+    ]
+    found = {}
+    for name in (*IN_FOLDER, *RANGED):
+        limits = _range(name, fits)
+        if limits is not None:
+            found[name] = limits
+    delays = [each.value for fit in fits for each in fit.estimates if each.parameter.quantity == "delay_s"]
+    if delays:
+        floor = QUANTITIES["delay_s"].floor
+        found["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
+    if own.is_file():
+        kept = [line for line in own.read_text().splitlines() if line.partition(":")[0].strip() not in found]
+        lines += kept
+    lines += [f"{name}: {{low: {low:.5g}, high: {high:.5g}}}" for name, (low, high) in found.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _range(name: str, fits: Sequence[LegFit]) -> tuple[float, float] | None:
+    """A quantity's range; None where it was not identified."""
+    quantity = QUANTITIES[name]
+    told = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
+    if not told:
+        return None
+    half = max(quantity.floor, *((each.high - each.low) / 2.0 for each in told))
+    if name in IN_FOLDER:
+        middle = quantity.nominal
+        return max(0.0, middle - half) if quantity.low >= 0.0 else middle - half, middle + half
+    low, high = min(each.value for each in told) - half, max(each.value for each in told) + half
+    return (max(quantity.low, low) if quantity.low >= 0.0 else low), high
+
+
+def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
+    """Owner, quantity, value, interval, unit of each estimate, and of each that was frozen."""
+    rows = []
+    for fit in fits:
+        for each in fit.estimates:
+            unit = each.parameter.kind.unit or "x nominal"
+            rows.append(
+                (
+                    _owner(each.parameter, fit),
+                    each.parameter.quantity,
+                    f"{each.value:.4g}",
+                    f"{each.low:.4g} to {each.high:.4g}",
+                    unit,
+                )
+            )
+        rows += [(_owner(each, fit), each.quantity, "not told", "", "") for each in fit.frozen]
+    return rows
+
+
+def _owner(parameter: Parameter, fit: LegFit) -> str:
+    return parameter.owner if parameter.kind.of != "leg" else fit.leg.name

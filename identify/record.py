@@ -1,0 +1,61 @@
+"""A run of the excitation on a robot that is bolted to a stand or hangs, through the loop and its log."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from footfall.deploy.bus import Bus
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.session import Session, SessionResult, run_session
+from footfall.identify.excitation import Excitation, ExcitationConfig
+from footfall.robots.description import Robot
+
+COOLER_C = 15.0  # than a motor's limit: the recording ends
+
+
+def record(
+    robot: Robot,
+    bus: Bus,
+    log: Path,
+    excitation: ExcitationConfig | None = None,
+    deploy: DeployConfig | None = None,
+    realtime: bool = False,
+) -> SessionResult:
+    """Move the joints and log each tick.
+
+    The supervisor's checks hold as in any run. The run ends early, in order, where a motor gets warm.
+
+    Args:
+        robot: bolted to a stand, or hanging, its feet in the air.
+        bus: leads to it.
+        log: the MCAP file.
+        excitation: the motion.
+        deploy: settings of the loop.
+        realtime: by the wall clock, as on a real bus.
+    """
+    deploy = deploy or DeployConfig()
+    policy = Excitation(robot, excitation or ExcitationConfig(), deploy.joint_rate_hz)
+    most_c = robot.motor_figures("temperature_limit_c") - COOLER_C
+    warm: list[str] = []
+
+    def watch(loop: ControlLoop) -> None:
+        hot = np.flatnonzero(loop.temperature_c > most_c)
+        if len(hot) and not warm:
+            name = robot.joint_names[hot[0]]
+            warm.append(f"ended early: {name} is at {loop.temperature_c[hot[0]]:.0f} °C")
+            loop.finish(skip_lie_down=True)
+
+    session = Session(
+        command_source=lambda _: np.zeros(3),
+        duration_s=policy.duration_s,
+        realtime=realtime,
+        log=log,
+        config=deploy,
+        stand_up=False,
+        lie_down=False,
+        stop_inputs=realtime,
+    )
+    outcome = run_session(robot, policy, bus, session, watch)
+    return replace(outcome, notes=(*outcome.notes, *warm))

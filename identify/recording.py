@@ -1,0 +1,112 @@
+"""A log's commands and readings of the joints as arrays."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.log_analysis.columns import LogColumns, read_columns
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.robots.description import Robot
+
+LEAST_ROWS = 100
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Commands and readings of n joints at T ticks."""
+
+    source: str
+    time_s: np.ndarray  # (T,) at which commands went out
+    command: np.ndarray  # (T, 5, n) position, velocity, stiffness, damping, torque: in force until the next
+    read_s: np.ndarray  # (T, n) at which readings arrived
+    position: np.ndarray  # (T, n) rad
+    torque: np.ndarray  # (T, n) N m as reported
+    turn_rad_s: float  # rms of the base's angular velocity
+    gravity: np.ndarray  # (3,) mean direction of gravity in the base's frame
+
+    @property
+    def period_s(self) -> float:
+        """Mean time between two ticks."""
+        return float((self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1))
+
+    @property
+    def position_noise_rad(self) -> np.ndarray:
+        """Standard deviation of the position readings' noise, (n,), by their third differences."""
+        third = np.diff(self.position, 3, axis=0)
+        return np.maximum(np.sqrt((third**2).mean(axis=0) / 20.0), 1e-5)
+
+
+def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float = np.inf) -> Recording:
+    """The part of a log in which its policy had the say.
+
+    Raises:
+        UserError: the log cannot be read, is of another robot, or holds no such part.
+    """
+    columns = read_columns(path)
+    if columns.joints != list(robot.joint_names):
+        raise UserError(
+            f"{path} is of another robot than {robot.name}: its joints are {', '.join(columns.joints)}"
+        )
+    stretches = [(begin, end) for mode, begin, end in columns.states() if mode == "WALKING"]
+    if not stretches:
+        raise UserError(f"{path} holds no motion under a policy")
+    begin, end = max(stretches, key=lambda each: each[1] - each[0])
+    found = _between(columns, str(path), len(robot.joint_names), max(begin, start_s), min(end, end_s))
+    return replace(found, command=as_received(robot, found.command))
+
+
+def as_received(robot: Robot, command: np.ndarray) -> np.ndarray:
+    """Commands (T, 5, n) as motors decode them: a frame rounds, and may have no code for exactly zero."""
+    wiring = wire(robot)
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    received = command.copy()
+    for row, values in enumerate(command):
+        requests = end.requests(driver.command(values))
+        if requests.values.shape[1]:
+            received[row][:, requests.motor] = requests.values
+    return received
+
+
+def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s: float) -> Recording:
+    targets, gains = columns.targets, columns.column("/joint_gains", 2 * count)
+    readings, ages = columns.readings, columns.column("/reading_ages", count + 1)
+    times, command_rows, reading_rows = np.intersect1d(
+        targets.time_s.round(6), readings.time_s.round(6), return_indices=True
+    )
+    inside = (times >= begin_s) & (times < end_s)
+    if (
+        inside.sum() < LEAST_ROWS
+        or len(gains.time_s) != len(targets.time_s)
+        or len(ages.time_s) != len(readings.time_s)
+    ):
+        raise UserError(f"{source} holds too few commands and readings between {begin_s:g} and {end_s:g} s")
+    times, command_rows, reading_rows = times[inside], command_rows[inside], reading_rows[inside]
+    target, gain = targets.values[command_rows], gains.values[command_rows]
+    read = readings.values[reading_rows]
+    imu = columns.column("/imu/data", 37)
+    moving = (imu.time_s >= begin_s) & (imu.time_s < end_s)
+    return Recording(
+        source=source,
+        time_s=times,
+        command=np.concatenate([target[:, : 2 * count], gain, target[:, 2 * count :]], axis=1).reshape(
+            -1, 5, count
+        ),
+        read_s=times[:, None] - ages.values[reading_rows, :count],
+        position=read[:, :count],
+        torque=read[:, 2 * count :],
+        turn_rad_s=float(np.sqrt((imu.values[moving, 13:16] ** 2).sum(axis=1).mean())),
+        gravity=_gravity(imu.values[moving, :4]),
+    )
+
+
+def _gravity(orientation: np.ndarray) -> np.ndarray:
+    """Mean direction of gravity in the body's frame, (3,), of quaternions x, y, z, w, (T, 4)."""
+    x, y, z, w = orientation.T
+    down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    mean = down.mean(axis=0)
+    result: np.ndarray = mean / np.linalg.norm(mean)
+    return result

@@ -1,0 +1,130 @@
+"""Motion of many candidates of a leg over many windows at once: the joint law here, the bodies in MuJoCo."""
+
+import copy
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from footfall.identify.leg import FixedLeg
+from footfall.identify.parameters import Values
+from footfall.identify.windows import Windows
+from footfall.robots.actuator import JointCommand, friction_torque, lag_over, lagged, motor_torque
+
+
+class Prediction(NamedTuple):
+    """What encoders and motors would read, for K candidates: (K, W, R, n)."""
+
+    position: np.ndarray  # rad
+    torque: np.ndarray  # N m
+
+
+def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray) -> Prediction:
+    """Readings that candidates predict.
+
+    Args:
+        leg: the nominal leg.
+        windows: their commands and the times of their readings.
+        values: K candidates.
+        start: (K, W, 2, n) position as read, and velocity, at each window's start.
+    """
+    count, width, n = len(values.delay_s), windows.width, leg.count
+    steps = len(windows.command) - windows.margin
+    models = [model for model in _models(leg, values) for _ in range(width)]
+    position = start[:, :, 0] - values.encoder_bias
+    state = np.zeros((count * width, 1 + 2 * n))
+    state[:, 1 : 1 + n] = position.reshape(-1, n)
+    state[:, 1 + n :] = start[:, :, 1].reshape(-1, n)
+    after = np.zeros((count * width, 1, 1 + 2 * n))
+    force, sensors = np.zeros((count * width, 1, n)), np.zeros((count * width, 1, 0))
+    datas = [mujoco.MjData(leg.model)]
+    spec = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+    whole, share = _delays(values.delay_s, windows.step_s)
+    lag = None if values.motor.lag_s is None else lag_over(values.motor.lag_s, windows.step_s)
+    before: np.ndarray | None = None  # torque at the end of the last step
+    path, torques = np.empty((steps + 1, count, width, n)), np.empty((steps + 1, count, width, n))
+    with rollout.Rollout(nthread=0) as runner:
+        for step in range(steps):
+            now = state.reshape(count, width, -1)
+            at, speed = now[:, :, 1 : 1 + n], now[:, :, 1 + n :]
+            path[step] = at
+            command = _command(windows.command, windows.margin + step - whole, share)
+            demand = motor_torque(
+                JointCommand(
+                    command[:, :, 0],
+                    command[:, :, 1],
+                    command[:, :, 2] * values.kp,
+                    command[:, :, 3] * values.kd,
+                    command[:, :, 4],
+                ),
+                at + values.encoder_bias,
+                speed,
+                values.motor,
+            )
+            if lag is None:
+                torque = demand
+            else:
+                torque, before = lagged(demand, demand if before is None else before, lag)
+            torques[step + 1] = torque
+            force[:, 0] = (torque + friction_torque(speed, values.motor, torque)).reshape(-1, n)
+            runner.rollout(
+                models, datas, state, force, control_spec=spec, skip_checks=True, nstep=1, state=after,
+                sensordata=sensors,
+            )  # fmt: skip
+            state[:] = after[:, 0]
+    path[steps] = state.reshape(count, width, -1)[:, :, 1 : 1 + n]
+    torques[0] = torques[1]
+    steps_at = windows.time_s / windows.step_s
+    return Prediction(
+        _read(path, steps_at) + values.encoder_bias[:, None],
+        _read(torques, np.round(steps_at)),
+    )
+
+
+def _models(leg: FixedLeg, values: Values) -> list[mujoco.MjModel]:
+    """One model for each candidate."""
+    models = []
+    moving = leg.model.jnt_bodyid
+    for armature, scale in zip(values.armature, values.link_mass, strict=True):
+        model = copy.copy(leg.model)
+        model.dof_armature[:] = armature
+        model.body_mass[moving] *= scale
+        model.body_inertia[moving] *= scale[:, None]
+        models.append(model)
+    return models
+
+
+def _delays(delay_s: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Whole steps of each delay, (K, n), and the rest of it as a share of a step, (K, 1, 1, n)."""
+    steps = delay_s / step_s
+    whole = np.floor(steps).astype(int)
+    return whole, (steps - whole)[:, None, None, :]
+
+
+def _command(command: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """The mean command over one step, (K, W, 5, n): the one before has the delay's share of it.
+
+    Args:
+        command: on the physics grid, (T, W, 5, n).
+        rows: of each candidate and joint, (K, n).
+        share: of the row before.
+    """
+    joint = np.arange(command.shape[3])
+    now = command[rows, :, :, joint]  # (K, n, W, 5)
+    before = command[np.maximum(rows - 1, 0), :, :, joint]
+    mixed: np.ndarray = now.transpose(0, 2, 3, 1) * (1.0 - share) + before.transpose(0, 2, 3, 1) * share
+    return mixed
+
+
+def _read(path: np.ndarray, steps_at: np.ndarray) -> np.ndarray:
+    """A path (S + 1, K, W, n) at times in steps, (W, R, n): (K, W, R, n)."""
+    last = len(path) - 1
+    before = np.floor(steps_at).astype(int).clip(0, last - 1)
+    share = steps_at - before
+    window, joint = np.ogrid[: path.shape[2], : path.shape[3]]
+    rows, window, joint = before, window[:, None, :], joint[:, None, :]
+    low = path[rows, :, window, joint]  # (W, R, n, K)
+    high = path[rows + 1, :, window, joint]
+    found: np.ndarray = np.moveaxis(low + share[..., None] * (high - low), -1, 0)
+    return found

@@ -1,0 +1,108 @@
+"""Pieces of a recording that a fit simulates from their own starts."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.identify.recording import Recording
+
+MARGIN_S = 0.05  # of commands before a window: the longest delay
+FIT_POINTS = 5  # readings on either side from which a start is estimated
+
+
+class Windows(NamedTuple):
+    """W windows of the same length: commands on the physics grid, readings at their own times."""
+
+    command: np.ndarray  # (margin + S, W, 5, n) in force from each physics step on, before any delay
+    margin: int  # physics steps before the windows' starts
+    step_s: float
+    time_s: np.ndarray  # (W, R, n) of the readings, from the window's start
+    position: np.ndarray  # (W, R, n) rad
+    torque: np.ndarray  # (W, R, n) N m; NaN where motors report none
+    start: np.ndarray  # (W, 2, n) estimated position and velocity as read
+
+    @property
+    def width(self) -> int:
+        """W."""
+        return self.command.shape[1]
+
+    def take(self, chosen: np.ndarray) -> "Windows":
+        """Some of the windows."""
+        return self._replace(
+            command=self.command[:, chosen],
+            time_s=self.time_s[chosen],
+            position=self.position[chosen],
+            torque=self.torque[chosen],
+            start=self.start[chosen],
+        )
+
+
+def joined(parts: list[Windows]) -> Windows:
+    """Windows of several recordings; a window may have fewer readings than another: the last ones go."""
+    rows = min(part.time_s.shape[1] for part in parts)
+    return parts[0]._replace(
+        command=np.concatenate([part.command for part in parts], axis=1),
+        time_s=np.concatenate([part.time_s[:, :rows] for part in parts]),
+        position=np.concatenate([part.position[:, :rows] for part in parts]),
+        torque=np.concatenate([part.torque[:, :rows] for part in parts]),
+        start=np.concatenate([part.start for part in parts]),
+    )
+
+
+def cut(
+    recording: Recording, joints: np.ndarray, length_s: float, step_s: float, most_hz: float = 250.0
+) -> Windows:
+    """A recording's windows, one after the other.
+
+    Args:
+        recording: of the whole robot.
+        joints: places of a leg's joints in it.
+        length_s: of each window.
+        step_s: of the physics.
+        most_hz: readings beyond this rate are left out.
+
+    Raises:
+        UserError: it is shorter than one window.
+    """
+    begin = recording.time_s[0] + MARGIN_S + FIT_POINTS * recording.period_s
+    end = recording.time_s[-1] - FIT_POINTS * recording.period_s
+    count = int((end - begin) / length_s)
+    if count < 1:
+        raise UserError(
+            f"{recording.source} has {end - begin:.1f} s of motion: a window takes {length_s:g} s"
+        )
+    margin, steps = round(MARGIN_S / step_s), round(length_s / step_s)
+    every = max(1, round(1.0 / (most_hz * recording.period_s)))
+    rows = int(length_s / recording.period_s) // every
+    parts: dict[str, list[np.ndarray]] = {
+        name: [] for name in ("command", "time", "position", "torque", "start")
+    }
+    for window in range(count):
+        start_s = begin + window * length_s
+        grid = start_s + step_s * np.arange(-margin, steps)
+        in_force = np.searchsorted(recording.time_s, grid + 1e-9, side="right") - 1
+        parts["command"].append(recording.command[in_force.clip(0)][:, :, joints])
+        first = int(np.searchsorted(recording.read_s[:, joints].min(axis=1), start_s + 1e-9))
+        chosen = first + every * np.arange(rows)
+        parts["time"].append(recording.read_s[chosen][:, joints] - start_s)
+        parts["position"].append(recording.position[chosen][:, joints])
+        parts["torque"].append(recording.torque[chosen][:, joints])
+        parts["start"].append(_start(recording, joints, first, start_s))
+    return Windows(
+        np.stack(parts["command"], axis=1),
+        margin,
+        step_s,
+        *(np.stack(parts[name]) for name in ("time", "position", "torque", "start")),
+    )
+
+
+def _start(recording: Recording, joints: np.ndarray, row: int, start_s: float) -> np.ndarray:
+    """Position and velocity at a moment by a parabola through the readings around it, (2, n)."""
+    around = slice(max(row - FIT_POINTS, 0), row + FIT_POINTS)
+    found = []
+    for joint in joints:
+        time_s = recording.read_s[around, joint] - start_s
+        curve = np.polynomial.polynomial.polyfit(time_s, recording.position[around, joint], 2)
+        found.append(curve[:2])
+    return np.array(found).T

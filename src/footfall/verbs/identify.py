@@ -1,0 +1,206 @@
+"""`footfall identify`: a robot's parameters from its own motion."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from footfall.common.errors import UserError
+from footfall.common.outputs import check_outputs, write_json
+from footfall.confirm import Yes, confirm
+from footfall.options import AS_TYPED, JsonFile, Names, OptionalPath, RobotName, Seed
+from footfall.robots.default import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from footfall.deploy.bus import Bus
+    from footfall.identify.fit import LegFit
+    from footfall.robots.description import Robot
+
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
+SAFE = "IDLE"
+PLACE = "The robot is bolted to a stand, its feet in the air, nobody within its reach"
+
+identify = App(name="identify", help="Find a robot's parameters from its own motion.")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RecordOptions:
+    """Which robot, how it moves, and where the log goes."""
+
+    robot: RobotName = DEFAULT_ROBOT
+    bus: str = "sim"
+    """sim for the simulated robot, socketcan for the CAN interfaces that robot.yaml names, or python-can's
+    name of another kind; virtual has a simulated robot at its other end."""
+    plant: OptionalPath = None
+    """MJCF of the body that the simulated robot has (default: the robot's own)."""
+    excitation: OptionalPath = None
+    """YAML file with the motion's settings (see docs/identify.md)."""
+    config: OptionalPath = None
+    """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
+    seed: Seed = 0
+    yes: Yes = False
+
+
+@identify.command
+def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
+    """Move the joints of a robot on a stand, and log each tick; exit 1 if the run did not end in order.
+
+    Parameters
+    ----------
+    log
+        The MCAP file to write. It must not exist.
+    """
+    from footfall.common.config import load
+    from footfall.deploy.config import deploy_config
+    from footfall.identify.excitation import ExcitationConfig
+    from footfall.identify.record import record as run
+    from footfall.robots.description import load_robot
+
+    if log.exists():
+        raise UserError(f"{log} exists: give another name, nothing is overwritten")
+    check_outputs(log)
+    if options.bus != SIMULATED and options.plant is not None:
+        raise UserError("--plant is for the simulated robot: leave it out, or --bus at 'sim'")
+    robot, simulated = load_robot(options.robot), options.bus == SIMULATED
+    motion = ExcitationConfig() if options.excitation is None else load(options.excitation, ExcitationConfig)
+    deploy = deploy_config(robot, options.config, simulated)
+    if options.bus not in (SIMULATED, VIRTUAL):
+        confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {PLACE}?", options.yes)
+    with ExitStack() as resources:
+        bus = _opened(robot, options, resources)
+        outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)
+    for line in (*outcome.faults, *outcome.notes):
+        print(line)
+    print(f"{log}: {outcome.walked_s:.1f} s of motion")
+    return 0 if outcome.final_state == SAFE and not outcome.faults else 1
+
+
+def _opened(robot: "Robot", options: RecordOptions, resources: ExitStack) -> "Bus":
+    if options.bus == SIMULATED:
+        from footfall.identify.simulated import simulated_bus
+
+        return simulated_bus(robot, plant=options.plant, seed=options.seed)
+    from footfall.deploy.interfaces import robots_interfaces
+    from footfall.deploy.stop_inputs.open import filters_of
+    from footfall.deploy.wiring import wire
+
+    if options.bus == VIRTUAL:
+        from footfall.identify.simulated import on_a_stand
+        from footfall.plant.serve import serving
+
+        resources.enter_context(serving(robot, VIRTUAL, on_a_stand(), options.seed))
+    wiring = wire(robot)
+    return resources.enter_context(robots_interfaces(options.bus, wiring.buses, filters_of(robot, wiring)))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FitOptions:
+    """What judges, and where the result goes."""
+
+    robot: Annotated[str | None, AS_TYPED] = None
+    """Name of a robot, or a folder with its robot.yaml (default: the one that the first log names)."""
+    held_out: OptionalPath = None
+    """Log that judges the fit and does not enter it (default: every fourth second of each log)."""
+    legs: Names = ()
+    """These legs alone, by the names of their feet."""
+    out: OptionalPath = None
+    """Folder for the proposed robot. It must not exist."""
+    json: JsonFile = None
+
+
+@identify.command
+def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
+    """Fit a robot's parameters to logs of `identify record`; exit 1 if the model does not fit the motion.
+
+    Parameters
+    ----------
+    logs
+        The logs.
+    """
+    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.deploy.log_file import read_log
+    from footfall.identify.fit import MISFIT, fit_leg
+    from footfall.identify.leg import fixed_legs
+    from footfall.identify.proposal import propose
+    from footfall.identify.recording import read_recording
+    from footfall.robots.description import load_robot
+
+    if not logs:
+        raise UserError("no log: record one with 'footfall identify record LOG'")
+    check_outputs(options.json)
+    if options.out is not None and options.out.exists():
+        raise UserError(f"{options.out} exists: give another --out, nothing is overwritten")
+    robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
+    recordings = [read_recording(log, robot) for log in logs]
+    held_out = [] if options.held_out is None else [read_recording(options.held_out, robot)]
+    legs = fixed_legs(robot)
+    for name in options.legs:
+        if name not in [leg.name for leg in legs]:
+            raise UserError(f"no leg '{name}': there are {', '.join(leg.name for leg in legs)}")
+    fits = []
+    for leg in legs:
+        if not options.legs or leg.name in options.legs:
+            fits.append(fit_leg(leg, recordings, held_out))
+            _show(fits[-1])
+    write_json(options.json, _figures(fits))
+    if options.out is not None:
+        folder = propose(robot, fits, [str(log) for log in logs], options.out)
+        print(f"wrote {folder}: look it over with: footfall robot check {folder}")
+    return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
+
+
+def _show(found: "LegFit") -> None:
+    """A leg's table and verdict."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from footfall.identify.fit import MISFIT
+    from footfall.identify.proposal import table_rows
+
+    console = Console()
+    table = Table(
+        "joint or body", "quantity", "value", "95 % interval", "unit", box=None, title=found.leg.name
+    )
+    for row in table_rows([found]):
+        table.add_row(*row)
+    console.print(table, highlight=False)
+    for place, joint in enumerate(found.leg.joint_names):
+        ratio = found.misfit[place]
+        verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT else "fits"
+        print(
+            f"{joint}: held out {1e3 * found.held_out_rad[place]:.2f} mrad rms,"
+            f" nominal {1e3 * found.nominal_rad[place]:.2f}: {verdict}",
+            flush=True,
+        )
+
+
+def _figures(fits: "list[LegFit]") -> dict[str, Any]:
+    return {
+        "legs": [
+            {
+                "leg": fit.leg.name,
+                "joints": list(fit.leg.joint_names),
+                "estimates": [
+                    {
+                        "quantity": each.parameter.quantity,
+                        "of": each.parameter.owner,
+                        "value": each.value,
+                        "low": each.low,
+                        "high": each.high,
+                        "unit": each.parameter.kind.unit,
+                    }
+                    for each in fit.estimates
+                ],
+                "not_told": [each.label for each in fit.frozen],
+                "noise_rad": fit.noise_rad.tolist(),
+                "residual_rad": fit.residual_rad.tolist(),
+                "held_out_rad": fit.held_out_rad.tolist(),
+                "nominal_rad": fit.nominal_rad.tolist(),
+            }
+            for fit in fits
+        ]
+    }

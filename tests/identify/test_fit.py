@@ -1,0 +1,93 @@
+"""Planted truths: what a fit finds of a simulated robot whose parameters it does not know."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import Sample
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.fit import FitConfig, LegFit, fit_leg
+from footfall.identify.leg import fixed_legs
+from footfall.identify.proposal import propose
+from footfall.identify.record import record
+from footfall.identify.recording import Recording, read_recording
+from footfall.identify.simulated import simulated_bus
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+LEG = fixed_legs(ROBOT)[0]
+SHORT = ExcitationConfig(settle_s=0.5, triangle_s=1.2, chirp_s=2.5, burst_s=1.2)
+N = len(ROBOT.joint_names)
+TRUTH: Sample = {
+    "armature": np.full(N, 1.2),
+    "joint_friction": np.full(N, 0.8),
+    "joint_damping": np.full(N, 0.08),
+    "kp": np.full(N, 0.95),
+    "motor_strength": np.full(N, 1.05),
+    "action_delay_s": np.array(0.005),
+}
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the simulated robot with `TRUTH`."""
+    path = tmp_path_factory.mktemp("identify") / "log.mcap"
+    outcome = record(ROBOT, simulated_bus(ROBOT, TRUTH), path, SHORT)
+    assert outcome.final_state == "IDLE"
+    assert outcome.faults == ()
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(log: Path) -> Recording:
+    return read_recording(log, ROBOT)
+
+
+@pytest.fixture(scope="module")
+def fit(recording: Recording) -> LegFit:
+    return fit_leg(LEG, [recording], config=FitConfig(rounds=2, iterations=4))
+
+
+def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:
+    for joint in LEG.joint_names:
+        found = {
+            name: fit.value(name, joint)
+            for name in ("armature", "joint_friction", "joint_damping", "delay_s")
+        }
+        assert found["armature"] == pytest.approx(1.2, rel=0.03)
+        assert found["joint_friction"] == pytest.approx(0.8, rel=0.03)
+        assert found["joint_damping"] == pytest.approx(0.08, rel=0.2)
+        assert found["delay_s"] == pytest.approx(0.0057, abs=0.0006)  # with two ways over the bus
+
+
+def test_a_fit_predicts_what_it_has_not_seen(fit: LegFit) -> None:
+    assert (fit.held_out_rad < 0.002).all()
+    assert (fit.held_out_rad < fit.nominal_rad / 5.0).all()
+    assert (fit.misfit < 3.0).all()
+
+
+def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path: Path) -> None:
+    folder = propose(ROBOT, [fit], ["log.mcap"], tmp_path / "identified")
+    made = load_robot(folder)
+    np.testing.assert_allclose(made.armature[LEG.joints], 1.2 * ROBOT.armature[LEG.joints], rtol=0.03)
+    np.testing.assert_array_equal(made.armature[3:], ROBOT.armature[3:])
+    ranges = load_randomisation(folder / "randomisation.yaml")
+    assert ranges.armature is not None
+    assert ranges.armature.high - ranges.armature.low < 0.3  # the default's: 0.9 to 1.2
+    with pytest.raises(UserError):
+        propose(ROBOT, [fit], ["log.mcap"], folder)
+
+
+def test_a_base_that_moves_is_refused(recording: Recording) -> None:
+    from dataclasses import replace
+
+    with pytest.raises(UserError):
+        fit_leg(LEG, [replace(recording, turn_rad_s=0.2)])
+
+
+def test_commands_are_those_that_motors_decode(recording: Recording) -> None:
+    """CubeMars' frames have no code for a torque of zero."""
+    assert (np.abs(recording.command[:200, 4]) > 0.001).all()

@@ -1,0 +1,27 @@
+"""`footfall identify` on the command line: what it refuses."""
+
+from pathlib import Path
+
+import pytest
+
+from footfall.cli import main
+
+
+def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_text("mine")
+    assert main(["identify", "record", str(log)]) == 2
+    assert main(["identify", "fit", str(log), "--out", str(tmp_path)]) == 2
+    assert log.read_text() == "mine"
+    assert capsys.readouterr().err.count("\n") == 2
+
+
+@pytest.mark.parametrize("arguments", [["fit"], ["fit", "absent.mcap"]])
+def test_a_fit_without_a_log_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", *arguments]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_plant_is_for_the_simulated_robot_alone(tmp_path: Path) -> None:
+    arguments = ["identify", "record", str(tmp_path / "log.mcap"), "--bus", "virtual", "--plant", "other.xml"]
+    assert main(arguments) == 2
