@@ -90,7 +90,7 @@ def _survival_panel(place: int, policy: str, summary: Summary, strongest: float)
 
 
 def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
-    """Velocity error, falls and, on uneven ground, successes as a condition worsens: panels for each scenario.
+    """Velocity error, falls and, on uneven ground, successes as a condition worsens: panels by scenario.
 
     Args:
         scenarios: names of levels, each with the summaries {policy: summary} of its scenario.
