@@ -153,6 +153,7 @@ def _score(
         "seed": config.seed,
         "ground_truth": config.ground_truth,
         "plant": str(config.plant) if config.plant else None,
+        "engine": config.engine,
         "versions": versions(PACKAGES),
         "machine": machine(),
     }

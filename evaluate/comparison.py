@@ -9,6 +9,7 @@ from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.figures import Summary
 from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.suite import CourseWalk
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.description import Robot
 
 
@@ -55,6 +56,8 @@ def command_line(comparison: Comparison) -> str:
         options += ["--scenario-file", str(config.scenario_file)]
     if config.plant is not None:
         options += ["--plant", str(config.plant)]
+    if config.engine != DEFAULT_ENGINE:
+        options += ["--engine", config.engine]
     if config.metrics:
         options += ["--metrics", ",".join(config.metrics)]
     if config.ground_truth:

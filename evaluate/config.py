@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from footfall.plant.engines.names import DEFAULT_ENGINE, EngineName
 from footfall.robots.default import DEFAULT_ROBOT
 
 
@@ -15,6 +16,7 @@ class EvaluationConfig:
     seed: int = 0  # of everything that is drawn
     episodes: int | None = None  # of each scenario; None for the scenario's own number
     plant: Path | None = None  # another MJCF than the robot's own
+    engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
     ground_truth: bool = False  # hand policies the true base velocity and height
     workers: int | None = None  # processes; None for one per core
     scenario_file: Path | None = None  # the user's scenarios, beside those of footfall

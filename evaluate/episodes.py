@@ -14,6 +14,7 @@ from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
 from footfall.evaluate.own_metrics import score_own
 from footfall.evaluate.plan import EpisodePlan, Levels
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import Policy
@@ -32,6 +33,7 @@ class EpisodeTask:
     plan: EpisodePlan
     noise: Noise
     plant: Path | None = None
+    engine: str = DEFAULT_ENGINE
     ground_truth: bool = False
     keep_trace: bool = False
     metrics: tuple[str, ...] = ()  # of the user, MODULE:NAME each
@@ -75,6 +77,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         duration_s=plan.duration_s,
         seed=plan.seed,
         plant=task.plant,
+        engine=task.engine,
         ground=None if plan.ground is None else make_ground(plan.ground, plan.seed),
         sample=sample,
         noise=task.noise,

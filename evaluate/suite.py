@@ -86,6 +86,7 @@ def _task(
         plan=plan,
         noise=file.noise,
         plant=config.plant,
+        engine=config.engine,
         ground_truth=config.ground_truth,
         keep_trace=keep_trace,
         metrics=config.metrics,

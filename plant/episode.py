@@ -18,6 +18,7 @@ from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.progress import Progress
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.trace import Recorder, Trace
@@ -54,6 +55,7 @@ class Episode:
     duration_s: float  # of walking, at most
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
+    engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
     ground: Ground | None = None  # None for the plant's own, flat if it has none
     sample: Sample | None = None
     noise: Noise | None = None
@@ -93,6 +95,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     wires = SimulatedWires(wiring.buses, config.host_queue)
     config_of_plant = PlantConfig(
         plant=episode.plant,
+        engine=episode.engine,
         ground=episode.ground,
         sample=episode.sample or {},
         noise=episode.noise,
@@ -107,6 +110,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         "policy_spec": episode.policy_spec or policy.name,
         "bus": BUS,
         "plant": None if episode.plant is None else str(episode.plant),
+        "engine": episode.engine,
     }
     trial = Trial(robot, body, episode, watch)
     session = Session(

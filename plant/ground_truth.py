@@ -6,20 +6,13 @@ import mujoco
 import numpy as np
 
 from footfall.common.rotations import rotate_to_body, tilt
+from footfall.plant.engines.engine import Engine
 from footfall.plant.sensors import Layout
 from footfall.robots.leg_bodies import NO_LEG
 from footfall.robots.model import Plant
 
 WORLD = 0  # body id
 GEOM = mujoco.mjtObj.mjOBJ_GEOM
-DIVERGED = [  # warnings
-    int(kind)
-    for kind in (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-    )
-]
 FALLEN_TILT = np.deg2rad(70.0)
 COLLAPSED_SHARE = 0.4  # of the standing height
 
@@ -45,11 +38,12 @@ class Truth(NamedTuple):
 class GroundTruth:
     """Reads the true state of a plant from its simulation."""
 
-    def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:
+    def __init__(
+        self, plant: Plant, data: mujoco.MjData, engine: Engine, layout: Layout, height_m: float
+    ) -> None:
         """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
-        self._model, self._data = plant.model, data
+        self._model, self._data, self._engine = plant.model, data, engine
         self._position, self._velocity, self._geom_position = data.qpos, data.qvel, data.geom_xpos
-        self._warnings = data.warning.number
         self._geoms_of_foot = [geoms.tolist() for geoms in plant.feet]
         self._qpos, self._qvel = layout.qpos, layout.qvel
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
@@ -59,7 +53,7 @@ class GroundTruth:
         self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = {plant.base, WORLD}
         self._nowhere = np.full((len(plant.feet), 3), np.nan)  # for feet that the plant lacks
-        self._twist, self._wrench = np.zeros(6), np.zeros(6)
+        self._twist = np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
@@ -95,17 +89,13 @@ class GroundTruth:
         qpos, pos = self._position, self._free_qpos
         if tilt(qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
-        for one, other in self._touching():
+        for one, other in self._engine.touching():
             if {self._body_of_geom[one], self._body_of_geom[other]} == self._base_and_world:
                 return "the base touched the ground"
         ground = min(self._geom_position[self._feet, 2].tolist()) if len(self._feet) else 0.0
         if qpos[pos + 2] - ground < self._lowest_height:
             return "the base sank to the height of the feet"
         return None
-
-    def diverged(self) -> bool:
-        """Whether the simulation diverged (MuJoCo resets it by itself)."""
-        return any(self._warnings[DIVERGED].tolist())
 
     def _velocity_of(self, geom: int) -> np.ndarray:
         """Velocity of a geom's centre, m/s, world frame, (3,); valid until the next call."""
@@ -115,19 +105,14 @@ class GroundTruth:
     def _contacts(self) -> tuple[np.ndarray, np.ndarray, bool]:
         """Contact and normal force, N, of each foot, (feet,) each; and `Truth.legs_touch`."""
         force, legs_touch = np.zeros(len(self._nowhere)), False
-        for index, geoms in enumerate(self._touching()):
+        for index, geoms in enumerate(self._engine.touching()):
             one, other = (self._leg_of_geom[geom] for geom in geoms)
             between_legs = one != other and NO_LEG not in (one, other)
             feet = [self._foot_of_geom[geom] for geom in geoms if geom in self._foot_of_geom]
             if not (feet or between_legs):
                 continue
-            mujoco.mj_contactForce(self._model, self._data, index, self._wrench)
-            normal = self._wrench[0]
-            legs_touch = legs_touch or (between_legs and bool(normal > 0.0))
+            normal = self._engine.normal_force(index)
+            legs_touch = legs_touch or (between_legs and normal > 0.0)
             for foot in feet:
                 force[foot] += normal
         return force > 0.0, force, legs_touch
-
-    def _touching(self) -> list[list[int]]:
-        """The two geoms of each contact."""
-        return self._data.contact.geom[: self._data.ncon].tolist()

@@ -1,4 +1,4 @@
-"""The simulated robot on the far side of the bus: a body in MuJoCo whose motors take frames.
+"""The simulated robot on the far side of the bus: a body in a physics engine whose motors take frames.
 
 Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
 """
@@ -21,6 +21,8 @@ from footfall.domain_rand.randomisation import QUANTITIES, require_battery
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
+from footfall.plant.engines.choice import open_engine
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.holder import Holder, holder
@@ -55,6 +57,7 @@ class PlantConfig:
     """Differences between the simulated robot and the robot that the controller assumes."""
 
     plant: Path | None = None  # another MJCF
+    engine: str = DEFAULT_ENGINE  # what moves the bodies, see plant/engines/choice.py
     ground: Ground | None = None  # None for the MJCF's own, flat if it has none
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
@@ -115,7 +118,11 @@ class SimulatedRobot:
         if declared is not None:
             charge = battery_charge(sample, config.charge)
             self.battery = SimulatedBattery(robot, declared, self._motors, float(charge), step_s)
-        self._ground_truth = GroundTruth(plant, self.data, self._layout, robot.description.standing_height_m)
+        feet = np.concatenate([np.empty(0, int), *plant.feet]).tolist()
+        self._engine = open_engine(config.engine, self.model, self.data, feet)
+        self._ground_truth = GroundTruth(
+            plant, self.data, self._engine, self._layout, robot.description.standing_height_m
+        )
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
         self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
@@ -156,7 +163,7 @@ class SimulatedRobot:
 
     def diverged(self) -> bool:
         """Whether the simulation diverged."""
-        return self._ground_truth.diverged()
+        return self._engine.diverged()
 
     def take_power(self) -> Power:
         """Mean power of the motors since the last call."""
@@ -215,7 +222,7 @@ class SimulatedRobot:
         if self._held:
             self._keep_still()
         else:
-            mujoco.mj_step(self.model, self.data)
+            self._engine.step()
         after = self._qvel[joints]
         self._energy.add(torque, velocity, after)
         if self.battery is not None:

@@ -21,10 +21,11 @@ from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.suite import run_course
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
-SHARED = ("robot", "seed", "ground_truth", "plant")
+SHARED = ("robot", "seed", "ground_truth", "plant", "engine")
 
 
 def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
@@ -40,7 +41,7 @@ def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
             known = merged.setdefault(result["policy"], {**result, "scenarios": {}})
             known["scenarios"] |= result["scenarios"]
     for key in SHARED:
-        if len({json.dumps(result[key]) for result in merged.values()}) > 1:
+        if len({json.dumps(result.get(key)) for result in merged.values()}) > 1:
             raise UserError(f"the results differ in '{key}'")
     first: dict[str, Any] = next(iter(merged.values()))["scenarios"]
     common = [name for name in first if all(name in each["scenarios"] for each in merged.values())]
@@ -61,6 +62,7 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         first["seed"],
         next(iter(first["scenarios"].values()))["episodes"],
         Path(first["plant"]) if first["plant"] else None,
+        first.get("engine", DEFAULT_ENGINE),
         first["ground_truth"],
     )
     robot = load_robot(config.robot)

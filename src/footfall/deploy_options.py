@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from footfall.options import (
     AS_TYPED,
     ControllerSettings,
+    Engine,
     JsonFile,
     OptionalPath,
     OptionalSeconds,
@@ -18,6 +19,7 @@ from footfall.options import (
     Seed,
     Share,
 )
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.default import DEFAULT_ROBOT
 
 LYING = "lying"
@@ -54,6 +56,7 @@ class DeployOptions:
     realtime: bool = False
     """Keep to the wall clock; a bus other than sim always does."""
     plant: Plant = None
+    engine: Engine = DEFAULT_ENGINE
     ground: str = ""
     """What the simulated robot walks on: a name with changes, such as stairs,step_m=0.1, or a .npy or .png
     file (see docs/terrain.md). Flat if none is given."""

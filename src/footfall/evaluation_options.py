@@ -13,6 +13,7 @@ from footfall.evaluate.config import EvaluationConfig
 from footfall.options import (
     ControllerSettings,
     Count,
+    Engine,
     JsonFile,
     Names,
     OptionalPath,
@@ -21,6 +22,7 @@ from footfall.options import (
     ScenarioFile,
     Seed,
 )
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ class EvaluationOptions:
     """Episodes of each scenario (default: the scenario's own number)."""
     seed: Seed = 0
     plant: Plant = None
+    engine: Engine = DEFAULT_ENGINE
     ground_truth: bool = False
     """Hand policies the simulator's base velocity instead of an estimate, for study."""
     metrics: Annotated[Names, Parameter(show_default=False)] = ()

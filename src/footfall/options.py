@@ -7,6 +7,7 @@ from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
 from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.plant.engines.names import EngineName
 
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:
@@ -91,6 +92,10 @@ Seed = Annotated[
 Plant = Annotated[
     OptionalPath,
     Parameter(help="Another MJCF for the simulated robot's body, matched by joint name (default: its own)."),
+]
+Engine = Annotated[
+    EngineName,
+    Parameter(help="What moves the simulated robot's bodies; drake needs the extra of that name."),
 ]
 ScenarioFile = Annotated[
     OptionalPath,

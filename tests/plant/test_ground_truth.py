@@ -8,6 +8,7 @@ import pytest
 from plant_bodies import body_of, thrown, thrown_up
 from scipy.spatial.transform import Rotation
 
+from footfall.plant.engines.engine import MujocoEngine
 from footfall.plant.ground_truth import GroundTruth
 from footfall.plant.sensors import Layout
 from footfall.robots.description import Robot, load_robot
@@ -150,7 +151,9 @@ class TestTruth:
         mujoco.mj_forward(body.model, body.data)
         above = 7.0 - body.truth().foot_position[:, 2].min()
         layout = Layout(slice(7, 19), slice(6, 18), 0, 0)
-        truth = GroundTruth(read_plant(go1, None), body.data, layout, above / share)
+        truth = GroundTruth(
+            read_plant(go1, None), body.data, MujocoEngine(body.model, body.data), layout, above / share
+        )
         assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
 
     def test_only_the_base_may_not_touch_the_ground(self, go1: Robot) -> None:

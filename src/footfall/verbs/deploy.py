@@ -14,6 +14,7 @@ from footfall.common.files import release, spare_descriptors
 from footfall.common.outputs import check_outputs
 from footfall.deploy_options import DEFAULTS, FULL, LYING, SIMULATED, VIRTUAL, DeployOptions
 from footfall.options import PolicyName
+from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def _simulated(
         duration_s=steering.duration_s,
         seed=options.seed,
         plant=options.plant,
+        engine=options.engine,
         ground=load_ground(options.ground, options.seed) if options.ground else None,
         lying=options.start == LYING,
         charge=options.charge,
@@ -172,6 +174,7 @@ def _for_simulation_alone(options: DeployOptions) -> str:
     """The first option given that no bus but the simulated one has a use for; empty if none is."""
     given = {
         "--plant": options.plant is not None,
+        "--engine": options.engine != DEFAULT_ENGINE,
         "--ground": bool(options.ground),
         "--ground-truth": options.ground_truth,
         "--start": options.start == LYING,

@@ -1,0 +1,32 @@
+"""Which engine moves the bodies of a simulated robot."""
+
+from typing import get_args
+
+import mujoco
+
+from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
+from footfall.plant.engines.engine import Engine, MujocoEngine
+from footfall.plant.engines.names import DEFAULT_ENGINE, EngineName
+
+
+def open_engine(name: str, model: mujoco.MjModel, data: mujoco.MjData, feet: list[int]) -> Engine:
+    """The engine of this name for a plant.
+
+    Args:
+        name: one of `EngineName`.
+        model: the bodies, changed as this robot was drawn.
+        data: their state, which the engine reads and writes.
+        feet: geoms of the feet.
+
+    Raises:
+        UserError: there is no such engine, its extra is missing, or it does not simulate this model.
+    """
+    if name == DEFAULT_ENGINE:
+        return MujocoEngine(model, data)
+    if name != "drake":
+        raise UserError(f"no engine '{name}': there are {', '.join(get_args(EngineName))}")
+    with needs_extra("drake", "--engine drake"):
+        from footfall.plant.engines.drake_engine import DrakeEngine
+
+    return DrakeEngine(model, data, feet)

@@ -1,0 +1,112 @@
+"""Drake as the engine of a simulated robot: a second opinion on contacts and integration.
+
+The joint law, friction of the gearboxes included, stays outside, as for MuJoCo. Contacts are Drake's:
+compliant points (1 mm of penetration under the robot's weight) with regularised Coulomb friction, solved
+implicitly in each step.
+"""
+
+import mujoco
+import numpy as np
+from pydrake.systems.analysis import Simulator
+
+from footfall.common.rotations import rotate_to_body, rotation_matrix
+from footfall.plant.engines.drake_model import FREE, drake_plant
+
+
+class DrakeEngine:
+    """Drake's discrete multibody plant; see `Engine`."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, feet: list[int]) -> None:
+        """Raises UserError if the model has something that this engine does not simulate."""
+        self._model, self._data = model, data
+        self._plant = plant = drake_plant(model, feet)
+        self._simulator = Simulator(plant.diagram)
+        self._context = plant.plant.GetMyMutableContextFromRoot(self._simulator.get_mutable_context())
+        self._forces = plant.plant.get_applied_generalized_force_input_port()
+        self._results = plant.plant.get_contact_results_output_port()
+        free = int(np.flatnonzero(model.jnt_type == FREE)[0])
+        at, dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
+        self._turn, self._spin = slice(at + 3, at + 7), slice(dof + 3, dof + 6)
+        self._applied = np.zeros(model.nv)
+        self._touching: list[list[int]] = []
+        self._normal_force: list[float] = []
+        self._failed = False
+        self._steps = 0
+
+    def step(self) -> None:
+        """See `Engine`. After a step that failed the state stays as it was."""
+        data, model, plant = self._data, self._model, self._plant.plant
+        positions, velocities, step_s = self._plant.positions, self._plant.velocities, model.opt.timestep
+        before = data.qvel.copy()
+        state, speed, force = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
+        state[positions], speed[velocities] = data.qpos, self._to_world(before)
+        force[velocities] = self._to_world(self._generalised_force())
+        plant.SetPositionsAndVelocities(self._context, np.concatenate([state, speed]))
+        self._forces.FixValue(self._context, force)
+        self._steps += 1
+        try:  # to a multiple of the step: a sum of steps rounds to just before an update or just after it
+            self._simulator.AdvanceTo(self._steps * step_s)
+        except RuntimeError:  # its solver did not converge
+            self._failed = True
+            return
+        data.qpos[:] = plant.GetPositions(self._context)[positions]
+        after = plant.GetVelocities(self._context)[velocities]
+        data.qvel[:] = after
+        data.qvel[self._spin] = rotate_to_body(data.qpos[self._turn], after[self._spin])
+        data.time += step_s
+        self._failed = self._failed or not np.isfinite(data.qpos).all()
+        self._read_contacts()
+        self._update((data.qvel - before) / step_s)
+
+    def touching(self) -> list[list[int]]:
+        """See `Engine`."""
+        return self._touching
+
+    def normal_force(self, contact: int) -> float:
+        """See `Engine`."""
+        return self._normal_force[contact]
+
+    def diverged(self) -> bool:
+        """See `Engine`."""
+        return self._failed
+
+    def _generalised_force(self) -> np.ndarray:
+        """All applied forces as MuJoCo's generalised ones, (nv,); valid until the next call."""
+        data, applied = self._data, self._applied
+        applied[:] = data.qfrc_applied
+        for body in np.flatnonzero(data.xfrc_applied.any(axis=1)).tolist():
+            wrench = data.xfrc_applied[body]
+            mujoco.mj_applyFT(self._model, data, wrench[:3], wrench[3:], data.xipos[body], body, applied)
+        return applied
+
+    def _to_world(self, values: np.ndarray) -> np.ndarray:
+        """Velocities or forces, (nv,), with the base's angular part in the world frame instead of its own."""
+        turned = values.copy()
+        turned[self._spin] = rotation_matrix(self._data.qpos[self._turn]) @ values[self._spin]
+        return turned
+
+    def _read_contacts(self) -> None:
+        """Keep the contacts of this step."""
+        results = self._results.Eval(self._context)
+        self._touching, self._normal_force = [], []
+        for index in range(results.num_point_pair_contacts()):
+            contact = results.point_pair_contact_info(index)
+            pair = contact.point_pair()
+            geoms = self._plant.geoms
+            self._touching.append([geoms[pair.id_A], geoms[pair.id_B]])
+            self._normal_force.append(abs(float(contact.contact_force() @ pair.nhat_BA_W)))
+
+    def _update(self, acceleration: np.ndarray) -> None:
+        """What MuJoCo derives from the state: places and velocities of bodies, and what the IMU measures.
+
+        Args:
+            acceleration: mean generalised acceleration over the step, (nv,).
+        """
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        data.qacc[:] = acceleration
+        data.cfrc_ext[:] = 0.0
+        mujoco.mj_rnePostConstraint(model, data)
+        mujoco.mj_sensorAcc(model, data)

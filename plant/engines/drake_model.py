@@ -1,0 +1,247 @@
+"""The bodies of a compiled MuJoCo model as a plant of Drake.
+
+Drake's own reader of MJCF ignores friction loss, sites and priorities of contacts. The compiled model holds
+masses, inertias, rotor inertia and friction as they are simulated, those of a drawn robot included.
+"""
+
+import logging
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import mujoco
+import numpy as np
+from pydrake.geometry import (
+    AddContactMaterial,
+    Box,
+    Capsule,
+    CollisionFilterDeclaration,
+    Cylinder,
+    Ellipsoid,
+    GeometrySet,
+    HalfSpace,
+    ProximityProperties,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    QuaternionFloatingJoint,
+    RevoluteJoint,
+    RotationalInertia,
+    SpatialInertia,
+)
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from footfall.common.errors import UserError
+
+if TYPE_CHECKING:
+    from pydrake.geometry import GeometryId
+
+logging.getLogger("drake").setLevel(logging.ERROR)  # a warning about deformable bodies for each half space
+
+WORLD = 0  # body of MuJoCo
+HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
+ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+LARGEST_FRICTION = 10.0
+
+
+class DrakePlant(NamedTuple):
+    """A plant of Drake and where the parts of the MuJoCo model are in it."""
+
+    diagram: Diagram
+    plant: MultibodyPlant
+    positions: np.ndarray  # (nq,) index in Drake's positions of each entry of `qpos`
+    velocities: np.ndarray  # (nv,) index in Drake's velocities of each entry of `qvel`
+    geoms: "dict[GeometryId, int]"  # MuJoCo's geom of each geometry
+
+
+def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
+    """Build the bodies of a compiled model.
+
+    Args:
+        model: one free base, hinges, rigid bodies.
+        feet: geoms of the feet.
+
+    Raises:
+        UserError: the model has something that this engine does not simulate.
+    """
+    check_model(model, feet)
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(
+        time_step=model.opt.timestep, contact_model="point", adjacent_bodies_collision_filters=False
+    )
+    plant, scene = AddMultibodyPlant(config, builder)
+    plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
+    bodies = [plant.world_body()]
+    for body in range(1, model.nbody):
+        inertia = RotationalInertia(*model.body_inertia[body]).ReExpress(
+            _pose(model.body_iquat[body], np.zeros(3)).rotation()
+        )
+        mass = SpatialInertia.MakeFromCentralInertia(model.body_mass[body], model.body_ipos[body], inertia)
+        bodies.append(plant.AddRigidBody(f"body_{body}", mass))
+    joints = [_join(plant, model, body, bodies) for body in range(1, model.nbody)]
+    geoms = {}
+    collides = np.flatnonzero(collidable(model))
+    friction = geom_friction(model, collides)
+    for geom in collides.tolist():
+        properties = ProximityProperties()
+        AddContactMaterial(properties, friction=CoulombFriction(friction[geom], friction[geom]))
+        pose = _pose(model.geom_quat[geom], model.geom_pos[geom])
+        body = bodies[model.geom_bodyid[geom]]
+        geoms[
+            plant.RegisterCollisionGeometry(body, pose, _shape(model, geom), f"geom_{geom}", properties)
+        ] = geom
+    apart = CollisionFilterDeclaration()
+    for one, geom in geoms.items():
+        for other, against in geoms.items():
+            if geom < against and not meet(model, geom, against):
+                apart.ExcludeBetween(GeometrySet(one), GeometrySet(other))
+    scene.collision_filter_manager().Apply(apart)
+    plant.Finalize()
+    positions, velocities = _places(model, [joint for joint in joints if joint is not None])
+    return DrakePlant(builder.Build(), plant, positions, velocities, geoms)
+
+
+def check_model(model: mujoco.MjModel, feet: list[int]) -> None:
+    """Raises UserError if Drake would move another robot than MuJoCo does."""
+    shapes = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
+    strange = sorted(each.name for each in shapes - set(_SHAPES))
+    flat = [model.geom(geom).name for geom in feet if mujoco.mjtGeom(model.geom_type[geom]) not in ROUND]
+    kinds = set(model.jnt_type.tolist()) - {int(HINGE), int(FREE)}
+    reasons = {
+        f"collision geometry of type {', '.join(strange)}": bool(strange),
+        f"foot '{''.join(flat[:1])}', which is not round: contacts are one point for each two geoms": flat,
+        "joints other than hinges and a free base": kinds,
+        "bodies with several joints": (model.body_jntnum > 1).any(),
+        "springs in joints": model.jnt_stiffness.any(),
+        "tendons or equality constraints": model.ntendon or model.neq,
+        "friction loss in the model": model.dof_frictionloss.any(),
+    }
+    for reason, present in reasons.items():
+        if present:
+            raise UserError(f"--engine drake does not simulate {reason}: leave it out")
+
+
+def collidable(model: mujoco.MjModel) -> np.ndarray:
+    """Which geoms may touch something, (ngeom,) bool."""
+    found = (model.geom_contype | model.geom_conaffinity) != 0
+    found[model.pair_geom1] = found[model.pair_geom2] = True
+    return found
+
+
+def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
+    """Whether MuJoCo looks for contacts of two geoms."""
+    pairs = {
+        frozenset(pair) for pair in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    }
+    if frozenset((one, other)) in pairs:
+        return True
+    first, second = model.geom_contype, model.geom_conaffinity
+    if not (first[one] & second[other] or first[other] & second[one]):
+        return False
+    low, high = sorted(model.geom_bodyid[[one, other]].tolist())
+    rigid = model.body_weldid
+    if rigid[low] == rigid[high] or (low << 16) + high in model.exclude_signature.tolist():
+        return False
+    parents = rigid[model.body_parentid[rigid[[low, high]]]]
+    related = rigid[low] == parents[1] or rigid[high] == parents[0]
+    return not related or WORLD in rigid[[low, high]]
+
+
+def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, float]:
+    """Coefficient of each geom with which Drake's pairs with the ground have MuJoCo's friction.
+
+    MuJoCo takes that of the geom with the higher priority, or else the larger one. Drake takes
+    2 a b / (a + b). The ground's coefficient is free; that of most geoms leaves pairs of these as they are.
+
+    Raises:
+        UserError: parts of the ground differ in friction, or a coefficient is too large.
+    """
+    own, priority = model.geom_friction[:, 0], model.geom_priority
+    ground = [geom for geom in collides.tolist() if model.geom_bodyid[geom] == WORLD]
+    others = [geom for geom in collides.tolist() if model.geom_bodyid[geom] != WORLD]
+    if len({(own[geom], priority[geom]) for geom in ground}) > 1:
+        raise UserError("--engine drake does not simulate a ground of several frictions: give it one")
+    floor = ground[0]
+    pair = {
+        geom: own[geom]
+        if priority[geom] > priority[floor]
+        else own[floor]
+        if priority[geom] < priority[floor]
+        else max(own[geom], own[floor])
+        for geom in others
+    }
+    if max(pair.values(), default=0.0) >= LARGEST_FRICTION:
+        raise UserError(f"--engine drake does not simulate friction of {LARGEST_FRICTION:g} or more")
+    # a = p b / (2 b - p) must be positive for each pair's p.
+    of_ground = max(float(np.median(list(pair.values()))), 0.6 * max(pair.values()))
+    return dict.fromkeys(ground, of_ground) | {
+        geom: value * of_ground / (2.0 * of_ground - value) for geom, value in pair.items()
+    }
+
+
+def _join(plant: MultibodyPlant, model: mujoco.MjModel, body: int, bodies: list[Any]) -> Any:
+    """Join a body to its parent; the joint, or None if it is welded."""
+    parent, child = bodies[model.body_parentid[body]], bodies[body]
+    place = _pose(model.body_quat[body], model.body_pos[body])
+    if not model.body_jntnum[body]:
+        plant.WeldFrames(parent.body_frame(), child.body_frame(), place)
+        return None
+    joint = int(model.body_jntadr[body])
+    if model.jnt_type[joint] == FREE:
+        return plant.AddJoint(
+            QuaternionFloatingJoint(f"joint_{joint}", plant.world_frame(), child.body_frame())
+        )
+    anchor = RigidTransform(model.jnt_pos[joint])
+    before = plant.AddFrame(FixedOffsetFrame(f"before_{joint}", parent.body_frame(), place @ anchor))
+    after = plant.AddFrame(FixedOffsetFrame(f"after_{joint}", child.body_frame(), anchor))
+    dof = int(model.jnt_dofadr[joint])
+    hinge = RevoluteJoint(f"joint_{joint}", before, after, model.jnt_axis[joint], model.dof_damping[dof])
+    if model.jnt_limited[joint]:
+        low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
+        hinge.set_position_limits([low], [high])
+    added = plant.AddJoint(hinge)
+    rotor = plant.AddJointActuator(f"rotor_{joint}", added)
+    rotor.set_default_rotor_inertia(model.dof_armature[dof])
+    rotor.set_default_gear_ratio(1.0)
+    return added
+
+
+def _places(model: mujoco.MjModel, joints: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """`positions` and `velocities` of `DrakePlant`."""
+    positions, velocities = np.zeros(model.nq, int), np.zeros(model.nv, int)
+    for index, joint in enumerate(joints):
+        q, v = model.jnt_qposadr[index], model.jnt_dofadr[index]
+        at, moves = joint.position_start(), joint.velocity_start()
+        if model.jnt_type[index] == FREE:  # Drake: quaternion, place; angular, linear velocity
+            positions[q : q + 7] = at + np.array([4, 5, 6, 0, 1, 2, 3])
+            velocities[v : v + 6] = moves + np.array([3, 4, 5, 0, 1, 2])
+        else:
+            positions[q], velocities[v] = at, moves
+    return positions, velocities
+
+
+def _pose(quaternion: np.ndarray, place: np.ndarray) -> RigidTransform:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(matrix.reshape(3, 3)), place)
+
+
+_SHAPES = {
+    mujoco.mjtGeom.mjGEOM_PLANE: lambda size: HalfSpace(),
+    mujoco.mjtGeom.mjGEOM_SPHERE: lambda size: Sphere(size[0]),
+    mujoco.mjtGeom.mjGEOM_CAPSULE: lambda size: Capsule(size[0], 2.0 * size[1]),
+    mujoco.mjtGeom.mjGEOM_CYLINDER: lambda size: Cylinder(size[0], 2.0 * size[1]),
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: lambda size: Ellipsoid(*size),
+    mujoco.mjtGeom.mjGEOM_BOX: lambda size: Box(*(2.0 * size)),
+}
+
+
+def _shape(model: mujoco.MjModel, geom: int) -> Shape:
+    return _SHAPES[mujoco.mjtGeom(model.geom_type[geom])](model.geom_size[geom])

@@ -1,0 +1,144 @@
+"""Another engine moves the bodies as MuJoCo does, as far as contacts do not decide."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.plant.engines.choice import open_engine
+from footfall.plant.engines.engine import Engine
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import read_plant
+
+BLOCK = """
+<mujoco><option timestep="0.001"/><worldbody>
+  <geom type="plane" size="0 0 1" friction="{ground}" priority="{priority}"/>
+  <body pos="0 0 0.05"><freejoint/><inertial mass="2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/>
+    <geom type="sphere" size="0.05" pos="0.2 0.2 0" friction="{foot}"/>
+    <geom type="sphere" size="0.05" pos="-0.2 0.2 0" friction="{foot}"/>
+    <geom type="sphere" size="0.05" pos="0.2 -0.2 0" friction="{foot}"/>
+    <geom type="sphere" size="0.05" pos="-0.2 -0.2 0" friction="{foot}"/>
+  </body>
+</worldbody></mujoco>"""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _drake() -> None:
+    pytest.importorskip("pydrake")
+
+
+def opened(model: mujoco.MjModel, name: str = "drake") -> tuple[mujoco.MjData, Engine]:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data, open_engine(name, model, data, [])
+
+
+def moved(
+    model: mujoco.MjModel, name: str, start: Callable[[mujoco.MjData], None], steps: int
+) -> mujoco.MjData:
+    data, engine = opened(model, name)
+    start(data)
+    mujoco.mj_forward(model, data)
+    for _ in range(steps):
+        engine.step()
+    return data
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod", "g1"])
+def test_a_robot_in_the_air_moves_as_in_mujoco(name: str) -> None:
+    """Masses, inertias, rotor inertia, joints and applied forces are alike."""
+    robot = load_robot(name)
+    plant = read_plant(robot)
+    model = plant.model
+
+    def start(data: mujoco.MjData) -> None:
+        rng = np.random.default_rng(1)
+        data.qpos[:3] = 0.0, 0.0, 5.0
+        data.qpos[3:7] = np.array([1.0, 0.2, -0.3, 0.4]) / np.linalg.norm([1.0, 0.2, -0.3, 0.4])
+        data.qpos[7:] = robot.default_pose
+        data.qvel[:] = rng.uniform(-1.0, 1.0, model.nv)
+        data.qfrc_applied[6:] = rng.uniform(-0.5, 0.5, model.nv - 6)
+        data.xfrc_applied[plant.base] = 10.0, -5.0, 8.0, 1.0, -1.0, 0.5
+
+    ours, other = (moved(model, engine, start, 20) for engine in ("mujoco", "drake"))
+    np.testing.assert_allclose(other.qpos, ours.qpos, atol=1e-6)
+    np.testing.assert_allclose(other.qvel, ours.qvel, atol=1e-4)
+    mujoco.mj_forward(model, ours)
+    np.testing.assert_allclose(other.sensordata[:3], ours.sensordata[:3], atol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("foot", "ground", "priority", "holds"),
+    [(0.6, 0.3, 0, 0.6), (0.3, 0.6, 0, 0.6), (0.8, 0.3, 1, 0.3)],
+)
+def test_a_sliding_body_slows_down_by_the_friction_that_mujoco_takes(
+    foot: float, ground: float, priority: int, holds: float
+) -> None:
+    model = mujoco.MjModel.from_xml_string(BLOCK.format(foot=foot, ground=ground, priority=priority))
+    data, engine = opened(model)
+    for _ in range(200):  # it comes to rest on its contacts
+        engine.step()
+    data.qvel[0] = 2.0
+    for _ in range(200):
+        engine.step()
+    assert (2.0 - data.qvel[0]) / 0.2 == pytest.approx(holds * 9.81, rel=0.03)
+    assert sum(engine.normal_force(each) for each in range(len(engine.touching()))) == pytest.approx(
+        2.0 * 9.81, rel=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "named"),
+    [
+        (
+            'type="slide"',
+            "joints",
+        ),
+        (
+            'stiffness="2"',
+            "springs",
+        ),
+    ],
+)
+def test_what_it_would_move_differently_is_refused(part: str, named: str) -> None:
+    link = f'<body><joint {part}/><geom size="0.1"/></body>'
+    body = f'<body pos="0 0 1"><freejoint/><geom size="0.1"/>{link}</body>'
+    with pytest.raises(UserError, match=named):
+        opened(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>"))
+
+
+def test_a_foot_that_is_not_round_is_refused(go1: Robot) -> None:
+    model = read_plant(go1).model
+    foot = model.geom("FR_foot").id
+    model.geom_type[foot] = mujoco.mjtGeom.mjGEOM_BOX
+    with pytest.raises(UserError, match="FR_foot"):
+        open_engine("drake", model, mujoco.MjData(model), [foot])
+
+
+def test_a_controller_walks_over_the_bus_as_far_as_in_mujoco(go1: Robot) -> None:
+    traces = {
+        engine: run_episode(
+            go1,
+            load_policy("trot", go1),
+            Episode(lambda _: np.array([0.4, 0.0, 0.0]), duration_s=2.0, engine=engine),
+        )
+        for engine in ("mujoco", "drake")
+    }
+    ours, other = traces["mujoco"], traces["drake"]
+    assert not other.fell
+    assert other.distance_m == pytest.approx(ours.distance_m, rel=0.15)
+    assert other.distance_m != ours.distance_m
+    weight = 9.81 * read_plant(go1).model.body_mass.sum()
+    assert other.foot_force.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
+
+
+def test_a_push_changes_the_velocity(go1: Robot) -> None:
+    episode = Episode(
+        lambda _: np.zeros(3), duration_s=0.6, pushes=(Push(0.2, (0.0, 0.6, 0.0)),), engine="drake"
+    )
+    trace = run_episode(go1, load_policy("stand", go1), episode)
+    assert trace.base_velocity[:, 1].max() > 0.4
