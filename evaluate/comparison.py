@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.figures import Summary
 from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.suite import CourseWalk
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.description import Robot
 
 

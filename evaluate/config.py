@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from footfall.plant.engines.names import DEFAULT_ENGINE, EngineName
+from footfall.common.engines import DEFAULT_ENGINE, EngineName
 from footfall.robots.default import DEFAULT_ROBOT
 
 

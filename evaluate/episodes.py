@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import randomisation_of
@@ -14,7 +15,6 @@ from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
 from footfall.evaluate.own_metrics import score_own
 from footfall.evaluate.plan import EpisodePlan, Levels
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import Policy

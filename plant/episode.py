@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
@@ -18,7 +19,6 @@ from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.progress import Progress
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.trace import Recorder, Trace

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.arrays import as_slice
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.frames import Frames, no_frames
@@ -22,7 +23,6 @@ from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.engines.choice import open_engine
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.holder import Holder, holder

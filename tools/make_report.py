@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.config import EvaluationConfig
@@ -21,7 +22,6 @@ from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.suite import run_course
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 

@@ -4,10 +4,10 @@ from typing import get_args
 
 import mujoco
 
+from footfall.common.engines import DEFAULT_ENGINE, EngineName
 from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
 from footfall.plant.engines.engine import Engine, MujocoEngine
-from footfall.plant.engines.names import DEFAULT_ENGINE, EngineName
 
 
 def open_engine(name: str, model: mujoco.MjModel, data: mujoco.MjData, feet: list[int]) -> Engine:

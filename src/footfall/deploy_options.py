@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.options import (
     AS_TYPED,
     ControllerSettings,
@@ -19,7 +20,6 @@ from footfall.options import (
     Seed,
     Share,
 )
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.default import DEFAULT_ROBOT
 
 LYING = "lying"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.evaluate.config import EvaluationConfig
 from footfall.options import (
@@ -22,7 +23,6 @@ from footfall.options import (
     ScenarioFile,
     Seed,
 )
-from footfall.plant.engines.names import DEFAULT_ENGINE
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:

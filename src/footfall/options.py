@@ -6,8 +6,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
+from footfall.common.engines import EngineName
 from footfall.common.limits import FASTEST, LONGEST_S
-from footfall.plant.engines.names import EngineName
 
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:

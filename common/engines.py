@@ -1,4 +1,4 @@
-"""Names of the engines, which the command line needs without their libraries."""
+"""Names of the simulated robot's engines, for the command line, which imports no simulated robot."""
 
 from typing import Literal
 
