@@ -16,11 +16,11 @@ class EvaluationConfig:
     seed: int = 0  # of everything that is drawn
     episodes: int | None = None  # of each scenario; None for the scenario's own number
     plant: Path | None = None  # another MJCF than the robot's own
-    engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
     ground_truth: bool = False  # hand policies the true base velocity and height
     workers: int | None = None  # processes; None for one per core
     scenario_file: Path | None = None  # the user's scenarios, beside those of footfall
     metrics: tuple[str, ...] = ()  # the user's, MODULE:NAME each, see evaluate/own_metrics.py
+    engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
 
 
 DEFAULT_EVALUATION = EvaluationConfig()

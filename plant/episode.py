@@ -55,7 +55,6 @@ class Episode:
     duration_s: float  # of walking, at most
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
-    engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
     ground: Ground | None = None  # None for the plant's own, flat if it has none
     sample: Sample | None = None
     noise: Noise | None = None
@@ -76,6 +75,7 @@ class Episode:
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
+    engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:

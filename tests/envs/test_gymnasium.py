@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorObservationWrapper, VectorWrapper
 from gymnasium.wrappers import TransformObservation
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics, VectorizeTransformObservation
+from long_tests import long_test
 
 import footfall.gym
 from footfall.common.errors import UserError
@@ -205,6 +206,7 @@ class TestMany:
         assert info["_final_obs"][1]
         assert info["final_obs"][1].shape == many.single_observation_space.shape
 
+    @long_test
     def test_its_information_is_like_that_of_gymnasiums_own(self, many: GymnasiumVectorEnv) -> None:
         own = SyncVectorEnv(
             [lambda: gymnasium.make(ID, preset="smoke")] * MANY, autoreset_mode=AutoresetMode.SAME_STEP

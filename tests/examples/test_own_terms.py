@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from long_tests import long_test
 from user_folder import UserFolder
 
 from footfall.common.outside import find
@@ -28,6 +29,7 @@ def train(user_folder: UserFolder, name: str) -> dict[str, float]:
     return json.loads(lines[-1])
 
 
+@long_test
 def test_a_reward_with_a_state_is_trained_with(user_folder: UserFolder) -> None:
     metrics = train(user_folder, "feet_air_time")
     assert np.isfinite(metrics["reward/air_time"])
@@ -66,6 +68,7 @@ def test_roll_and_pitch_are_those_of_the_base(user_folder: UserFolder) -> None:
         np.testing.assert_allclose(term.source(inputs, None, limit_rad=0.25), [0.25, pitch], atol=1e-6)
 
 
+@long_test
 def test_a_task_is_trained(user_folder: UserFolder) -> None:
     metrics = train(user_folder, "stand_up")
     assert 0.0 < metrics["reward/Rise"] <= 2.0

@@ -6,6 +6,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from long_tests import long_test
 from recorder import Recorder
 from shell import Shell
 
@@ -48,6 +49,7 @@ def test_evaluate_writes_what_it_promises(shell: Shell, tmp_path: Path) -> None:
     assert figures["episodes"] == 1
 
 
+@long_test
 def test_compare_nests_the_same_under_each_name_and_takes_a_controller_at_several_settings(
     shell: Shell, tmp_path: Path
 ) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import Tab, chromium, tab
+from long_tests import long_test
 from matplotlib.image import imread
 
 from footfall.pages.status import WAITING
@@ -76,6 +77,7 @@ def share_of_dark(seen: np.ndarray) -> float:
     return float((seen.max(axis=-1) < 0.25).mean())
 
 
+@long_test
 def test_it_waits_and_then_shows_the_policy_walking(page: Tab, run: Path, tmp_path: Path) -> None:
     page.wait_for(lambda page: WAITING.strip("*") in page.text)
     page.wait_for(lambda page: "1,000 of 4,096 steps (24%)" in page.text)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from long_tests import long_test
 
 from footfall.common.errors import UserError
 from footfall.pages.snapshots import (
@@ -211,6 +212,7 @@ class TestSnapshots:
             time.sleep(0.05)
         pytest.fail("neither a snapshot nor a problem")
 
+    @long_test
     def test_checkpoints_are_exported_one_after_another_and_damaged_ones_skipped(
         self, trained: Path, begun: Path, snapshots: Snapshots
     ) -> None:

@@ -239,7 +239,13 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
     if not asked:
         assert (plant.plant, plant.sample, plant.noise, plant.motor_timeout_s) == (None, {}, None, 0.1)
         assert (seen["seed"], session.log, seen["base"], session.display) == (0, None, None, None)
-        assert session.facts == {"seed": 0, "policy_spec": "hold", "bus": "sim", "plant": None}
+        assert session.facts == {
+            "seed": 0,
+            "policy_spec": "hold",
+            "bus": "sim",
+            "plant": None,
+            "engine": "mujoco",
+        }
         return
     assert (plant.plant, plant.sample) == (further["plant"], further["sample"])
     assert (plant.noise, plant.motor_timeout_s) == (further["noise"], 0.3)
@@ -251,6 +257,7 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
         "policy_spec": "mine.onnx",
         "bus": "sim",
         "plant": str(further["plant"]),
+        "engine": "mujoco",
     }
     session.display("a loop")
     assert shown[0][0] == "a loop"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from long_tests import long_test
 
 pytest.importorskip("jax")
 
@@ -150,6 +151,7 @@ class TestReplay:
         assert found.reason == found.failure.reason
         return found
 
+    @long_test
     def test_a_gradient_that_overflows(self, sound: Path, tmp_path: Path, shell: Shell) -> None:
         def damage(state: Any) -> Any:
             value = jax.tree.map(lambda x: x * np.float32(1e12), state.params.value)
