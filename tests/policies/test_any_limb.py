@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up import bodies
+from moments import readings
+from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
@@ -31,9 +33,7 @@ def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
     legs = robot.legs
     force = np.tile([0.0, 0.0, 40.0], (legs.count, 1))
     load = legs.scatter(legs.torque(legs.pose(robot.default_pose).jacobian, force), np.zeros_like(robot.kp))
-    quaternion = np.array([np.cos(roll / 2), np.sin(roll / 2), 0.0, 0.0])
-    still = np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion
-    return Sensed(*still, robot.default_pose, np.zeros_like(load), load)
+    return readings(robot, Rotation.from_rotvec([roll, 0.0, 0.0]), torque=load)
 
 
 def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -> PolicyInput:

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moments import policy_input
+from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.balance import Balance, BalanceConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
 G1 = load_robot("g1")
@@ -38,16 +40,7 @@ def policy() -> Balance:
 def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
     """A level robot whose joints are off their default pose by unlike angles."""
     joint = G1.default_pose + crouch * np.linspace(0.01, 0.2, N)
-    values = {
-        "gyro": np.zeros(3),
-        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
-        "velocity": np.zeros(N),
-        "base_velocity": np.zeros(3),
-        **more,
-    }
-    up = np.array([0.0, 0.0, 9.81])
-    sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
-    return PolicyInput(time_s, sensed, np.zeros(3), values["base_velocity"], 0.7)
+    return policy_input(G1, time_s, base_height=0.7, joint=joint, **more)
 
 
 def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
@@ -106,8 +99,7 @@ class TestAct:
 
     def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         """A roll of 0.02 rad, a pitch of -0.03 rad, and a gyro: -100 tilt - 20 rate."""
-        quaternion = np.array([1.0, 0.01, -0.015, 0.0])
-        tilted = seen(quaternion=quaternion / np.linalg.norm(quaternion), gyro=np.array([0.1, 0.2, -0.3]))
+        tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
         *_, asked, _ = wanted(policy, monkeypatch, tilted)
         np.testing.assert_allclose(asked.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
 

@@ -5,6 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
+from moments import policy_input
+from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
 from footfall.deploy.estimation.estimator import BaseEstimator
@@ -14,12 +16,11 @@ from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.footwork import Phase
 from footfall.policies.controllers.whole_body.control import UNSOLVED
-from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
 from footfall.robots.description import load_robot
-from footfall.robots.readings import Sensed
 
 G1 = load_robot("g1")
+STILL = np.zeros(3)
 
 
 def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
@@ -154,17 +155,14 @@ class TestStep:
     @staticmethod
     def turned(heading: float, rate: float = 1.0, seconds: float = 2.1) -> np.ndarray:
         """The commands (ticks, 5, n) while the body turns from a heading at a rate, rad/s."""
-        policy, still, commands = Step(G1), np.zeros_like(G1.default_pose), []
+        policy, commands = Step(G1), []
         toes_out = G1.default_pose.copy()
         for side, angle in (("left", 0.15), ("right", -0.15)):
             toes_out[G1.joint_names.index(f"{side}_hip_yaw_joint")] = angle
         for time_s in np.arange(0.0, seconds, 1.0 / policy.rate_hz):
-            half = 0.5 * (heading + rate * time_s)
-            level = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-            gyro, up = np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, 9.81])
-            sensed = Sensed(gyro, up, level, toes_out, still, still)
-            height = G1.description.standing_height_m
-            seen = PolicyInput(float(time_s), sensed, np.array([0.0, 0.0, rate]), np.zeros(3), height)
+            turn, spin = Rotation.from_euler("z", heading + rate * time_s), (0.0, 0.0, rate)
+            found = {"turn": turn, "gyro": spin, "joint": toes_out}
+            seen = policy_input(G1, float(time_s), spin, STILL, G1.description.standing_height_m, **found)
             if time_s == 0.0:
                 policy.reset(seen)
             commands.append(np.array(policy.act(seen)))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from moments import readings
 
 from footfall.evaluate.plan import CommandSchedule
 from footfall.plant.episode import Episode, run_episode
@@ -9,7 +10,6 @@ from footfall.policies.controllers.delay import CommandDelay
 from footfall.policies.registry import load_policy
 from footfall.robots.actuator import JointCommand, motor_torque
 from footfall.robots.description import load_robot
-from footfall.robots.readings import Sensed
 
 ROBOT = load_robot("go1")
 JOINTS = len(ROBOT.joint_names)
@@ -24,7 +24,7 @@ def measured(delay_ticks: int, change_nm: float, ticks: int = 200, noise_nm: flo
         position = ROBOT.default_pose + 0.005 * change_nm * np.sin(0.1 * tick)
         active = sent[max(0, tick - 1 - delay_ticks)] if sent else JointCommand(*np.zeros((5, JOINTS)))
         torque = motor_torque(active, position, still, ROBOT.motor) + noise_nm * rng.standard_normal(JOINTS)
-        delay.measure(Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), position, still, torque))
+        delay.measure(readings(ROBOT, joint=position, torque=torque))
         wave = change_nm * np.sin(0.13 * tick + np.arange(JOINTS))
         sent.append(JointCommand(position, still, np.full(JOINTS, 20.0), np.full(JOINTS, 1.0), wave))
         delay.sent(sent[-1])

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 import pytest
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc import Mpc, controller
@@ -16,7 +17,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.gaits import find_gait
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
 from footfall.robots.mjcf import load_spec
@@ -26,21 +27,17 @@ ROBOT = load_robot("go1")
 CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
 LEGS = ROBOT.legs
 UP = np.array([0.0, 0.0, 1.0])
+STILL = np.zeros(3)
 TROT = np.array([True, False, False, True])
 HEIGHT = float(LEGS.foot_radius.mean() - LEGS.default_foot[:, 2].mean())  # of the base, in the default pose
 
 
 def standing(
-    yaw: float = 0.0,
-    time_s: float = 0.0,
-    command: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    yaw: float = 0.0, time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), velocity: Any = STILL
 ) -> PolicyInput:
     """In the default pose, level, base velocity in the body frame."""
-    still = np.zeros(len(ROBOT.joint_names))
-    quaternion = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-    sensed = Sensed(np.zeros(3), 9.81 * UP, quaternion, ROBOT.default_pose, still, still)
-    return PolicyInput(time_s, sensed, np.array(command), np.array(velocity), HEIGHT - LEGS.foot_radius[0])
+    height = HEIGHT - LEGS.foot_radius[0]
+    return policy_input(ROBOT, time_s, command, velocity, height, turn=Rotation.from_euler("z", yaw))
 
 
 def forces(command: JointCommand) -> np.ndarray:

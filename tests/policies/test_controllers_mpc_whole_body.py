@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.domain_rand.randomisation import load_randomisation
@@ -17,7 +18,7 @@ from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import load_policy, walking_controllers
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
@@ -36,11 +37,7 @@ def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
 
 def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PolicyInput:
     """Tilted, in the default pose, base and joints in motion."""
-    x, y, z, w = TILTED.as_quat()
-    still = np.zeros(len(ROBOT.joint_names))
-    up = np.array([0.0, 0.0, 9.81])
-    sensed = Sensed(GYRO, up, np.array([w, x, y, z]), ROBOT.default_pose, RATES, still)
-    return PolicyInput(time_s, sensed, np.array(command), VELOCITY, 0.26)
+    return policy_input(ROBOT, time_s, command, VELOCITY, 0.26, turn=TILTED, gyro=GYRO, velocity=RATES)
 
 
 @pytest.fixture

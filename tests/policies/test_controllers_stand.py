@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 from tilted_robot import ROBOT, UP, observed
 
@@ -12,24 +14,16 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 
 LEGS = ROBOT.legs
 
 
-def seen(
-    time_s: float = 0.0,
-    command: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    roll: float = 0.0,
-    pitch: float = 0.0,
-    gyro: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    joint: np.ndarray = ROBOT.default_pose,
-) -> PolicyInput:
-    """A small tilt about one axis, legs in the default pose unless said otherwise."""
-    quaternion = np.array([np.cos((roll + pitch) / 2), np.sin(roll / 2), np.sin(pitch / 2), 0.0])
-    zero = np.zeros(12)
-    sensed = Sensed(np.array(gyro), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, zero)
-    return PolicyInput(time_s, sensed, np.array(command), np.zeros(3), 0.28)
+def seen(time_s: float = 0.0, roll: float = 0.0, pitch: float = 0.0, **more: Any) -> PolicyInput:
+    """Tilted about one axis, legs in the default pose unless said otherwise."""
+    return policy_input(
+        ROBOT, time_s, turn=Rotation.from_rotvec([roll, pitch, 0.0]), base_height=0.28, **more
+    )
 
 
 class TestTilt:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import wrap_angle
@@ -18,7 +19,7 @@ from footfall.policies.controllers.step.config import Pressure, Start, StepConfi
 from footfall.policies.controllers.step.footsteps import NextStep, NominalStep, capture_after, nominal_step
 from footfall.policies.controllers.step.footwork import Phase
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
 G1 = load_robot("g1")
@@ -82,17 +83,7 @@ def capture_at(ahead: float, left: float) -> np.ndarray:
 
 
 def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
-    joint = more.pop("joint", G1.default_pose)
-    values = {
-        "gyro": STILL,
-        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
-        "velocity": np.zeros(N),
-        "base_velocity": STILL,
-        **more,
-    }
-    up = np.array([0.0, 0.0, 9.81])
-    sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
-    return PolicyInput(time_s, sensed, np.array(command, dtype=float), values["base_velocity"], 0.7)
+    return policy_input(G1, time_s, command, base_height=0.7, **more)
 
 
 def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
@@ -146,8 +137,8 @@ class TestWanted:
         tilted = seen(
             joint=G1.default_pose + off,
             velocity=velocity,
-            gyro=np.array([0.1, 0.2, -0.3]),
-            quaternion=Rotation.from_euler("ZYX", [HEADING, -0.03, 0.02]).as_quat(scalar_first=True),
+            gyro=(0.1, 0.2, -0.3),
+            turn=Rotation.from_euler("ZYX", [HEADING, -0.03, 0.02]),
         )
         _, position, moved, wanted, _ = asked(policy, monkeypatch, tilted, moment())
         np.testing.assert_allclose(wanted.joints, -40.0 * off - 12.0 * velocity)

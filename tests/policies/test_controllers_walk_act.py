@@ -1,15 +1,18 @@
 """What the gait generator commands in single moments, on four legs."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from moments import policy_input
+from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.limits import Pace, WalkLimits
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
@@ -28,18 +31,11 @@ def make() -> Walk:
 
 
 def seen(
-    time_s: float = 0.0,
-    command: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    roll: float = 0.0,
-    yaw: float = 0.0,
-    joint: np.ndarray = ROBOT.default_pose,
-    torque: np.ndarray = NOTHING,
+    time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), roll: float = 0.0, yaw: float = 0.0, **more: Any
 ) -> PolicyInput:
-    """A small tilt or turn, legs in the default pose and motors without torque unless said otherwise."""
-    quaternion = np.array([np.cos((roll + yaw) / 2), np.sin(roll / 2), 0.0, np.sin(yaw / 2)])
-    zero = np.zeros(12)
-    sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, torque)
-    return PolicyInput(time_s, sensed, np.array(command), np.zeros(3), 0.28)
+    """Turned about one axis, legs in the default pose and motors without torque unless said otherwise."""
+    turn = Rotation.from_rotvec([roll, 0.0, yaw])
+    return policy_input(ROBOT, time_s, command, turn=turn, base_height=0.28, **more)
 
 
 def feet_of(command_position: np.ndarray) -> np.ndarray:

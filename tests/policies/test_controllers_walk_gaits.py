@@ -7,6 +7,7 @@ import pytest
 from deploy_policies import Hold
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from moments import policy_input
 
 from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming
@@ -16,7 +17,6 @@ from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.gaits import find_gait
-from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot, load_robot
@@ -113,13 +113,6 @@ def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_sw
 UP = np.array([0.0, 0.0, 9.81])
 
 
-def seen(
-    time_s: float, command: np.ndarray, joint: np.ndarray, velocity: np.ndarray, torque: np.ndarray
-) -> PolicyInput:
-    sensed = Sensed(np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0]), joint, velocity, torque)
-    return PolicyInput(time_s, sensed, command, np.zeros(3), 0.18)
-
-
 class Trial:
     """Lets a policy act on a robot that is always where it was told to be.
 
@@ -127,17 +120,19 @@ class Trial:
     """
 
     def __init__(self, policy: Walk, robot: Robot = ROBOT) -> None:
-        self.policy, self.ticks, self.legs, self.motor = policy, 0, robot.legs, robot.motor
+        self.policy, self.ticks, self.robot = policy, 0, robot
+        self.legs, self.motor = robot.legs, robot.motor
         self.inertia, self.still = nominal_body(robot).leg_inertia, np.zeros(len(robot.joint_names))
         self.joint, self.velocity, self.torque = robot.default_pose, self.still, self.still
-        policy.reset(seen(0.0, np.zeros(3), self.joint, self.velocity, self.torque))
+        policy.reset(policy_input(robot))
 
     def walk(self, command: tuple[float, float, float], seconds: float) -> np.ndarray:
         """Joint targets, (ticks, n)."""
         targets = []
         for _ in range(round(seconds * self.policy.rate_hz)):
             time_s = self.ticks / self.policy.rate_hz
-            told = self.policy.act(seen(time_s, np.array(command), self.joint, self.velocity, self.torque))
+            found = {"joint": self.joint, "velocity": self.velocity, "torque": self.torque}
+            told = self.policy.act(policy_input(self.robot, time_s, command, base_height=0.18, **found))
             acceleration = self.legs.gather(told.velocity - self.velocity) * self.policy.rate_hz
             inertial = (self.inertia @ acceleration[:, :, None])[:, :, 0]
             own = inertial + self.legs.holding_torque(told.position, UP)

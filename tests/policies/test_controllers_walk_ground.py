@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from moments import readings as at_rest
 
 from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.robots.actuator import friction_torque
@@ -23,7 +24,7 @@ def readings(pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray,
     inertial = heavier * BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None]
     outside = LEGS.holding_torque(POSE, UP) + LEGS.torque(JACOBIAN, pushed) + inertial[:, :, 0]
     torque = LEGS.scatter(outside, NOTHING) - friction_torque(velocity, ROBOT.motor)
-    return Sensed(np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0]), POSE, velocity, torque)
+    return at_rest(ROBOT, velocity=velocity, torque=torque)
 
 
 def felt(

@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import normalised
@@ -22,7 +23,6 @@ from footfall.policies.controllers.whole_body.control import (
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, standing
 from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
-from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
@@ -211,10 +211,8 @@ class TestBaseTilt:
 
 def test_a_robot_that_walks_ahead_moves_where_it_heads() -> None:
     """Estimates are in the body's axes: turned left by a quarter, ahead is along the world's y."""
-    quarter, still = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]), np.zeros(3)
-    n = len(G1.joint_names)
-    sensed = Sensed(still, np.array([0.0, 0.0, 9.81]), quarter, G1.default_pose, np.zeros(n), np.zeros(n))
-    walking = PolicyInput(0.0, sensed, still, np.array([0.5, -0.1, 0.2]), 0.7)
+    quarter = Rotation.from_euler("z", np.pi / 2)
+    walking = policy_input(G1, base_velocity=(0.5, -0.1, 0.2), turn=quarter)
     np.testing.assert_allclose(observed(BODIES["g1"], walking).centre_velocity, [0.1, 0.5, 0.2], atol=1e-9)
 
 

@@ -3,25 +3,19 @@
 from typing import Any
 
 import numpy as np
+from moments import UP as UP
+from moments import policy_input
 from scipy.spatial.transform import Rotation
 
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
-UP = np.array([0.0, 0.0, 1.0])
 
 
-def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> PolicyInput:
+def observed(turn: Rotation, time_s: float = 9.0, base_height: float = 0.26, **more: Any) -> PolicyInput:
     """A robot turned so, with joints that all differ from the default pose and from one another."""
-    position = ROBOT.default_pose + 0.01 * np.arange(12)
-    sensed = Sensed(
-        np.array(gyro, dtype=float),
-        9.81 * turn.inv().apply(UP),
-        turn.as_quat(scalar_first=True),
-        position,
-        0.1 * np.arange(12),
-        np.zeros(12),
+    position, velocity = ROBOT.default_pose + 0.01 * np.arange(12), 0.1 * np.arange(12)
+    return policy_input(
+        ROBOT, time_s, base_height=base_height, turn=turn, joint=position, velocity=velocity, **more
     )
-    values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
-    return PolicyInput(time_s, sensed, **values)

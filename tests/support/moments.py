@@ -1,0 +1,45 @@
+"""What a policy is handed in a single moment: a robot at rest in its default pose, but for what is given."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.description import Robot
+
+UP = np.array([0.0, 0.0, 1.0])
+LEVEL = Rotation.identity()
+
+
+def readings(
+    robot: Robot,
+    turn: Rotation = LEVEL,
+    gyro: Any = (0.0, 0.0, 0.0),
+    joint: np.ndarray | None = None,
+    velocity: np.ndarray | float = 0.0,
+    torque: np.ndarray | float = 0.0,
+) -> Sensed:
+    """Readings of a robot whose base is turned from the world's axes; the accelerometer feels gravity alone."""
+    zeros = np.zeros(len(robot.joint_names))
+    return Sensed(
+        np.array(gyro, dtype=float),
+        9.81 * turn.inv().apply(UP),
+        turn.as_quat(scalar_first=True),
+        robot.default_pose if joint is None else joint,
+        zeros + velocity,
+        zeros + torque,
+    )
+
+
+def policy_input(
+    robot: Robot,
+    time_s: float = 0.0,
+    command: Any = (0.0, 0.0, 0.0),
+    base_velocity: Any = (0.0, 0.0, 0.0),
+    base_height: float = 0.3,
+    **sensed: Any,
+) -> PolicyInput:
+    """Inputs with such readings (see `readings`); base velocity in the body's axes, m/s, height in m."""
+    arrays = (np.array(values, dtype=float) for values in (command, base_velocity))
+    return PolicyInput(time_s, readings(robot, **sensed), *arrays, base_height)
