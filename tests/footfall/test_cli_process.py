@@ -12,10 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from relaxed_limits import RELAXED
+from quick_relaxed import written
 from shell import Shell
-
-from footfall.common.config import unstructure
 
 ROOT = Path(__file__).parents[2]
 FOOTFALL = [sys.executable, "-m", "footfall"]
@@ -81,14 +79,10 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
     """The robot lies down, its motors are switched off, and the figures are written."""
-    figures, relaxed = tmp_path / "a.json", tmp_path / "relaxed.yaml"
-    relaxed.write_text(json.dumps(unstructure(RELAXED)))
-    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", relaxed]
+    figures = tmp_path / "a.json"
+    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", written(tmp_path)]
     process = subprocess.Popen(
-        [*command, "--json", figures],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        [*command, "--json", figures], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     assert "WALKING" in process.stdout.readline()  # the first of the lines that it prints as it goes

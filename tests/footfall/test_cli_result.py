@@ -10,9 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from relaxed_limits import RELAXED
-
-from footfall.common.config import unstructure
+from quick_relaxed import written
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
 XOFF = b"\x13"  # Ctrl-S
@@ -21,10 +19,8 @@ XOFF = b"\x13"  # Ctrl-S
 @pytest.fixture
 def walk(tmp_path: Path) -> list[str]:
     """A command for a short run by the wall clock, with figures in run.json."""
-    relaxed = tmp_path / "relaxed.yaml"
-    relaxed.write_text(json.dumps(unstructure(RELAXED)))
     return [
-        *FOOTFALL, "deploy", "stand", "--realtime", "--config", str(relaxed),
+        *FOOTFALL, "deploy", "stand", "--realtime", "--config", written(tmp_path),
         "--json", str(tmp_path / "run.json"), "--duration",
     ]  # fmt: skip
 

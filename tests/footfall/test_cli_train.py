@@ -5,6 +5,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,10 +21,13 @@ pytest.importorskip("jax")
 
 
 @pytest.fixture(scope="module")
-def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of the smoke preset."""
+def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of nearly the smoke preset, whose policy has walked two episodes of the usual ones."""
     folder = tmp_path_factory.mktemp("runs") / "smoke"
-    assert main(["train", "--robot", "go1", "--preset", "smoke", "--seed", "1", "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        brief = partial(EvaluationConfig, episodes=2, workers=1)
+        patch.setattr("footfall.evaluate.config.EvaluationConfig", brief)
+        assert main(["train", "--preset", six_iterations, "--seed", "1", "--out", str(folder)]) == 0
     return folder
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tilted_robot import ROBOT, UP, observed
+from moments import UP
+from tilted_robot import ROBOT, observed
 
 from footfall.common.rotations import heading_matrix, wrap_angle
 from footfall.policies.controllers.mpc import Mpc

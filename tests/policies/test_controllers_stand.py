@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from moments import policy_input
+from moments import UP, policy_input
 from scipy.spatial.transform import Rotation
-from tilted_robot import ROBOT, UP, observed
+from tilted_robot import ROBOT, observed
 
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.settings import controller_settings

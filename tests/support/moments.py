@@ -20,7 +20,7 @@ def readings(
     velocity: np.ndarray | float = 0.0,
     torque: np.ndarray | float = 0.0,
 ) -> Sensed:
-    """Readings of a robot whose base is turned from the world's axes; the accelerometer feels gravity alone."""
+    """Readings of a robot whose base is turned from the world's axes; it accelerates by gravity alone."""
     zeros = np.zeros(len(robot.joint_names))
     return Sensed(
         np.array(gyro, dtype=float),

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from moments import UP as UP
 from moments import policy_input
 from scipy.spatial.transform import Rotation
 

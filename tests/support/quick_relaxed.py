@@ -1,0 +1,18 @@
+"""A loop by the wall clock that neither minds a busy machine nor takes long to stand up and lie down."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from relaxed_limits import RELAXED
+
+from footfall.common.config import unstructure
+
+QUICK = replace(RELAXED, stand_s=0.3, stop_s=0.1, pose_rate_rad_s=8.0)
+
+
+def written(folder: Path) -> str:
+    """Path of a file with these settings."""
+    path = folder / "relaxed.yaml"
+    path.write_text(json.dumps(unstructure(QUICK)))
+    return str(path)
