@@ -4,10 +4,10 @@ import math
 import os
 import signal
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from some_motors import with_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
@@ -20,13 +20,6 @@ from footfall.plant.injection import InjectingBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
-
-
-def with_motors(robot: Robot, first_id: int = 1, **protocols: str) -> Robot:
-    description = robot.description
-    motors = {n: replace(m, protocol=protocols.get(n, m.protocol)) for n, m in description.motors.items()}
-    joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
-    return replace(robot, description=replace(description, motors=motors, joints=joints))
 
 
 class OnStand:

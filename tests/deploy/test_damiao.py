@@ -5,47 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from reports import report
-from two_motors import two_motors
+from some_motors import frame, hexed, introduce, two_motors, with_motors
 
 from footfall.deploy.drivers import damiao
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
-from footfall.deploy.frames import Frames
-from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import wire
-from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
-from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
 TWO = two_motors("DM4310", "DM8009")
-
-
-def frame(identifier: int, content: str, channel: int = 0) -> Frames:
-    data = np.frombuffer(bytes.fromhex(content), np.uint8).reshape(1, 8)
-    return Frames(np.array([channel]), np.array([identifier]), data, np.array([8]))
-
-
-def hexed(frames: Frames) -> list[str]:
-    return [row.tobytes().hex(" ") for row in frames.data]
-
-
-def introduce(driver: DamiaoDriver, end: DamiaoMotorEnd) -> int:
-    """Ask until all is told; how often that took."""
-    for count in range(10):
-        if not driver.not_ready():
-            return count
-        answer = end.settings_replies(driver.query_settings())
-        assert answer is not None
-        assert not driver.replies(answer).values.size  # what a motor tells is no reading
-    raise AssertionError(driver.not_ready())
 
 
 @pytest.fixture
@@ -83,12 +55,6 @@ class TestFrames:
     def test_states_from_2_on_are_errors(self, driver: DamiaoDriver, first: str, says: str) -> None:
         (error,) = driver.replies(frame(0x203, f"{first} 80 00 80 08 00 1e 1e")).error
         assert says in driver.error_name(int(error))
-
-    def test_a_motor_that_was_on_and_is_off_has_rebooted(self, driver: DamiaoDriver) -> None:
-        states = ["03", "13", "03", "13"]
-        errors = [driver.replies(frame(0x203, f"{state} 80 00 80 08 00 1e 1e")).error[0] for state in states]
-        assert errors == [0, 0, damiao.WENT_OFF, 0]
-        assert driver.not_confirmed_off().sum() == 1  # its last reply says that it is on
 
     @pytest.mark.parametrize(
         ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]
@@ -132,24 +98,10 @@ class TestFrames:
         for _ in range(2):
             assert np.arange(2)[driver.replies(frames).motor].tolist() == [0]
 
-    def test_the_rounding_of_gains_is_half_a_code_of_twelve_bits(self, driver: DamiaoDriver) -> None:
-        np.testing.assert_allclose(driver.gain_rounding, np.full((2, 2), [[250 / 4095], [2.5 / 4095]]))
-
     def test_the_same_id_on_another_bus_is_another_motor(self, driver: DamiaoDriver) -> None:
         replies = driver.replies(frame(0x203, "13 ff ff ff ff ff 1e 1e", channel=1))
         assert np.arange(2)[replies.motor].tolist() == [1]
         np.testing.assert_allclose(replies.values[:, 0], [12.5, 45.0, 54.0])
-
-    @given(arrays.arrays(float, (3, 2), elements=st.floats(-1.0, 1.0)))
-    def test_a_round_trip_is_off_by_half_a_quantum_at_most(self, share: np.ndarray) -> None:
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
-        introduce(driver, end)
-        most = np.array([[12.5, 12.5], [30.0, 45.0], [10.0, 54.0]])
-        for _ in range(2):  # the second time from arrays that were seen before
-            frames = end.reply(slice(None), report(share * most))
-            back = driver.replies(frames)
-        quantum = 2 * most / np.array([[65535], [4095], [4095]])
-        assert np.all(np.abs(back.values - share * most) <= 0.5 * quantum * (1 + 1e-9))
 
 
 class TestRegisters:
@@ -190,24 +142,6 @@ class TestRegisters:
                 driver.replies(answer)
         assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
 
-    def test_a_motor_that_tells_nothing_is_named(self) -> None:
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
-        for _ in range(6):
-            if (answer := end.settings_replies(driver.query_settings())) is not None:
-                driver.replies(answer.take(answer.channel == 0))
-        assert (
-            driver.not_ready()
-            == "motor knee (can1, id 3) has not told its communication time-out (register 9)"
-        )
-
-    @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
-    def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(self, told: int, kept: int) -> None:
-        """2000 times 50 us are 0.1 s."""
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
-        end.registers[1][damiao.TIME_OUT] = told
-        introduce(driver, end)
-        assert end.registers[1][damiao.TIME_OUT] == kept
-
     def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
         driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))
         for register, value in zip(damiao.REGISTERS, ("00000000", *["01000000"] * 4), strict=True):
@@ -216,57 +150,8 @@ class TestRegisters:
         assert hexed(asked)[1:] == ["03 00 55 09 e8 03 00 00", "03 00 33 09 00 00 00 00"]
         assert asked.channel.tolist() == [0, 1, 1]
 
-    @pytest.mark.parametrize(
-        ("told", "says"),
-        [
-            (0, "has no communication time-out, and does not take one of 0.1 s"),
-            (20_000, "has a communication time-out of 1 s, and does not take one of 0.1 s"),
-        ],
-    )
-    def test_a_motor_that_does_not_take_it_is_not_switched_on(self, told: int, says: str) -> None:
-        """It confirms the write, and tells what it told before."""
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
-        for _ in range(8):
-            end.registers[1][damiao.TIME_OUT] = told
-            asked = driver.query_settings()
-            confirmed = asked.take(asked.data[:, 2] == damiao.WRITE)
-            driver.replies(confirmed._replace(id=np.full(len(confirmed.id), 0x203)))
-            if (answer := end.settings_replies(asked.take(asked.data[:, 2] == damiao.READ))) is not None:
-                driver.replies(answer)
-        assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
-
-
-def with_motors(robot: Robot, **protocols: str) -> Robot:
-    motors = {
-        name: replace(motor, protocol=protocols.get(name, motor.protocol))
-        for name, motor in robot.description.motors.items()
-    }
-    return replace(robot, description=replace(robot.description, motors=motors))
-
 
 class TestRobots:
-    @pytest.mark.parametrize("protocols", [{"hip": "DM8006", "knee": "DM8009"}, {"knee": "DM8009"}])
-    def test_a_robot_of_damiao_motors_and_one_that_mixes_stand(
-        self, go1: Robot, protocols: dict[str, str]
-    ) -> None:
-        trace = run_episode(with_motors(go1, **protocols), Hold(go1), short_episode())
-        assert trace.faults == ()
-        assert trace.final_state == "IDLE"
-        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
-
-    @pytest.mark.parametrize("joint", [4, 8])
-    def test_a_motor_that_reboots_says_so(self, go1: Robot, joint: int) -> None:
-        robot = with_motors(go1, hip="DM8006", knee="DM8009")
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.3 < loop.walking_s < 0.3021:
-                body.reboot(np.array([joint]))
-
-        trace = run_episode(robot, Hold(robot), short_episode(), watch)
-        place = wire(robot).place(joint)
-        assert trace.faults == (f"motor {place} reports that it is switched off",)
-        assert trace.walked_s < 0.32
-
     def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(self, go1: Robot) -> None:
         wiring = wire(with_motors(go1, knee="DM8009"))
         driver = open_driver(wiring)
@@ -312,51 +197,3 @@ class TestRobots:
         np.testing.assert_allclose(back, readings, atol=0.02)
         assert codes.tolist() == error.tolist()
         assert replies.temperature_c.tolist() == [33] * 12
-
-
-@pytest.mark.parametrize(
-    "models",
-    [
-        ("AK70-10", "AK80-9"),
-        ("DM4310", "DM8009"),
-        ("RS00", "RS03"),
-        ("AK80-9", "RS03"),
-        ("DM4310", "RS00"),
-        ("ODrive", "ODrive"),
-        ("ODrive", "DM4310"),
-    ],
-)
-def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[str, str]) -> None:
-    """20,000 frames: identifiers of every kind on both buses, some as long as they should be."""
-    wiring = replace(TWO, models=models)
-    driver, end = open_driver(wiring), open_motor_end(wiring)
-    rng = np.random.default_rng(1)
-    count = 100
-    kinds = np.array(
-        [
-            0x000,
-            0x103,
-            0x203,
-            0x003,
-            0x061,
-            0x069,
-            0x06E,
-            0x07C,
-            0x7FF,
-            1 << 31 | 0x028003FD,
-            1 << 31 | 0x110003FD,
-        ]
-    )
-    most = driver.highest[[0, 1, 4]]
-    for _ in range(200):
-        near = rng.choice(kinds, count) ^ rng.integers(0, 2, count) * (1 << rng.integers(0, 29, count))
-        data = rng.integers(0, 256, (count, 8)).astype(np.uint8)
-        data[::3, 0] = rng.choice([3, 0x13, 0x83], len(data[::3]))
-        length = np.where(rng.random(count) < 0.7, 8, rng.integers(0, 9, count))
-        frames = Frames(rng.integers(0, 2, count), near, data, length)
-        motor, values, error, temperature, *_ = driver.replies(frames)
-        assert values.shape == (3, len(temperature)) == (3, len(error))
-        assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
-        end.requests(frames)
-        end.settings_replies(frames)
-        driver.not_ready()

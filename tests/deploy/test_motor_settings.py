@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
-from two_motors import two_motors
+from some_motors import MAKERS, two_motors, with_motors
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import damiao, robstride
@@ -23,22 +23,7 @@ from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
-MAKERS = {
-    "MIT mode": {},
-    "Damiao": {"hip": "DM8006", "knee": "DM8009"},
-    "RobStride": {"hip": "RS06", "knee": "RS03"},
-    "ODrive": {"hip": "ODrive", "knee": "ODrive"},
-    "mixed": {"hip": "RS03", "knee": "DM8009"},
-}
 QUICK = DeployConfig(stand_s=0.1)
-
-
-def with_motors(robot: Robot, protocols: dict[str, str]) -> Robot:
-    motors = {
-        name: replace(motor, protocol=protocols.get(name, motor.protocol), watchdog_endpoints=(410, 409))
-        for name, motor in robot.description.motors.items()
-    }
-    return replace(robot, description=replace(robot.description, motors=motors))
 
 
 class OnABus:
@@ -60,7 +45,7 @@ class OnABus:
     ("maker", "late_us"), [*((maker, 5000) for maker in MAKERS), ("Damiao", 1000), ("Damiao", 2500)]
 )
 def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_us: int) -> None:
-    simulated = OnABus(with_motors(go1, MAKERS[maker]))
+    simulated = OnABus(with_motors(go1, **MAKERS[maker]))
     simulated.bus.incoming = late(late_us)
     outcome = simulated.held()
     assert (outcome.faults, outcome.final_state) == ((), "IDLE")
@@ -70,7 +55,7 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_u
 def test_motors_without_a_time_out_are_off_a_tenth_of_a_second_after_the_last_frame(
     go1: Robot, maker: str
 ) -> None:
-    wiring = wire(with_motors(go1, MAKERS[maker]))
+    wiring = wire(with_motors(go1, **MAKERS[maker]))
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert isinstance(end, DamiaoMotorEnd | RobstrideMotorEnd)
     for own in end.registers if isinstance(end, DamiaoMotorEnd) else end.parameters:

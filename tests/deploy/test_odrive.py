@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from odrives import with_odrives
 from reports import report
-from two_motors import two_motors
+from some_motors import frame, two_motors
+from some_motors import hexed as contents
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
@@ -40,11 +41,6 @@ TWO = two_motors("ODrive", "ODrive", gear_ratio=(1.0, 8.0))
 BOTH = np.ones(2, bool)
 
 
-def frame(identifier: int, content: bytes, channel: int = 0) -> Frames:
-    data = np.frombuffer(content.ljust(8, b"\0"), np.uint8).reshape(1, 8)
-    return Frames(np.array([channel]), np.array([identifier]), data, np.array([len(content)]))
-
-
 def pair(identifier: int, first: float, second: float, channel: int = 0) -> Frames:
     return frame(identifier, struct.pack("<ff", first, second), channel)
 
@@ -54,12 +50,7 @@ def heartbeat(state: int, error: int = 0, channel: int = 0) -> Frames:
 
 
 def hexed(frames: Frames) -> list[tuple[int, str]]:
-    return [
-        (identifier, row[:length].tobytes().hex(" "))
-        for identifier, row, length in zip(
-            frames.id.tolist(), frames.data, frames.length.tolist(), strict=True
-        )
-    ]
+    return list(zip(frames.id.tolist(), contents(frames), strict=True))
 
 
 def tell_all(driver: OdriveDriver) -> None:
@@ -229,11 +220,6 @@ class TestJointLaw:
         torque = frames.data[:, :4].copy().view("<f4")[:, 0] * wiring.gear_ratio
         np.testing.assert_allclose(torque, robot.motor.peak_torque, rtol=1e-6)
 
-    @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_what_is_not_finite_is_refused(self, driver: OdriveDriver, bad: float) -> None:
-        with pytest.raises(ValueError, match="not finite"):
-            command(driver, torque=bad)
-
     def test_positions_without_torques_are_at_fault(self, driver: OdriveDriver) -> None:
         codes = [int(driver.replies(pair(0x069, 0.0, 0.0)).error[0]) for _ in range(26)]
         assert codes[:25] == [0] * 25
@@ -357,16 +343,6 @@ class TestStart:
 
 
 class TestMotorEnd:
-    def test_an_axis_knows_what_is_asked_of_it(self) -> None:
-        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
-        for frames, kind in (
-            (driver.enable(), Request.ENABLE),
-            (driver.disable(), Request.DISABLE),
-            (driver.clear(), Request.CLEAR),
-            (driver.zero(), Request.ZERO),
-        ):
-            assert end.requests(frames).kind.tolist() == [kind] * 2  # type: ignore[union-attr]
-
     def test_a_torque_is_not_obeyed_in_another_mode(self) -> None:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
         assert not end.requests(driver.command(np.ones((5, 2)))).values.size
@@ -450,28 +426,8 @@ def odrive_messages() -> tuple[int, ...]:
 
 
 class TestRobots:
-    @pytest.mark.parametrize(("motors", "first_id"), [(("hip", "knee"), 1), (("hip",), 4)])
-    def test_a_robot_of_odrives_and_one_that_mixes_stand(
-        self, go1: Robot, motors: tuple[str, ...], first_id: int
-    ) -> None:
-        """Beside MIT motors, whose ids go up to 0x7f, nodes begin at 4, 0x080."""
-        robot = with_odrives(go1, *motors, first_id=first_id)
-        trace = run_episode(robot, Hold(robot), short_episode())
-        assert trace.faults == ()
-        assert trace.final_state == "IDLE"
-        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
-
     def faults(self, robot: Robot, at: object, policy: Policy | None = None) -> tuple[str, ...]:
         return run_episode(robot, policy or Hold(robot), short_episode(), at).faults  # type: ignore[arg-type]
-
-    def test_an_axis_that_reboots_says_so_with_its_next_heartbeat(self, go1: Robot) -> None:
-        robot = with_odrives(go1, "hip", "knee")
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.3 < loop.walking_s < 0.3021:
-                body.reboot(np.array([8]))
-
-        assert self.faults(robot, watch) == (f"motor {wire(robot).place(8)} reports that it is switched off",)
 
     def test_an_axis_that_falls_silent_is_named(self, go1: Robot) -> None:
         robot = with_odrives(go1, "hip", "knee")

@@ -8,7 +8,7 @@ import own_drivers
 import pytest
 from deploy_policies import Hold, stand_still
 from own_drivers import OwnDriver, OwnImu
-from two_motors import two_motors
+from some_motors import two_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock

@@ -31,7 +31,7 @@ def checked(
     robot: Robot, inject: Callable[[FaultInjector], None], lying: bool, proven: list[Verdict] | None = None
 ) -> SessionResult:
     """A short run with a wiring check."""
-    wiring, config = wire(robot), deploy_config(robot)
+    wiring, config = wire(robot), replace(deploy_config(robot), joint_rate_hz=250.0)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     body = SimulatedRobot(robot, wiring, wires, PlantConfig(noise=NOISE, lying=lying))
     bus, policy = InjectingBus(SimulatedBus(wires, body)), InjectingPolicy(Hold(robot))

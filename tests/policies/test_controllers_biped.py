@@ -44,7 +44,7 @@ def test_step_refuses_a_robot_of_four_feet() -> None:
 
 
 class TestBalance:
-    @pytest.mark.parametrize("push", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
+    @pytest.mark.parametrize("push", [(0.2, 0.0), (-0.15, -0.15)])
     def test_a_nudge_is_caught_on_the_spot(self, push: tuple[float, float]) -> None:
         policy, plant = Balance(G1), DirectPlant(G1, seed=3)
         result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([*push, 0.0])))
@@ -142,7 +142,7 @@ class TestStep:
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
 
-    @pytest.mark.parametrize("ahead", [1.5, 1.7, 2.0])  # at 1.5 the feet are on both sides of it as one lifts
+    @pytest.mark.parametrize("ahead", [1.5, 2.0])  # at 1.5 the feet are on both sides of it as one lifts
     def test_a_foot_in_the_air_does_not_care_where_headings_begin_anew(self, ahead: float) -> None:
         """A turn over half a circle is the same turn a quarter of a circle earlier.
 

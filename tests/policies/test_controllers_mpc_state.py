@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from moments import UP
+from scipy.spatial.transform import Rotation
 from tilted_robot import ROBOT, observed
 
 from footfall.common.rotations import heading_matrix, wrap_angle

@@ -60,12 +60,8 @@ class TestAll:
         assert stance.shape == (len(ROBOT.description.feet),)
 
     @pytest.mark.parametrize("make", CONTROLLERS)
-    def test_the_same_readings_give_the_same_commands(self, make: Callable[..., Policy]) -> None:
-        first, again = (go(make(ROBOT), (0.4, 0.0, 0.3), 1.5) for _ in range(2))
-        np.testing.assert_array_equal(first.position, again.position)
-
-    def test_a_second_episode_does_not_remember_the_first(self) -> None:
-        policy = Mpc(ROBOT)
+    def test_a_second_episode_repeats_the_first_to_the_bit(self, make: Callable[..., Policy]) -> None:
+        policy = make(ROBOT)
         first, again = (go(policy, (0.4, 0.0, 0.3), 1.5) for _ in range(2))
         np.testing.assert_array_equal(first.position, again.position)
 
@@ -84,7 +80,7 @@ class TestAll:
 
 
 class TestGaits:
-    @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5)])
+    @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.2, 0.5)])
     def test_it_goes_where_it_is_told(self, command: tuple[float, float, float]) -> None:
         result = go(Trot(ROBOT), command, 3.0)
         assert not result.fell
@@ -156,7 +152,7 @@ class TestGaits:
 
 
 class TestMpc:
-    @pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.0), (0.6, 0.3, 1.0)])
+    @pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (-0.6, 0.5, 0.0), (0.6, 0.3, 1.0)])
     def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
         result = go(Mpc(ROBOT), command, 4.0)
         assert not result.fell
@@ -165,10 +161,9 @@ class TestMpc:
         assert yaw_rate < 0.15
         assert np.std(result.height[750:]) < 0.01
 
-    @pytest.mark.parametrize("direction", range(4))
-    @pytest.mark.parametrize("command", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)])
-    def test_it_survives_a_push(self, direction: int, command: tuple[float, float, float]) -> None:
-        angle = direction * np.pi / 2 + 0.3
+    @pytest.mark.parametrize(("direction", "forward"), [(0, 0.0), (1, 0.5), (2, 0.5), (3, 0.0)])
+    def test_it_survives_a_push(self, direction: int, forward: float) -> None:
+        angle, command = direction * np.pi / 2 + 0.3, (forward, 0.0, 0.0)
         push = (1.5, 0.8 * np.array([np.cos(angle), np.sin(angle), 0.0]))
         result = go(Mpc(ROBOT), command, 3.5, push=push)
         assert not result.fell
@@ -179,9 +174,3 @@ class TestMpc:
         result = go(policy, (0.0, 0.0, 0.0), 4.5, push=(1.0, np.array([0.0, 0.8, 0.0])))
         assert not result.fell
         assert drift(result, after_s=4.0) < 0.01
-
-    def test_every_solve_is_timed(self) -> None:
-        policy = Mpc(ROBOT)
-        go(policy, (0.5, 0.0, 0.0), 1.0)
-        assert len(policy.solve_ms) >= 100
-        assert policy.late == 0

@@ -1,0 +1,208 @@
+"""What holds for the motors of every maker: requests, rounding, settings at the start, robots that stand."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from reports import report
+from some_motors import MAKERS, frame, introduce, two_motors, with_motors
+
+from footfall.deploy.drivers import damiao, robstride
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot
+
+MIT, DAMIAO, ROBSTRIDE, ODRIVE = (
+    two_motors(*models)
+    for models in (("AK70-10", "AK80-9"), ("DM4310", "DM8009"), ("RS00", "RS03"), ("ODrive", "ODrive"))
+)
+ALL = pytest.mark.parametrize("wiring", [MIT, DAMIAO, ROBSTRIDE, ODRIVE], ids=list(MAKERS)[:4])
+WITH_SETTINGS = pytest.mark.parametrize("wiring", [DAMIAO, ROBSTRIDE], ids=["Damiao", "RobStride"])
+
+
+def both_ends(wiring: Wiring) -> tuple[Any, Any]:
+    """A driver that knows all settings, and its simulated motors."""
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    if wiring is not ODRIVE:
+        introduce(driver, end)
+    return driver, end
+
+
+@ALL
+class TestRequests:
+    def test_motors_know_what_is_asked_of_them(self, wiring: Wiring) -> None:
+        driver, end = both_ends(wiring)
+        for frames, kind in (
+            (driver.enable(), Request.ENABLE),
+            (driver.disable(), Request.DISABLE),
+            (driver.clear(), Request.CLEAR),
+            (driver.zero(), Request.ZERO),
+        ):
+            assert not len(frames.id) or end.requests(frames).kind.tolist() == [kind] * 2
+
+    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    def test_what_is_not_finite_is_refused(self, wiring: Wiring, bad: float) -> None:
+        driver, values = both_ends(wiring)[0], np.zeros((5, 2))
+        for channel in (0, 1):
+            driver.replies(frame(0x069, bytes(8), channel))  # an ODrive's position
+        values[4, 1] = bad
+        with pytest.raises(ValueError, match="not finite"):
+            driver.command(values)
+
+
+@pytest.mark.parametrize(
+    ("wiring", "codes"), [(DAMIAO, [65535, 4095, 4095, 4095, 4095]), (ROBSTRIDE, [65535] * 5)]
+)
+class TestRounding:
+    """To the nearest code of a range; beyond its ends to these."""
+
+    @given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
+    def test_of_commands_and_readings(self, wiring: Wiring, codes: list[int], share: np.ndarray) -> None:
+        driver, end = both_ends(wiring)
+        most, rows = driver.highest, [0, 1, 4]
+        half = 0.5 * (most - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
+        requests = end.requests(driver.command(share * most))
+        assert np.all(np.abs(requests.values - np.clip(share * most, driver.lowest, most)) <= half)
+        readings = np.clip(share * most, -most, most)[rows]
+        for _ in range(2):  # the second time from arrays that were seen before
+            replies = driver.replies(end.reply(slice(None), report(share[rows] * most[rows], 0, 33)))
+        assert np.all(np.abs(replies.values - readings) <= half[rows])
+        assert replies.temperature_c.tolist() == [33, 33]
+
+    def test_of_gains(self, wiring: Wiring, codes: list[int]) -> None:
+        driver = both_ends(wiring)[0]
+        expected = 0.5 * driver.highest[2:4] / np.array(codes)[2:4, None]
+        np.testing.assert_allclose(driver.gain_rounding, expected)
+
+
+@WITH_SETTINGS
+def test_a_motor_that_was_on_and_is_off_has_rebooted(wiring: Wiring) -> None:
+    driver, end = both_ends(wiring)
+    told = []
+    for on in (False, True, False, True):
+        replies = driver.replies(end.reply(slice(None), report(np.zeros((3, 2)), on=np.array([on, True]))))
+        told.append(bool(replies.error[0]))
+        assert replies.error[1] == 0
+    assert told == [False, False, True, False]
+    assert driver.not_confirmed_off().all()  # their last replies say that they are on
+
+
+@WITH_SETTINGS
+class TestSettings:
+    def own(self, end: Any) -> tuple[dict[int, float], int]:
+        """The settings of the knee, and the number of its time-out: 2000 are 0.1 s, 20 000 a second."""
+        if hasattr(end, "registers"):
+            return end.registers[1], damiao.TIME_OUT
+        return end.parameters[1], robstride.TIME_OUT
+
+    @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
+    def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(
+        self, wiring: Wiring, told: int, kept: int
+    ) -> None:
+        driver, end = open_driver(wiring), open_motor_end(wiring)
+        settings, time_out = self.own(end)
+        settings[time_out] = told
+        introduce(driver, end)
+        assert settings[time_out] == kept
+
+    @pytest.mark.parametrize(
+        ("told", "says"), [(0, "has no"), (20_000, "has a communication time-out of 1 s")]
+    )
+    def test_a_motor_that_does_not_take_it_is_not_switched_on(
+        self, wiring: Wiring, told: int, says: str
+    ) -> None:
+        """It confirms the write, and tells what it told before."""
+        driver, end = open_driver(wiring), open_motor_end(wiring)
+        settings, time_out = self.own(end)
+        settings[time_out] = told
+        for _ in range(8):
+            asked = driver.query_settings()
+            reads = asked.data[:, 2] == damiao.READ if wiring is DAMIAO else asked.id >> 24 & 0x1F == 0x11
+            driver.replies(asked.take(~reads)._replace(id=np.full((~reads).sum(), 0x203)))
+            if (answer := end.settings_replies(asked.take(reads))) is not None:
+                driver.replies(answer)
+        assert driver.not_ready().startswith(f"motor knee (can1, id 3) {says}")
+
+    @pytest.mark.parametrize("settings_told", [True, False])
+    def test_one_that_is_set_wrongly_or_tells_nothing_is_named(
+        self, wiring: Wiring, settings_told: bool
+    ) -> None:
+        driver, end = open_driver(wiring), open_motor_end(wiring)
+        mode = damiao.MODE if wiring is DAMIAO else robstride.RUN_MODE
+        self.own(end)[0][mode] = 2
+        for _ in range(6):
+            if (answer := end.settings_replies(driver.query_settings())) is not None:
+                driver.replies(answer if settings_told else answer.take(answer.channel == 0))
+        assert driver.not_ready().startswith("motor knee (can1, id 3) ")
+        assert ("mode 2" in driver.not_ready()) is settings_told
+
+
+class TestRobots:
+    @pytest.mark.parametrize(
+        "motors", [*list(MAKERS.values())[1:], {"knee": "DM8009"}, {"hip": "ODrive", "first_id": 4}]
+    )
+    def test_they_stand(self, go1: Robot, motors: dict[str, Any]) -> None:
+        """Beside MIT motors, whose ids go up to 0x7f, an ODrive's nodes begin at 4, 0x080."""
+        robot = with_motors(go1, **motors)
+        trace = run_episode(robot, Hold(robot), short_episode())
+        assert (trace.faults, trace.final_state) == ((), "IDLE")
+        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
+
+    @pytest.mark.parametrize("maker", ["Damiao", "RobStride", "ODrive"])
+    def test_a_motor_that_reboots_says_so(self, go1: Robot, maker: str) -> None:
+        robot, joint = with_motors(go1, **MAKERS[maker]), 8
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and 0.3 < loop.walking_s < 0.3021:
+                body.reboot(np.array([joint]))
+
+        trace = run_episode(robot, Hold(robot), short_episode(), watch)
+        assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is switched off",)
+        assert maker == "ODrive" or trace.walked_s < 0.32  # an axis says so with its next heartbeat
+
+
+IDENTIFIERS = [
+    *(0x000, 0x103, 0x203, 0x003, 0x061, 0x069, 0x06E, 0x07C, 0x7FF, EXTENDED | 0x028003FD),
+    EXTENDED | 0x110003FD,
+]
+
+
+@pytest.mark.parametrize(
+    "wiring",
+    [
+        MIT,
+        DAMIAO,
+        ROBSTRIDE,
+        ODRIVE,
+        replace(MIT, models=("AK80-9", "RS03")),
+        replace(DAMIAO, models=("ODrive", "DM4310")),
+    ],
+)
+def test_whatever_comes_nothing_raises_and_readings_stay_in_range(wiring: Wiring) -> None:
+    """20,000 frames: identifiers of every kind on both buses, some as long as they should be."""
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    rng, count = np.random.default_rng(1), 100
+    most = driver.highest[[0, 1, 4]]
+    for _ in range(200):
+        near = rng.choice(IDENTIFIERS, count) ^ rng.integers(0, 2, count) * (1 << rng.integers(0, 29, count))
+        data = rng.integers(0, 256, (count, 8)).astype(np.uint8)
+        data[::3, 0] = rng.choice([3, 0x13, 0x83], len(data[::3]))
+        length = np.where(rng.random(count) < 0.7, 8, rng.integers(0, 9, count))
+        frames = Frames(rng.integers(0, 2, count), near, data, length)
+        motor, values, error, temperature, *_ = driver.replies(frames)
+        assert values.shape == (3, len(temperature)) == (3, len(error))
+        assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
+        end.requests(frames)
+        end.settings_replies(frames)
+        driver.not_ready()
