@@ -75,7 +75,7 @@ class ControlLoop:
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         kd, battery = config.safety.damping_kd, battery_monitor(robot, config.safety.battery)
-        imu, tick_s = open_imu(wiring), config.tick_us * 1e-6
+        imu, tick_s = open_imu(wiring, config.estimator.attitude), config.tick_us * 1e-6
         self._joints = JointLayer(robot, driver, imu, tick_s, config.scale, battery)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)

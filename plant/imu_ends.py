@@ -27,14 +27,27 @@ class ImuEnd(Protocol):
 class FootfallImuEnd:
     """An IMU with footfall's own format."""
 
+    identifiers: tuple[int, ...] = imu.IDS  # of the frames that it sends
+
     def __init__(self, channel: int) -> None:
-        three = len(imu.IDS)
-        self._channel, self._id, self._length = np.full(three, channel), np.array(imu.IDS), np.full(three, 8)
+        sent = len(self.identifiers)
+        self._channel, self._id, self._length = (
+            np.full(sent, channel),
+            np.array(self.identifiers),
+            np.full(sent, 8),
+        )
         self._counter = 0
 
     def encode(self, reading: imu.Inertial) -> Frames:
         self._counter += 1
-        return Frames(self._channel, self._id, imu.encode(reading, self._counter), self._length)
+        data = imu.encode(reading, self._counter)[: len(self._id)]
+        return Frames(self._channel, self._id, data, self._length)
+
+
+class InertialImuEnd(FootfallImuEnd):
+    """The same without orientation."""
+
+    identifiers = imu.IDS[:2]
 
 
 def open_imu_end(wiring: Wiring) -> ImuEnd:

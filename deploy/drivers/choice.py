@@ -11,16 +11,21 @@ from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.driver import CanFilter, Driver, MotorDriver
 from footfall.deploy.drivers.identifiers import check_identifiers
-from footfall.deploy.drivers.imu import ImuReader
+from footfall.deploy.drivers.imu import ImuReader, InertialReader
 from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.drivers.mixed import MixedDriver
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
+from footfall.deploy.drivers.oriented_imu import OrientedImu
 from footfall.deploy.drivers.robstride import RobstrideDriver
+from footfall.deploy.estimation.config import AttitudeConfig
 from footfall.deploy.wiring import Wiring
 
 DRIVERS: tuple[type[MotorDriver], ...] = (MitDriver, DamiaoDriver, RobstrideDriver, OdriveDriver)
-IMU_DRIVERS: dict[str, type[ImuDriver]] = {"footfall": ImuReader}  # by imu_protocol of robot.yaml
+IMU_DRIVERS: dict[str, type[ImuDriver]] = {  # by imu_protocol of robot.yaml
+    "footfall": ImuReader,
+    "footfall-inertial": InertialReader,
+}
 
 _BY_MODEL = {model: driver for driver in DRIVERS for model in driver.models}
 
@@ -50,7 +55,7 @@ def imu_driver_class(protocol: str) -> type[ImuDriver]:
     if is_place(protocol):
         return imu_driver_at(protocol)
     known = ", ".join(IMU_DRIVERS)
-    raise UserError(f"no imu_protocol '{protocol}': there is {known}, or MODULE:NAME of one's own")
+    raise UserError(f"no imu_protocol '{protocol}': there are {known}, or MODULE:NAME of one's own")
 
 
 def open_driver(wiring: Wiring) -> Driver:
@@ -84,9 +89,20 @@ def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
     ]
 
 
-def open_imu(wiring: Wiring) -> ImuDriver:
-    """The driver of a robot's IMU; errors as for `imu_driver_class`."""
-    return imu_driver_class(wiring.imu_protocol)(wiring.imu_channel)
+def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDriver:
+    """The driver of a robot's IMU, with an attitude filter where the IMU gives no orientation.
+
+    Args:
+        wiring: names the IMU's bus and driver.
+        attitude: settings of the filter; None for the defaults.
+
+    Raises:
+        UserError: as for `imu_driver_class`.
+    """
+    driver = imu_driver_class(wiring.imu_protocol)(wiring.imu_channel)
+    if getattr(driver, "orientation", True):
+        return driver
+    return OrientedImu(driver, attitude or AttitudeConfig())
 
 
 def filters_of(wiring: Wiring) -> tuple[CanFilter, ...]:

@@ -9,6 +9,8 @@
 Big-endian, body axes. Readings past the range are clamped. The sample counter distinguishes a new reading
 from a repeated one, and from one that is older than the latest: that one was replayed, or overtaken, and is
 left out. A shorter frame, and a quaternion whose length is not 1, count as not received.
+
+An IMU without orientation sends the first two frames alone (`footfall-inertial`).
 """
 
 import math
@@ -89,6 +91,7 @@ class ImuReader:
     filters: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extended": False},)
     identifiers: tuple[int, ...] = IDS
     imu_end = "footfall.plant.imu_ends:FootfallImuEnd"
+    orientation = True
 
     def __init__(self, channel: int) -> None:
         """`channel` is the index of the IMU's bus."""
@@ -172,3 +175,20 @@ class ImuReader:
             quaternion = decoded
             self._heard_us[2] = arrived_us
         self.reading = Inertial(gyro, acceleration, quaternion)
+
+
+class InertialReader(ImuReader):
+    """An IMU that sends gyro and acceleration alone; a quaternion is left out."""
+
+    imu_end = "footfall.plant.imu_ends:InertialImuEnd"
+    orientation = False
+
+    @property
+    def heard_us(self) -> int | None:
+        gyro, acceleration, _ = self._heard_us
+        return None if gyro is None or acceleration is None else min(gyro, acceleration)
+
+    @property
+    def oldest(self) -> str:
+        gyro, acceleration, _ = (-math.inf if heard is None else heard for heard in self._heard_us)
+        return "gyro" if gyro <= acceleration else "acceleration"

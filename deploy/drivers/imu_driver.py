@@ -2,6 +2,8 @@
 
 A driver of one's own is a class that `imu_protocol` in robot.yaml names as MODULE:NAME. It may have `older`,
 the number of samples so far that were older than the latest: then replays are noticed by their counters, too.
+The driver of an IMU that gives no orientation has `orientation = False`, and any unit quaternion in its
+readings: an attitude filter replaces it (`oriented_imu.py`).
 """
 
 from typing import Protocol

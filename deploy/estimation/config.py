@@ -22,6 +22,22 @@ class ContactConfig:
 
 
 @dataclass(frozen=True)
+class AttitudeConfig:
+    """Trust in gyro and accelerometer of an IMU that gives no orientation."""
+
+    rest_s: float = 0.5  # at rest, over which the first readings are averaged
+    rest_rad_s: float = 0.15  # largest reading of the gyro at rest: its bias and its noise
+    start_tilt: float = 0.01  # rad, of the first attitude: a badly calibrated accelerometer
+    start_bias: float = 0.0015  # rad/s, of the gyro's bias after the first rest
+    gyro_noise: float = 0.005  # rad per root of a second
+    bias_drift: float = 0.001  # rad/s per root of a second
+    acceleration_noise: float = 0.5  # m/s^2 times root of a second: the base's own acceleration
+
+    def __post_init__(self) -> None:
+        require_positive(self, *self.__dataclass_fields__)
+
+
+@dataclass(frozen=True)
 class GyroConfig:
     """Speed of learning the gyro's bias."""
 
@@ -86,6 +102,7 @@ class OdometryConfig:
 class EstimatorConfig:
     """Settings of `BaseEstimator`."""
 
+    attitude: AttitudeConfig = field(default_factory=AttitudeConfig)  # for an IMU without orientation
     contact: ContactConfig = field(default_factory=ContactConfig)
     gyro: GyroConfig = field(default_factory=GyroConfig)
     filter: FilterConfig = field(default_factory=FilterConfig)

@@ -1,0 +1,110 @@
+"""Attitude from gyro and accelerometer alone, on simulated robots that stand, walk and are pushed.
+
+    python benchmarks/attitude.py
+
+Each robot has an IMU without orientation whose gyro has a bias, and the scenarios' sensor noise. Its policy
+runs on the attitude of the filter. Prints a table: the angle between the estimated and the true vertical, and
+the drift of the heading.
+"""
+
+import argparse
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.rotations import heading, rotation_matrix, wrap_angle
+from footfall.deploy.loop import ControlLoop
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+GYRO_BIAS = (0.02, -0.015, 0.01)  # rad/s
+STOP_S = 3.0  # at the end of each walk
+FIRST_PUSH_S, PUSH_EVERY_S, PUSH_M_S = 3.0, 2.0, 0.6
+
+
+class Walk(NamedTuple):
+    """One episode."""
+
+    robot: str
+    policy: str
+    forward_m_s: float
+    yaw_rad_s: float
+    pushes: int  # each in another direction
+    duration_s: float
+
+    def command(self, time_s: float) -> np.ndarray:
+        """Velocity command, (3,)."""
+        ends = time_s >= self.duration_s - STOP_S
+        return np.zeros(3) if ends else np.array([self.forward_m_s, 0.0, self.yaw_rad_s])
+
+
+WALKS = (
+    Walk("go1", "go1-flat", 0.8, 0.3, 5, 14.0),
+    Walk("go1", "stand", 0.0, 0.0, 2, 8.0),
+    Walk("go1", "trot", 0.4, 0.5, 3, 10.0),
+    Walk("go1", "mpc", 0.4, 0.5, 0, 6.0),
+    Walk("g1", "g1-flat", 0.6, 0.3, 0, 14.0),
+    Walk("g1", "balance", 0.0, 0.0, 0, 6.0),
+    Walk("hexapod", "hexapod-flat", 0.3, 0.3, 0, 10.0),
+)
+
+
+def push(number: int) -> Push:
+    """The pushes go round the robot."""
+    angle = 1.3 * number
+    return Push(
+        FIRST_PUSH_S + PUSH_EVERY_S * number, (PUSH_M_S * np.cos(angle), PUSH_M_S * np.sin(angle), 0.0)
+    )
+
+
+def errors(walk: Walk, seed: int) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Whether the robot fell, and the errors of tilt and yaw while its policy decides, rad, (T,) each."""
+    shipped = load_robot(walk.robot)
+    robot = replace(shipped, description=replace(shipped.description, imu_protocol="footfall-inertial"))
+    tilts, yaws = [], []
+
+    def compare(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.walking:
+            found, true = loop.sensed.quaternion, body.truth().base_quaternion
+            apart = float(np.linalg.norm(rotation_matrix(found)[2] - rotation_matrix(true)[2]))
+            tilts.append(2.0 * math.asin(min(1.0, 0.5 * apart)))
+            yaws.append(wrap_angle(float(heading(found) - heading(true))))
+
+    episode = Episode(
+        command_source=walk.command,
+        duration_s=walk.duration_s,
+        seed=seed,
+        sample={"gyro_bias": np.array(GYRO_BIAS)},
+        noise=load_scenarios(robot).noise,
+        pushes=tuple(push(number) for number in range(walk.pushes)),
+        record=False,
+    )
+    trace = run_episode(robot, load_policy(walk.policy, robot), episode, compare)
+    return trace.fell, np.array(tilts), np.unwrap(yaws)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print("| robot | policy | m/s | pushes | fell | tilt error RMS, degrees | largest | yaw drift, degrees |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for walk in WALKS:
+        fell, tilts, yaws = errors(walk, options.seed)
+        rms, most, drift = np.degrees([np.sqrt(np.mean(tilts**2)), tilts.max(), yaws[-1] - yaws[0]])
+        print(
+            f"| {walk.robot} | {walk.policy} | {walk.forward_m_s:g} | {walk.pushes} |"
+            f" {'yes' if fell else 'no'} | {rms:.2f} | {most:.2f} | {drift:.1f} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""An IMU without orientation, with the attitude that a filter finds from its gyro and accelerometer."""
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.drivers.imu_driver import ImuDriver
+from footfall.deploy.estimation.attitude import AttitudeEstimator
+from footfall.deploy.estimation.config import AttitudeConfig
+from footfall.deploy.frames import Frames
+
+
+class OrientedImu:
+    """An `ImuDriver` whose quaternion is the filter's. It counts as heard once the filter has started."""
+
+    orientation = True
+
+    def __init__(self, driver: ImuDriver, config: AttitudeConfig) -> None:
+        """`driver` gives gyro and acceleration."""
+        self._driver, self._estimator = driver, AttitudeEstimator(config)
+        self.filters, self.identifiers, self.imu_end = driver.filters, driver.identifiers, driver.imu_end
+        self._updated_us: int | None = None
+        self.reading = driver.reading
+
+    @property
+    def heard_us(self) -> int | None:
+        """Arrival time of the latest reading, us; None until the robot has kept still for long enough."""
+        return None if self._estimator.attitude is None else self._driver.heard_us
+
+    @property
+    def oldest(self) -> str:
+        """Name of the oldest part of the reading."""
+        if self._estimator.attitude is None and self._driver.heard_us is not None:
+            return "quaternion: the robot has to keep still at first"
+        return self._driver.oldest
+
+    @property
+    def older(self) -> int:
+        """Number of samples so far that were older than the latest one."""
+        return getattr(self._driver, "older", 0)
+
+    def absorb(self, frames: Frames, now_us: int) -> None:
+        """Decode frames; a new sample advances the attitude by the time since the one before."""
+        self._driver.absorb(frames, now_us)
+        heard_us, before_us = self._driver.heard_us, self._updated_us
+        if heard_us is None or heard_us == before_us:
+            return
+        self._updated_us = heard_us
+        gyro, acceleration, quaternion = self._driver.reading
+        elapsed_s = 0.0 if before_us is None else 1e-6 * (heard_us - before_us)
+        attitude = self._estimator.update(gyro, acceleration, elapsed_s)
+        self.reading = Inertial(gyro, acceleration, quaternion if attitude is None else attitude.quaternion)

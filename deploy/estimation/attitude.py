@@ -1,0 +1,138 @@
+"""The attitude from gyro and accelerometer, for an IMU that gives none.
+
+An error-state Kalman filter. The gyro turns the attitude; the accelerometer, which reads the vertical plus
+the base's own acceleration, corrects tilt and gyro bias. A walk's accelerations cancel out over a few steps,
+so that they count as noise. Yaw starts at zero and drifts with what is left of the bias about the vertical.
+
+The noise is isotropic: both horizontal axes share one 2 by 2 covariance of tilt and bias. Plain Python
+numbers, like the motion filter.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.deploy.estimation.config import AttitudeConfig
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # w, x, y, z, body to world
+
+
+class Attitude(NamedTuple):
+    """Estimate of the attitude after a reading."""
+
+    quaternion: Quaternion
+    bias: Vector  # of the gyro, rad/s, body frame
+    gyro: Vector  # the reading, rad/s
+    tilt_variance: float  # rad^2, of each horizontal axis
+    covariance: float  # rad^2/s, of tilt and bias
+    bias_variance: float  # (rad/s)^2
+
+
+def at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attitude:
+    """The attitude of a robot that keeps still, with a yaw of zero.
+
+    Args:
+        gyro: mean reading, rad/s: the bias.
+        acceleration: mean reading, m/s^2: the vertical.
+        config: noise figures.
+    """
+    x, y, z = acceleration
+    length = math.hypot(x, y, z) or 1.0
+    x, y, z = x / length, y / length, z / length
+    # The smallest turn from the vertical in the body frame to the world's z axis.
+    quaternion = _unit(1.0 + z, y, -x, 0.0) if z > -0.999999 else (0.0, 1.0, 0.0, 0.0)
+    return Attitude(quaternion, gyro, gyro, config.start_tilt**2, 0.0, config.start_bias**2)
+
+
+def advanced(
+    before: Attitude, gyro: Vector, acceleration: Vector, dt_s: float, config: AttitudeConfig
+) -> Attitude:
+    """The attitude after a further reading.
+
+    Args:
+        before: the attitude at the reading before.
+        gyro: rad/s, body frame.
+        acceleration: proper, m/s^2, body frame.
+        dt_s: time since the reading before, above 0.
+        config: noise figures.
+    """
+    (gx, gy, gz), (bx, by, bz), (lx, ly, lz) = gyro, before.bias, before.gyro
+    half = 0.5 * dt_s
+    turn = half * (gx + lx) - dt_s * bx, half * (gy + ly) - dt_s * by, half * (gz + lz) - dt_s * bz
+    quaternion = _turned(before.quaternion, turn)
+    # F P F' + Q of tilt' = tilt - bias dt.
+    tilt, cross, bias = before.tilt_variance, before.covariance, before.bias_variance
+    tilt += dt_s * (dt_s * bias - 2.0 * cross + config.gyro_noise**2)
+    cross -= dt_s * bias
+    bias += dt_s * config.bias_drift**2
+    # The tilt's error as the accelerometer shows it: a rotation vector, horizontal, body frame.
+    ux, uy, uz = _up(quaternion)
+    x, y, z = (value / GRAVITY_M_S2 for value in acceleration)
+    ex, ey, ez = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    noise = (config.acceleration_noise / GRAVITY_M_S2) ** 2 / dt_s
+    of_tilt, of_bias = tilt / (tilt + noise), cross / (tilt + noise)
+    return Attitude(
+        _turned(quaternion, (of_tilt * ex, of_tilt * ey, of_tilt * ez)),
+        (bx + of_bias * ex, by + of_bias * ey, bz + of_bias * ez),
+        gyro,
+        tilt - of_tilt * tilt,
+        cross - of_tilt * cross,
+        bias - of_bias * cross,
+    )
+
+
+class AttitudeEstimator:
+    """Attitude from the first rest on: the mean readings of `rest_s` without a turn start the filter."""
+
+    def __init__(self, config: AttitudeConfig) -> None:
+        self._config = config
+        self._sum = [0.0] * 6  # of the readings at rest: gyro, acceleration
+        self._count, self._rested_s = 0, 0.0
+        self.attitude: Attitude | None = None  # None until the robot has kept still for long enough
+
+    def update(self, gyro: Sequence[float], acceleration: Sequence[float], dt_s: float) -> Attitude | None:
+        """Take in a reading, rad/s and m/s^2, body frame, `dt_s` after the one before; 0 for the first."""
+        (gx, gy, gz), (ax, ay, az) = gyro, acceleration
+        if self.attitude is None:
+            self._rest((gx, gy, gz, ax, ay, az), dt_s)
+        elif dt_s > 0.0:
+            self.attitude = advanced(self.attitude, (gx, gy, gz), (ax, ay, az), dt_s, self._config)
+        return self.attitude
+
+    def _rest(self, reading: tuple[float, ...], dt_s: float) -> None:
+        if max(map(abs, reading[:3])) > self._config.rest_rad_s:
+            self._sum, self._count, self._rested_s = [0.0] * 6, 0, 0.0
+            return
+        self._rested_s += dt_s if self._count else 0.0
+        self._sum = [total + value for total, value in zip(self._sum, reading, strict=True)]
+        self._count += 1
+        if self._rested_s >= self._config.rest_s:
+            gx, gy, gz, ax, ay, az = (total / self._count for total in self._sum)
+            self.attitude = at_rest((gx, gy, gz), (ax, ay, az), self._config)
+
+
+def _up(quaternion: Quaternion) -> Vector:
+    """The vertical in the body frame."""
+    w, x, y, z = quaternion
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _turned(quaternion: Quaternion, turn: Vector) -> Quaternion:
+    """After a turn of the body, a rotation vector in its own frame."""
+    (w, x, y, z), (tx, ty, tz) = quaternion, turn
+    angle = math.hypot(tx, ty, tz)
+    scale = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    c, tx, ty, tz = math.cos(0.5 * angle), scale * tx, scale * ty, scale * tz
+    return _unit(
+        w * c - x * tx - y * ty - z * tz,
+        w * tx + x * c + y * tz - z * ty,
+        w * ty - x * tz + y * c + z * tx,
+        w * tz + x * ty - y * tx + z * c,
+    )
+
+
+def _unit(w: float, x: float, y: float, z: float) -> Quaternion:
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    return w / length, x / length, y / length, z / length

@@ -1,0 +1,94 @@
+"""The attitude that gyro and accelerometer alone give."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.deploy.estimation.attitude import Attitude, AttitudeEstimator, advanced, at_rest
+from footfall.deploy.estimation.config import AttitudeConfig
+
+DT_S = 0.002
+CONFIG = AttitudeConfig()
+BIAS = np.array([0.03, -0.02, 0.01])
+UP = np.array([0.0, 0.0, 1.0])
+angles = st.floats(-1.5, 1.5)
+
+
+def tilt_error(found: Attitude, true: Rotation) -> float:
+    """Angle between the estimated and the true vertical, rad."""
+    estimated = Rotation.from_quat(found.quaternion, scalar_first=True)
+    return float(np.linalg.norm(estimated.inv().apply(UP) - true.inv().apply(UP)))
+
+
+def follow(
+    found: Attitude, true: Rotation, rate: np.ndarray, seconds: float, swing_m_s2: float = 0.0
+) -> tuple[Attitude, Rotation]:
+    """Turn steadily about the body's axes, with a gyro that has a bias; the base swings ahead at 2 Hz."""
+    for tick in range(round(seconds / DT_S)):
+        true = true * Rotation.from_rotvec(rate * DT_S)
+        own = np.array([swing_m_s2 * np.cos(4.0 * np.pi * tick * DT_S), 0.0, GRAVITY_M_S2])
+        gyro, acceleration = rate + BIAS, true.inv().apply(own)
+        found = advanced(found, tuple(gyro.tolist()), tuple(acceleration.tolist()), DT_S, CONFIG)
+    return found, true
+
+
+def rested(true: Rotation, bias: np.ndarray) -> Attitude:
+    acceleration = true.inv().apply(GRAVITY_M_S2 * UP)
+    return at_rest(tuple(bias.tolist()), tuple(acceleration.tolist()), CONFIG)
+
+
+@given(angles, angles, angles)
+def test_at_rest_the_accelerometer_gives_the_tilt(roll: float, pitch: float, yaw: float) -> None:
+    true = Rotation.from_euler("xyz", [roll, pitch, yaw])
+    found = rested(true, BIAS)
+    assert tilt_error(found, true) < 1e-9
+    assert found.bias == tuple(BIAS)
+
+
+def test_a_robot_on_its_back_has_an_attitude_too() -> None:
+    true = Rotation.from_euler("x", np.pi)
+    assert tilt_error(rested(true, BIAS), true) < 1e-6
+
+
+@pytest.mark.parametrize("rate", [[0.0, 0.0, 1.0], [2.0, -1.0, 0.5], [0.0, 3.0, 0.0]])
+def test_it_turns_with_the_gyro_less_its_bias(rate: list[float]) -> None:
+    start = Rotation.from_euler("xyz", [0.1, -0.2, 0.0])
+    first = rested(start, BIAS)
+    yaw = start * Rotation.from_quat(first.quaternion, scalar_first=True).inv()  # the filter's is zero
+    found, true = follow(first, start, np.array(rate), 5.0)
+    turned = yaw * Rotation.from_quat(found.quaternion, scalar_first=True)
+    assert (turned.inv() * true).magnitude() < 0.004  # it starts to turn between two readings
+
+
+def test_a_bias_that_the_start_did_not_show_is_found() -> None:
+    """The gyro warms up: by 0.03 rad/s. The bias about the vertical stays unknown."""
+    true = Rotation.from_euler("xyz", [0.05, 0.1, 0.0])
+    found, true = follow(rested(true, np.zeros(3)), true, np.zeros(3), 60.0)
+    level = true.inv().apply(UP)
+    missing = BIAS - found.bias
+    assert np.linalg.norm(missing - level * (level @ missing)) < 1e-3
+    assert tilt_error(found, true) < 0.005
+
+
+def test_accelerations_that_cancel_out_do_not_tilt_it() -> None:
+    """5 m/s^2 ahead and back, twice a second, lean the accelerometer by 27 degrees."""
+    true = Rotation.identity()
+    found, true = follow(rested(true, BIAS), true, np.zeros(3), 10.0, swing_m_s2=5.0)
+    assert tilt_error(found, true) < np.radians(1.0)
+
+
+def test_it_starts_once_the_robot_has_kept_still() -> None:
+    """Carried at first: what was read then counts no more."""
+    estimator, level = AttitudeEstimator(CONFIG), [0.0, 0.0, GRAVITY_M_S2]
+    leaning = [3.0, 0.0, 9.3]
+    for _ in range(100):
+        assert estimator.update([0.0, 0.0, 0.02], leaning, DT_S) is None
+    assert estimator.update([0.0, 0.5, 0.0], leaning, DT_S) is None
+    started = [estimator.update([0.0, 0.0, 0.01], level, DT_S) for _ in range(260)]
+    assert started.index(next(filter(None, started))) == pytest.approx(CONFIG.rest_s / DT_S, abs=1)
+    assert started[-1] is not None
+    assert tilt_error(started[-1], Rotation.identity()) < 1e-6
+    assert started[-1].bias == pytest.approx((0.0, 0.0, 0.01))

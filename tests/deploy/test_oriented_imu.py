@@ -1,0 +1,112 @@
+"""A robot whose IMU gives no orientation stands, walks and is pushed, on the attitude of the filter."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+
+from footfall.common.rotations import rotation_matrix
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_imu
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import wire
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.imu_ends import open_imu_end
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.trace import Trace
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+
+BIAS = np.array([0.02, -0.015, 0.01])
+AT_REST = imu.Inertial((0.01, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+
+
+def without_orientation(robot: Robot) -> Robot:
+    """The same robot with an IMU that has gyro and accelerometer alone."""
+    return replace(robot, description=replace(robot.description, imu_protocol="footfall-inertial"))
+
+
+def walk(
+    name: str, policy: str, forward: float, pushes: tuple[Push, ...], seconds: float
+) -> tuple[Trace, float]:
+    """The walk of a robot whose gyro has a bias; the tilt's error, degrees, root mean square."""
+    robot, errors = without_orientation(load_robot(name)), []
+
+    def compare(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.walking:
+            up = rotation_matrix(loop.sensed.quaternion)[2]
+            errors.append(np.linalg.norm(up - rotation_matrix(body.truth().base_quaternion)[2]))
+
+    episode = Episode(
+        command_source=lambda _: np.array([forward, 0.0, 0.3 * bool(forward)]),
+        duration_s=seconds,
+        sample={"gyro_bias": BIAS},
+        noise=load_scenarios(robot).noise,
+        pushes=pushes,
+    )
+    trace = run_episode(robot, load_policy(policy, robot), episode, compare)
+    return trace, float(np.degrees(np.sqrt(np.mean(np.square(errors)))))
+
+
+PUSHES = (Push(1.0, (0.5, 0.0, 0.0)), Push(2.5, (0.0, -0.5, 0.0)))
+
+
+@pytest.mark.parametrize(
+    ("name", "policy", "forward", "pushes", "seconds"),
+    [
+        ("go1", "stand", 0.0, PUSHES[:1], 2.5),
+        ("go1", "go1-flat", 0.8, PUSHES, 4.0),
+        ("g1", "g1-flat", 0.6, (), 4.0),
+    ],
+)
+def test_its_tilt_is_right_within_a_degree(
+    name: str, policy: str, forward: float, pushes: tuple[Push, ...], seconds: float
+) -> None:
+    trace, error = walk(name, policy, forward, pushes, seconds)
+    assert not trace.fell
+    assert trace.faults == ()
+    assert error <= 1.0
+    if forward:
+        assert np.median(trace.base_velocity[100:, 0]) == pytest.approx(forward, abs=0.2)
+
+
+def test_a_robot_that_does_not_keep_still_at_first_is_not_let_up(go1: Robot) -> None:
+    """Its gyro reads 0.2 rad/s: the filter would take that for the bias."""
+    episode = short_episode(sample={"gyro_bias": np.array([0.0, 0.2, 0.0])})
+    robot = without_orientation(go1)
+    trace = run_episode(robot, Hold(robot), episode)
+    assert trace.faults
+    assert "keep still" in trace.faults[0]
+    assert not len(trace.time_s)
+
+
+def test_the_simulated_imu_sends_no_orientation(go1: Robot) -> None:
+    wiring = wire(without_orientation(go1))
+    frames = open_imu_end(wiring).encode(AT_REST)
+    assert frames.id.tolist() == [imu.GYRO_ID, imu.ACCELERATION_ID]
+
+
+def test_a_quaternion_that_comes_all_the_same_is_left_out(go1: Robot) -> None:
+    """An IMU on its side claims to be level."""
+    on_side = AT_REST._replace(acceleration=(0.0, 9.81, 0.0))
+    reader, end = open_imu(wire(without_orientation(go1))), open_imu_end(wire(go1))
+    for tick in range(400):
+        reader.absorb(end.encode(on_side), 2000 * tick)
+    up = rotation_matrix(np.array(reader.reading.quaternion))[2]
+    np.testing.assert_allclose(up, [0.0, 1.0, 0.0], atol=1e-3)
+
+
+def test_it_is_heard_once_it_has_rested_and_grows_old_when_samples_repeat(go1: Robot) -> None:
+    wiring = wire(without_orientation(go1))
+    reader, end = open_imu(wiring), open_imu_end(wiring)
+    heard = []
+    for tick in range(400):
+        frames = end.encode(AT_REST)
+        reader.absorb(frames, 2000 * tick)
+        heard.append(reader.heard_us)
+    assert heard[100] is None
+    assert heard[-1] == 2000 * 399
+    reader.absorb(frames, 900_000)
+    assert reader.heard_us == 2000 * 399
