@@ -2,10 +2,8 @@
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +23,6 @@ from footfall.deploy.bring_up.motions import (
 )
 from footfall.deploy.bring_up.recording import Recording, Samples
 from footfall.deploy.bring_up.steps import STEPS, Plan, Setting, Step, Verdict, _Judge, run_step
-from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.imu import ImuReader
@@ -519,51 +516,6 @@ class TestCommand:
         assert (chosen.config.hold_s, plain.config) == (0.7, BringUpConfig())
         np.testing.assert_array_equal(chosen.command_source(5.0), [0.1, 0.0, 0.3])
         np.testing.assert_array_equal(plain.command_source(5.0), [0.2, 0.0, 0.0])
-
-    @pytest.mark.parametrize(
-        ("bus", "step", "served"),
-        [
-            ("virtual", "hold", PlantConfig(motor_timeout_s=0.08, hanging=True, let_go_after_s=5.0)),
-            ("virtual", "stand", PlantConfig(motor_timeout_s=0.08, lying=True, let_go_after_s=5.0)),
-            ("socketcan", "hold", None),
-        ],
-    )
-    def test_each_step_has_a_bus_of_its_own_with_a_simulated_robot_on_virtual_ones_alone(
-        self,
-        shell: Shell,
-        monkeypatch: pytest.MonkeyPatch,
-        tmp_path: Path,
-        bus: str,
-        step: str,
-        served: PlantConfig | None,
-    ) -> None:
-        """The robot is as the step needs it, and its motors wait for as long as the loop believes."""
-        log: list[tuple] = []
-
-        @contextmanager
-        def serving(robot: Robot, interface: str, config: PlantConfig) -> Iterator[None]:
-            log.append(("served", robot.name, interface, config))
-            yield
-            log.append(("served no more",))
-
-        def opened(kind: str, names: tuple[str, ...], filters: tuple) -> SimpleNamespace:
-            log.append(("opened", kind, names))
-            return SimpleNamespace(close=lambda: log.append(("closed",)))
-
-        def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
-            log.append(("run", step.name))
-            return Verdict(step.name, (), RESULT)
-
-        monkeypatch.setattr("footfall.plant.serve.serving", serving)
-        monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", opened)
-        monkeypatch.setattr("footfall.deploy.bring_up.steps.run_step", run_step)
-        (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.08")
-        options = ("--bus", bus, "--steps", step, "--yes", "--config", str(tmp_path / "loop.yaml"))
-        assert shell("bring-up", "stand", *options).status == 0
-        held = [("opened", bus, ("can0", "can1", "can2", "can3")), ("run", step), ("closed",)]
-        if served is not None:
-            held = [("served", "go1", "virtual", served), *held, ("served no more",)]
-        assert log == held
 
     def test_a_simulated_robots_motors_wait_for_as_long_as_the_loop_believes(
         self, shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

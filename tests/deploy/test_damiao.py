@@ -173,27 +173,3 @@ class TestRobots:
         assert (driver.highest[4, knees] == 20.0).all()
         assert (driver.lowest[4, knees] == -20.0).all()
         np.testing.assert_array_equal(driver.highest[:, ~knees], before[:, ~knees])
-
-    def test_each_motor_of_a_mixed_robot_gets_and_gives_its_own(self, go1: Robot) -> None:
-        wiring = wire(with_motors(go1, knee="DM8009"))
-        driver, end = open_driver(wiring), open_motor_end(wiring)
-        while driver.not_ready():
-            answer = end.settings_replies(driver.query_settings())
-            assert answer is not None
-            driver.replies(answer)
-        rng = np.random.default_rng(2)
-        wanted = rng.uniform(0.1, 0.9, (5, 12)) * driver.highest
-        requests = end.requests(driver.command(wanted))
-        heard = np.zeros((5, 12))
-        heard[:, requests.motor] = requests.values
-        np.testing.assert_allclose(heard, wanted, atol=0.07)
-        readings = rng.uniform(-0.9, 0.9, (3, 12)) * driver.highest[[0, 1, 4]]
-        error = np.zeros(12, np.uint64)
-        error[[1, 5]] = 2, 8
-        motor = requests.motor
-        replies = driver.replies(end.reply(motor, report(readings[:, motor], error[motor], 33)))
-        back, codes = np.zeros((3, 12)), np.zeros(12)
-        back[:, replies.motor], codes[replies.motor] = replies.values, replies.error
-        np.testing.assert_allclose(back, readings, atol=0.02)
-        assert codes.tolist() == error.tolist()
-        assert replies.temperature_c.tolist() == [33] * 12

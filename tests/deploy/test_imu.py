@@ -135,28 +135,6 @@ def test_a_batch_with_a_frame_that_does_not_count_is_looked_into_each_time(
         assert reader.heard_us is None
 
 
-@pytest.mark.parametrize(
-    ("part", "other"), [("id", [0x300, 0x301, 0x303]), ("channel", [1, 1, 0]), ("length", [8, 8, 4])]
-)
-def test_a_batch_that_shares_some_arrays_with_a_whole_reading_is_looked_into(
-    part: str, other: list[int]
-) -> None:
-    """Its third frame is no quaternion of this IMU's."""
-    reader, ahead = imu.ImuReader(channel=1), [1.0, 0.0, 0.0, 0.0]
-    usual = Frames(
-        np.full(3, 1),
-        np.array(imu.IDS),
-        imu.encode(imu.Inertial([0.0] * 3, [0.0, 0.0, 9.8], ahead), 1),
-        np.full(3, 8),
-    )
-    reader.absorb(usual, 1)
-    turned = imu.encode(imu.Inertial([0.1, 0.0, 0.0], [0.0, 0.0, 9.8], [0.0, 1.0, 0.0, 0.0]), 2)
-    reader.absorb(usual._replace(data=turned, **{part: np.array(other)}), 2)
-    assert reader.reading.gyro[0] == pytest.approx(0.1)
-    assert list(reader.reading.quaternion) == ahead
-    assert reader.heard_us == 1
-
-
 def test_an_imu_on_another_bus_is_not_listened_to() -> None:
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 0), np.array(imu.IDS), np.full(3, 8)

@@ -2,7 +2,6 @@
 
 from typing import NoReturn
 
-import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
 from watched_simulation import Simulation, asked_of_motors
@@ -10,8 +9,6 @@ from watched_simulation import Simulation, asked_of_motors
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
-from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -32,20 +29,6 @@ def test_from_what_is_called_each_tick(go1: Robot, ends: type[BaseException]) ->
         run_session(go1, Hold(go1), simulation.bus, SESSION, end)
     (stiff, _), (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-3:]
     assert (stiff, damped, off) == ("stiff", "damped", "off")
-    assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
-    assert not simulation.body.motors_on.any()
-
-
-@pytest.mark.parametrize("ends", [KeyboardInterrupt, GeneratorExit])
-def test_from_within_a_policy(go1: Robot, ends: type[BaseException]) -> None:
-    def end(_: JointCommand) -> NoReturn:
-        raise ends
-
-    simulation = Simulation(go1)
-    with pytest.raises(ends):
-        run_session(go1, FailingPolicy(go1, 0.05, end), simulation.bus, SESSION)
-    (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-2:]
-    assert (damped, off) == ("damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
     assert not simulation.body.motors_on.any()
 
@@ -81,26 +64,3 @@ def test_again_and_again_while_it_damps(go1: Robot) -> None:
     assert (damped, off) == ("damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
     assert not simulation.body.motors_on.any()
-
-
-def test_joints_that_move_fast_are_damped_no_harder_than_their_motors_can(go1: Robot) -> None:
-    """23.7 N m brake a hip at 12 rad/s with 1.975 N m s/rad at most, where the robot's damping is 3."""
-    simulation, hurried = Simulation(go1), 0
-    speed: list[np.ndarray] = []
-
-    def end(loop: ControlLoop) -> None:
-        nonlocal hurried
-        if loop.walking:
-            simulation.body.data.qvel[6] = 12.0
-            hurried += 1
-        if hurried == 3:
-            speed.append(loop.sensed.joint_velocity)
-            simulation.sent.clear()
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_session(go1, Hold(go1), simulation.bus, SESSION, end)
-    assert speed[0][0] > 9.0
-    kd = MitMotorEnd(wire(go1)).requests(simulation.sent[0]).values[3]
-    assert kd[0] == pytest.approx(23.7 / speed[0][0], abs=0.003)
-    np.testing.assert_allclose(kd[3:], 3.0, atol=0.002)

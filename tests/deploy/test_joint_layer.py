@@ -53,16 +53,6 @@ def sent(robot: Robot, wiring: Wiring, frames: Frames) -> JointCommand:
 
 
 class TestOut:
-    def test_frames_go_to_each_motor_on_its_own_bus(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
-        frames = layer.command(command(go1, go1.default_pose))
-        assert frames.channel.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
-        assert frames.id.tolist() == [1, 2, 3] * 4
-        back = sent(go1, wiring, frames)
-        np.testing.assert_allclose(back.position, go1.default_pose, atol=2e-4)
-        np.testing.assert_allclose(back.kp, 20.0, atol=0.07)
-
     def test_targets_begin_at_the_soft_limit_where_a_joint_is_beyond_it(
         self, go1: Robot, layer: JointLayer
     ) -> None:
@@ -104,14 +94,6 @@ class TestOut:
         layer.command(command(go1, go1.default_pose + 1.0))
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(np.abs(layer.target - go1.default_pose).max(), step)
-
-    def test_predicted_torque_stays_within_what_the_motor_can_do(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
-        frames = layer.command(command(go1, go1.default_pose, torque=60.0))
-        predicted = pd_torque(sent(go1, wiring, frames), go1.default_pose, np.zeros(12))
-        assert np.all(predicted <= go1.motor.peak_torque + 0.05)
-        assert np.all(predicted >= go1.motor.peak_torque - 0.05)
 
     def test_predicted_torque_falls_with_speed(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         layer.absorb([replies(wiring, go1.default_pose, velocity=15.0)], 0)
@@ -155,13 +137,6 @@ class TestOut:
 
 
 class TestIn:
-    def test_replies_become_joint_readings(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        layer.absorb([replies(wiring, go1.default_pose + 0.1, 1.0)], 4000)
-        sensed = layer.sensed()
-        np.testing.assert_allclose(sensed.joint_position, go1.default_pose + 0.1, atol=2e-4)
-        np.testing.assert_allclose(sensed.joint_velocity, 1.0, atol=0.02)
-        assert layer.last_heard().motor_us.tolist() == [4000] * 12
-
     def test_readings_handed_out_do_not_change_later(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
     ) -> None:
@@ -169,41 +144,6 @@ class TestIn:
         kept = before.joint_position.copy()
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 4000)
         assert np.array_equal(before.joint_position, kept)
-
-    def test_a_motor_is_known_by_its_bus_and_byte_zero(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
-        batch = replies(wiring, go1.default_pose + 0.1)
-        layer.absorb([batch.take(np.array([7]))], 4000)
-        assert np.flatnonzero(layer.last_heard().motor_us == 4000).tolist() == [7]
-
-    def test_replies_on_the_shared_id_and_of_six_bytes_count(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
-        batch = replies(wiring, go1.default_pose + 0.1, error=5)
-        data = batch.data.copy()
-        data[:, 6:] = 0
-        short = Frames(batch.channel, np.full(12, mit_driver.SHARED_REPLY_ID), data, np.full(12, 6))
-        layer.absorb([short], 4000)
-        assert layer.last_heard().motor_us.tolist() == [4000] * 12
-        assert not layer.last_heard().motor_error.any()
-
-    def test_foreign_frames_are_left_aside(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        batch = replies(wiring, go1.default_pose + 0.1)
-        unknown_motor = batch.data.copy()
-        unknown_motor[:, 0] = 99
-        for foreign in (
-            batch._replace(data=unknown_motor, id=np.full(12, mit_driver.REPLY_ID + 99)),
-            batch._replace(length=np.full(12, 3)),
-            batch._replace(id=np.full(12, 0x2AA)),
-            batch._replace(id=np.full(12, 0x7FF)),
-        ):
-            layer.absorb([foreign], 4000)
-        assert layer.last_heard().motor_us.tolist() == [0] * 12
-
-    def test_error_codes_are_kept(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        layer.absorb([replies(wiring, go1.default_pose, error=2)], 0)
-        assert layer.last_heard().motor_error.tolist() == [2] * 12
 
     def test_only_a_new_imu_reading_counts_as_heard(self, wiring: Wiring, layer: JointLayer) -> None:
         def frames(counter: int) -> Frames:
@@ -291,41 +231,6 @@ class TestReadingsOfEveryKind:
         assert layer.sensed().gyro[0] == pytest.approx(0.05, abs=1e-3)
         assert layer.last_heard().motor_us.tolist() == list(range(3000, 3012))
         assert layer.last_heard().imu_us == 3012
-
-    def test_frames_of_motors_and_imu_come_apart_however_they_are_batched(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
-        wiring = wire(go1)
-        values = np.array([0.1 * ROWS, 0.2 * ROWS, 0.3 * ROWS])
-        motors = self.replies(go1, np.array([9, 2, 5]), values[:, [9, 2, 5]])
-        turned = imu.Inertial((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
-        mixed = joined([motors, imu_frames(wiring, turned, 1)]).take(np.array([3, 0, 4, 1, 2, 5]))
-        layer.absorb([mixed], 30)
-        sensed = layer.sensed()
-        heard = np.isin(ROWS, [9, 2, 5])
-        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
-        np.testing.assert_allclose(sensed.joint_torque[heard], values[2, heard], atol=0.02)
-        assert not sensed.joint_position[~heard].any()
-        np.testing.assert_allclose(sensed.gyro, turned.gyro)
-        np.testing.assert_allclose(sensed.acceleration, turned.acceleration)
-        np.testing.assert_allclose(sensed.quaternion, turned.quaternion, atol=1e-4)
-        last = layer.last_heard()
-        assert (last.motor_us == 30).tolist() == heard.tolist()
-        assert (last.motor_us[~heard] < -(10**12)).all()
-        assert last.imu_us == 30
-        # the same arrays of ids, with other contents
-        everyone = self.replies(go1, slice(None), values)
-        inertial = imu_frames(wiring, turned, 2)
-        layer.absorb([everyone, inertial], 40)
-        again = everyone._replace(data=self.replies(go1, slice(None), -values, error=5).data)
-        other = imu.Inertial((0.4, 0.5, 0.6), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8))
-        layer.absorb([again, inertial._replace(data=imu.encode(other, 3))], 50)
-        np.testing.assert_allclose(layer.sensed().joint_velocity, -values[1], atol=0.02)
-        np.testing.assert_allclose(layer.sensed().gyro, other.gyro)
-        assert layer.last_heard().motor_error.tolist() == [5] * 12
-        assert (layer.last_heard().motor_us == 50).all()
-        assert layer.last_heard().imu_us == 50
-        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
 
     def test_an_error_stays_with_its_motor_until_that_one_answers_again(
         self, go1: Robot, layer: JointLayer

@@ -10,7 +10,6 @@ from frame_robot import ROWS, TICK_US, Notebook
 from loops import loop_of, simulated_loop, until, walk_for
 
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers.mit import Codec
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import Mode
 from footfall.deploy.postures import Ending, Postures
@@ -36,43 +35,6 @@ class Adding(Hold):
 
 
 class TestOut:
-    def test_a_run_from_enabling_to_disabling(self, go1: Robot) -> None:
-        hold, seen = Hold(go1), []
-        plain_act = hold.act
-        loop, body = loop_of(go1, hold, safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
-        assert loop.ticks_skipped == 0
-        assert loop.tick()
-        assert loop.ticks_skipped == 0
-        assert loop.state.mode is Mode.STANDING  # all motors had answered
-        hold.act = lambda inputs: (seen.append(loop.ticks_skipped), plain_act(inputs))[1]  # in mid-tick
-        until(loop, Mode.WALKING)
-        assert loop.now_us == 100_000
-        quantum = Codec(body.wiring.models).quantum
-        gains = body.command()
-        np.testing.assert_array_less(np.abs(gains.kp - 4 * go1.kp), quantum[2])
-        np.testing.assert_array_less(np.abs(gains.kd - np.minimum(2 * go1.kd, 5.0)), quantum[3])
-        for _ in range(25):
-            assert loop.tick()
-        assert loop.walking
-        assert loop.walking_s == pytest.approx(0.05)
-        loop.finish()
-        loop.tick()
-        assert loop.state.mode is Mode.RELEASING
-        assert loop.walked_s == pytest.approx(0.052)
-        assert set(seen) == {0}
-        damped = body.command()
-        assert not damped.kp.any()
-        np.testing.assert_allclose(damped.kd, 2.5, atol=0.01)
-        np.testing.assert_allclose([damped.velocity, damped.torque], 0.0, atol=0.05)
-        ticks = 1
-        while loop.tick():
-            ticks += 1
-        assert ticks == 10  # of damping
-        assert loop.state.mode is Mode.IDLE
-        assert loop.state.over
-        assert body.kinds() == [Request.DISABLE] * 12
-        assert loop.walked_s == pytest.approx(0.052)
-
     def test_it_stands_up_under_gains_of_its_own(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
         until(loop, Mode.STANDING)

@@ -200,14 +200,6 @@ class TestWhoIsMeant:
         found = driver.replies(sent._replace(length=np.array([8, 6, 5, 7])))
         assert found.motor.tolist() == [0, 1, 3]  # type: ignore[union-attr]
 
-    def test_a_motor_that_is_not_ours_is_left_out(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
-        sent = self.replies(end, np.array([0, 1]))
-        data = sent.data.copy()
-        data[1, 0] = 9
-        found = driver.replies(sent._replace(id=np.array([0x101, 0x109]), data=data))
-        assert found.motor.tolist() == [0]  # type: ignore[union-attr]
-
     @pytest.mark.parametrize("corrupt", ["id", "length", "channel", "data"])
     def test_after_many_whole_batches_a_corrupt_one_is_still_looked_into(
         self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
@@ -245,14 +237,6 @@ class TestWhoIsMeant:
             np.testing.assert_allclose(
                 found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
             )  # whichever way it is told
-
-    def test_a_motor_is_switched_on_and_off_and_zeroed_by_frames_of_its_own(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
-        driver, ids = ends[0], ends[0].command(np.zeros((5, 12))).id.tolist()
-        for frames, last in ((driver.enable(), 0xFC), (driver.disable(), 0xFD), (driver.zero(), 0xFE)):
-            assert (frames.id.tolist(), frames.length.tolist()) == (ids, [8] * 12)
-            assert frames.data.tolist() == [[0xFF] * 7 + [last]] * 12
 
     def test_motors_hear_commands_on_their_bus_alone_and_whole_ones(
         self, ends: tuple[MitDriver, MitMotorEnd]

@@ -165,18 +165,6 @@ class TestFrames:
         driver.replies(pair(0x07C, 0.0, float("inf")))
         assert driver.replies(pair(0x069, 0.0, 0.0)).values[2, 0] == 0.0
 
-    @given(arrays.arrays(float, (3, 2), elements=st.floats(-100.0, 100.0)))
-    def test_readings_come_back_as_floats_carry_them(self, values: np.ndarray) -> None:
-        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
-        for now_us in (0, 1000):  # half of the axes at a time
-            said = end.broadcast(now_us, BOTH, report(values, temperature_c=41))
-            assert said is not None
-            driver.replies(said.take(said.id & 0x1F == odrive.TORQUES))
-            for row in np.flatnonzero(said.id & 0x1F == odrive.ENCODER):
-                replies = driver.replies(said.take(np.array([row])))
-                joint = said.channel[row]
-                np.testing.assert_allclose(replies.values[:, 0], values[:, joint], rtol=1e-6, atol=1e-30)
-
     @given(arrays.arrays(float, 2, elements=st.floats(-500.0, 500.0)))
     def test_torques_arrive_as_floats_carry_them(self, torque: np.ndarray) -> None:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)

@@ -238,17 +238,6 @@ class TestRecover:
         assert summary is not None
         assert (len(summary.schemas), len(summary.channels)) == (2, 3)
 
-    def test_a_whole_log_stays_as_it_is(self, torn: Path) -> None:
-        """The summary at a file's end names schemas and channels a second time."""
-        once, twice = torn.with_name("once.mcap"), torn.with_name("twice.mcap")
-        recover(torn, once)
-        assert recover(once, twice) == (6, 0)
-        assert list(self.found(twice)) == list(self.found(once))
-        with twice.open("rb") as file:
-            summary = make_reader(file).get_summary()
-        assert summary is not None
-        assert (len(summary.schemas), len(summary.channels)) == (2, 3)
-
     def test_a_log_is_not_written_over_itself_by_whatever_name(self, torn: Path) -> None:
         link = torn.with_name("link.mcap")
         link.symlink_to(torn)

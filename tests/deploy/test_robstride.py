@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from reports import report
 from some_motors import frame as plain_frame
 from some_motors import introduce, two_motors
 
-from footfall.deploy.drivers import robstride
 from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
@@ -130,17 +128,6 @@ class TestFrames:
     @pytest.mark.parametrize("identifier", [0x028008FD, 0x02800701, 0x018007FD, 0x110007FD])
     def test_frames_of_others_are_left_aside(self, driver: RobstrideDriver, identifier: int) -> None:
         assert not driver.replies(frame(identifier, "8000 8000 8000 0190")).values.size
-
-    @pytest.mark.parametrize("code", [4, robstride.REPORTED + 2])
-    def test_a_simulated_motor_tells_an_error_in_its_reply_or_in_a_report(
-        self, driver: RobstrideDriver, code: int
-    ) -> None:
-        error = np.array([0, code], np.uint64)
-        replies = driver.replies(
-            RobstrideMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2)), error, 33))
-        )
-        assert np.arange(2)[replies.motor].tolist() == [0, 1]
-        assert replies.error.tolist() == [0, code]
 
 
 class TestParameters:

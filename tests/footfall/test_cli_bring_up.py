@@ -57,19 +57,6 @@ def test_another_robot_policy_bus_and_loop(shell: Shell, runs: list[Any], tmp_pa
     assert (written["robot"], written["bus"], written["scale"]) == ("hexapod", "slcan", 1.0)
 
 
-def test_each_step_is_asked_for_by_what_it_is_about(
-    shell: Shell, runs: list[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[str] = []
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or "y")
-    assert shell("bring-up", "stand", "--bus", "slcan").status == 0
-    assert [question.partition(". ")[0] for question in asked] == [
-        f"{step.name}: {step.about}" for step in STEPS
-    ]
-    assert len(runs) == len(STEPS)
-
-
 @pytest.mark.parametrize(
     ("scale", "refused"), [("0.01", False), ("1", False), ("0.009", True), ("1.01", True)]
 )
