@@ -5,10 +5,8 @@ from pathlib import Path
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.policies.controllers.gait import GaitConfig
-from footfall.policies.controllers.mpc.config import MpcConfig, Weights
+from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.stand import StandConfig
-from footfall.policies.controllers.walk.config import LimitsConfig, StanceConfig
 from footfall.policies.registry import (
     CONTROLLERS,
     changed_settings,
@@ -183,14 +181,6 @@ class TestWhatIsKept:
 
     def test_a_policy_that_is_no_controller_has_none(self, go1: Robot) -> None:
         assert load_settings("go1-flat", go1) is None
-
-
-def test_what_a_section_may_leave_out() -> None:
-    """No foot out of its place, no sway, all gaits dynamic, the gait's own duty, no cost of changes."""
-    assert StanceConfig() == StanceConfig(outward_m=0.0, shift_m=0.0, sway=0.0)
-    assert LimitsConfig(0.9) == LimitsConfig(0.9, margin_m=None, dynamic_swing_s=0.0)
-    assert GaitConfig("trot", 0.4).duty is None
-    assert Weights((1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), 1.0).force_change == 0.0
 
 
 COMMAND = ("command.acceleration_m_s2", "command.yaw_acceleration_rad_s2")

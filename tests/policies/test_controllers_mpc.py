@@ -9,7 +9,7 @@ from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc import Mpc, controller
-from footfall.policies.controllers.mpc.base import Base, body_state
+from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState
@@ -96,56 +96,6 @@ def base(**changes: object) -> Base:
     return level._replace(**changes)  # type: ignore[arg-type]
 
 
-class TestState:
-    def test_the_centre_of_mass_moves_when_the_base_turns_about_its_origin(self) -> None:
-        """w x c for w = 2 rad/s about y."""
-        x, y, z = nominal_body(ROBOT).centre
-        state = body_state(base(gyro=np.array([0.0, 2.0, 0.0])), nominal_body(ROBOT).centre, np.eye(3))
-        np.testing.assert_allclose(state.rate, [0.0, 2.0, 0.0, 2 * z, 0.0, -2 * x], atol=1e-12)
-        np.testing.assert_allclose(state.pose, [0.0, 0.0, 0.0, x, y, 0.28 + z], atol=1e-12)
-
-    def test_the_reference_never_runs_far_ahead_of_the_body(self) -> None:
-        """Of a robot that is held in place, at any heading: at most 5 cm and 0.2 rad."""
-        policy = Mpc(ROBOT)
-        policy.reset(standing(1.0))
-        for tick in range(1000):
-            policy.act(standing(1.0, time_s=1.0 + tick / policy.rate_hz, command=(1.0, 0.0, 1.0)))
-        reference = policy.reference.over_horizon(
-            policy.follower.follow(standing(1.0), 0.0), policy.command.value
-        )
-        x, _, z = nominal_body(ROBOT).centre
-        first = CONFIG.horizon.step_s
-        yaw = CONFIG.stance.most_yaw_lead_rad + 1.0 * first
-        assert reference.pose[0, 2] == pytest.approx(yaw)
-        lead = CONFIG.stance.most_position_lead_m + np.cos(yaw) * first
-        assert reference.pose[0, 3] == pytest.approx(lead + np.cos(yaw) * x, abs=1e-3)
-        assert reference.pose[0, 5] == pytest.approx(CONFIG.stance.height_m + z, abs=1e-3)
-
-    def test_swinging_feet_are_seen_from_the_base_that_turns(self) -> None:
-        """A foot at rest in the world at lift-off moves at -(v + w x r) in the base."""
-        policy = Mpc(ROBOT)
-        foot = np.array([0.2, 0.1, 0.02])
-        policy.swing_feet.lift_off[1] = foot
-        policy.swing_feet.target[1] = [0.3, 0.1, 0.0]
-        moving = base(velocity=np.array([0.5, 0.0, 0.0]), gyro=np.array([0.0, 0.0, 2.0]))
-        ((position, velocity, _),) = policy.swing_feet.motion(
-            [1], [0.0, 0.0, 0.0, 0.0], moving, policy.clock.timing.swing_s
-        )
-        relative = foot - [0.0, 0.0, 0.28]
-        np.testing.assert_allclose(position, relative, atol=1e-12)
-        expected = -(np.array([0.5, 0.0, 0.0]) + np.cross([0.0, 0.0, 2.0], relative))
-        np.testing.assert_allclose(velocity, expected, atol=1e-9)
-
-    def test_a_swing_aims_a_little_below_the_ground(self) -> None:
-        policy = Mpc(ROBOT)
-        policy.swing_feet.target[1] = [0.3, 0.1, 0.0]
-        ((position, _, _),) = policy.swing_feet.motion(
-            [1], [0.0, 1.0, 0.0, 0.0], base(), policy.clock.timing.swing_s
-        )
-        lowest = 0.28 + position[2] - LEGS.foot_radius[1]
-        assert lowest == pytest.approx(-CONFIG.swing.depth_m)
-
-
 class TestSwingBegins:
     def test_a_lifted_foot_starts_from_where_it_stood(self) -> None:
         policy = Mpc(ROBOT)
@@ -227,12 +177,6 @@ class TestTicks:
             np.testing.assert_array_equal(policy.stance(), 1.0)
         command = policy.act(standing(time_s=CONFIG.settle_s, command=(0.5, 0.0, 0.3)))
         assert command.kp.any()
-
-    def test_the_base_has_moved_on_by_its_velocity_for_a_tick(self) -> None:
-        policy = Mpc(ROBOT)
-        policy.reset(standing())
-        policy.act(standing(velocity=(0.5, -0.2, 0.1)))
-        assert policy.follower.place == pytest.approx((0.5 - 0.2j) / CONFIG.rate_hz)
 
     def test_the_time_of_a_plan_is_told_in_milliseconds(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy, clock = Mpc(ROBOT), iter([7.0, 7.0025])

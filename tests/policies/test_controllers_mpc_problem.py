@@ -7,15 +7,11 @@ from typing import NamedTuple
 import daqp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
-from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
-from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -76,51 +72,6 @@ def step_by_step(state: BodyState, forces: np.ndarray, feet: np.ndarray) -> list
     return result
 
 
-def kkt_forces(weights: Weights, situation: Situation) -> np.ndarray:
-    """The best forces now (legs, 3), without limits: all states and all forces of all feet at once."""
-    state, reference, contacts, feet, before = situation
-    steps, size = HORIZON.steps, 12 + 12
-    cost, pull = np.zeros((steps * size, steps * size)), np.zeros(steps * size)
-    rows, aims = [], []
-    state_weights = [*weights.attitude, *weights.position, *weights.angular_rate, *weights.velocity]
-    for k in range(steps):
-        x, f = size * k + np.arange(12), size * k + 12 + np.arange(12)
-        cost[x, x] = state_weights
-        pull[x] = -np.array(state_weights) * np.concatenate([part[k] for part in reference])
-        cost[f, f] += weights.force + weights.force_change
-        pull[f[2::3]] -= weights.force * BODY.mass * GRAVITY_M_S2 / contacts[k].sum()
-        if k:
-            last = f - size
-            cost[last, last] += weights.force_change
-            cost[last, f] = cost[f, last] = -weights.force_change
-        else:
-            pull[f] -= weights.force_change * before.ravel()
-        a, b = system(feet[k])
-        whole = expm(HORIZON.step_s * np.block([[a, b], [np.zeros((12, 25))]]))
-        row, aim = np.zeros((12, steps * size)), whole[:12, 12].copy()
-        row[:, x], row[:, f] = np.eye(12), -whole[:12, 13:]
-        if k:
-            row[:, x - size] = -whole[:12, :12]
-        else:
-            aim += whole[:12, :12] @ np.concatenate(state)
-        rows.append(row)
-        aims.append(aim)
-        free = np.eye(steps * size)[f[np.repeat(~contacts[k], 3)]]  # feet in the air press with nothing
-        rows.append(free)
-        aims.append(np.zeros(len(free)))
-    equal, aim = np.concatenate(rows), np.concatenate(aims)
-    matrix = np.block([[cost, equal.T], [equal, np.zeros((len(aim), len(aim)))]])
-    return np.linalg.solve(matrix, np.concatenate([-pull, aim]))[12:24].reshape(4, 3)
-
-
-class TestBody:
-    def test_mass_centre_and_inertia_are_plausible(self) -> None:
-        assert BODY.mass == pytest.approx(12.74, abs=0.01)
-        assert abs(BODY.centre[2] + 0.021) < 0.003
-        assert np.all(np.linalg.eigvalsh(BODY.inertia) > 0.05)
-        assert np.all(np.linalg.eigvalsh(BODY.leg_inertia) > 0)
-
-
 class TestProblem:
     @pytest.mark.parametrize("seed", range(5))
     def test_the_condensed_cost_is_the_cost_of_the_simulated_states(self, seed: int) -> None:
@@ -163,25 +114,6 @@ class TestProblem:
         problem = PROBLEMS.build(*situation)
         assert len(problem.step) == situation.contacts.sum()
         assert np.all(situation.contacts[problem.step, problem.leg])
-
-    @pytest.mark.parametrize("force_change", [0.0, 2e-4, 1.0])
-    def test_its_minimum_solves_the_conditions_of_all_states_and_forces_together(
-        self, force_change: float
-    ) -> None:
-        """Karush, Kuhn and Tucker's, dense, no state eliminated; no limit is active."""
-        weights = replace(WEIGHTS, force_change=force_change)
-        problems = ForceProblems(BODY, HORIZON, weights, Contact(friction=1e3, most_force_n=1e6))
-        state, reference, contacts, feet, before = random_situation(2)
-        before[:, 2] = 40.0
-        reference.pose[:, 5] += 0.2  # upwards, so that no foot would rather pull
-        problem = problems.build(state, reference, contacts, feet, before)
-        solution = BoundedSolver(daqp_iterations=1000).solve(problem)
-        assert solution is not None
-        np.testing.assert_allclose(
-            problems.wrenches(solution, problem, 4).force,
-            kkt_forces(weights, Situation(state, reference, contacts, feet, before)),
-            atol=1e-3,
-        )
 
     def test_a_large_cost_of_changes_keeps_what_was_before(self) -> None:
         """Of feet that stand all the time; they cannot do otherwise than before."""
@@ -277,99 +209,8 @@ class TestSolver:
         np.testing.assert_array_equal(PROBLEMS.wrenches(solution, problem, 4).force, 0)
 
 
-speeds = st.complex_numbers(max_magnitude=1.5)
 REACH = FootholdConfig(capture_gain_s=0.05, most_step_m=0.3)
 PLACE = 0.19 + 0.13j  # forward + i leftward: front left
-
-
-def step_to(  # of a foot that touches down now, unless said otherwise
-    velocity: complex = 0j,
-    wanted: complex = 0j,
-    yaw: float = 0.0,
-    rate: float = 0.0,
-    swing_left_s: float = 0.0,
-    place: complex = PLACE,
-    base: complex = 0j,
-) -> complex:
-    return foothold(place, base, 0.28, velocity, wanted, yaw, rate, swing_left_s, 0.2, REACH)
-
-
-class TestFoothold:
-    def test_at_rest_a_foot_lands_in_its_place(self) -> None:
-        assert step_to(base=1 + 2j) == pytest.approx(1 + 2j + PLACE)
-        assert step_to(yaw=np.pi / 2) == pytest.approx(-0.13 + 0.19j)
-
-    def test_at_the_commanded_speed_it_lands_half_a_stance_ahead(self) -> None:
-        assert step_to(0.5 + 0j, 0.5 + 0j) - PLACE == pytest.approx(0.5 * 0.2 * 0.5)
-
-    def test_what_is_left_of_the_swing_carries_it_on(self) -> None:
-        """0.1 s at 0.5 m/s to the left, on top of half a stance at that speed."""
-        step = step_to(0.5j, 0.5j, swing_left_s=0.1) - PLACE
-        assert step == pytest.approx(0.1 * 0.5j + 0.05j)
-
-    def test_a_turning_robot_lands_where_its_hip_will_be(self) -> None:
-        """Turning left at 2 rad/s for 0.1 s: the place turns by 0.2 rad, then sweeps half a stance on."""
-        arm = PLACE * np.exp(0.2j)
-        sweep = 0.5 * 0.2 * 2.0 * complex(-arm.imag, arm.real)  # w x arm, w up
-        assert step_to(rate=2.0, swing_left_s=0.1) == pytest.approx(arm + sweep)
-
-    def test_in_a_turn_feet_land_on_the_outside(self) -> None:
-        """(z/g) v x w / 2: going forward at 1 m/s and turning left at 2 rad/s, feet shift to the right."""
-        moving = step_to(1 + 0j, 1 + 0j, rate=2.0) - step_to(rate=2.0)
-        assert moving == pytest.approx(0.5 * 0.2 * 1.0 - 0.5 * (0.28 / 9.81) * 1.0 * 2.0 * 1j)
-        assert moving.imag < 0
-
-    @given(speeds, speeds)
-    def test_sideways_feedback_is_as_strong_as_forward_feedback(
-        self, velocity: complex, wanted: complex
-    ) -> None:
-        step, sideways = step_to(velocity, wanted) - PLACE, step_to(1j * velocity, 1j * wanted) - PLACE
-        assert sideways == pytest.approx(1j * step, abs=1e-12)
-
-    @given(speeds, st.floats(-3, 3))
-    def test_steps_turn_with_the_robot(self, velocity: complex, yaw: float) -> None:
-        turn = np.exp(1j * yaw)
-        straight = step_to(velocity, velocity, rate=0.5, swing_left_s=0.1)
-        turned = step_to(turn * velocity, turn * velocity, yaw, 0.5, 0.1)
-        assert turned == pytest.approx(turn * straight, abs=1e-12)
-
-    def test_a_push_is_caught_on_the_side_it_goes_to(self) -> None:
-        """Half a stance and the capture gain: (0.1 + 0.05) s at 0.6 m/s to the left."""
-        assert step_to(0.6j) - PLACE == pytest.approx(0.09j)
-
-    def test_steps_are_bounded(self) -> None:
-        assert abs(step_to(9 + 9j) - PLACE) == pytest.approx(0.3)
-
-
-class TestSwingMotion:
-    def test_half_way_it_is_in_the_middle_and_highest(self) -> None:
-        """A cycloid's speed is there twice the mean's."""
-        motion = swing_motion(0.5, [0.0, 0.1, 0.02], [0.2, 0.0, 0.0], swing_s=0.1, height_m=0.07)
-        position, velocity, acceleration = motion
-        np.testing.assert_allclose(position, [0.1, 0.05, 0.01 + 0.07], atol=1e-12)
-        np.testing.assert_allclose(velocity, [2 * 0.2 / 0.1, -2 * 0.1 / 0.1, -2 * 0.02 / 0.1], atol=1e-12)
-        np.testing.assert_allclose(acceleration, [0.0, 0.0, -0.07 * 2 * np.pi**2 / 0.1**2], atol=1e-9)
-
-    @given(st.floats(0.01, 0.99))
-    def test_velocity_and_acceleration_are_the_derivatives_by_time(self, progress: float) -> None:
-        way, swing_s, step = ([0.0, 0.1, 0.02], [0.2, 0.0, 0.0]), 0.1, 1e-5
-        before, now, after = (
-            np.array(swing_motion(progress + d / swing_s, *way, swing_s, 0.07)) for d in (-step, 0.0, step)
-        )
-        np.testing.assert_allclose(now[1:], (after[:-1] - before[:-1]) / (2 * step), atol=1e-3)
-
-
-class TestContactPoints:
-    def test_standing_swinging_and_later_feet(self) -> None:
-        contacts = np.array([[1, 0], [1, 0], [0, 1], [1, 1]], dtype=bool)
-        feet = np.array([[0.2, 0.1, 0.0], [0.2, -0.1, 0.0]])
-        targets = feet + np.array([0.1, 0.0, 0.0])
-        places = np.array([[0.19, 0.13, -0.3], [0.19, -0.13, -0.3]])
-        centre = np.array([0.0, 0.0, 0.3]) + np.arange(4)[:, None] * np.array([0.02, 0.0, 0.0])
-        arms = contact_points(contacts, feet, targets, places, centre, np.zeros(4))
-        np.testing.assert_allclose(arms[0, 0], feet[0] - centre[0])
-        np.testing.assert_allclose(arms[2, 1], targets[1] - centre[2])
-        np.testing.assert_allclose(arms[3, 0], places[0])
 
 
 def test_daqp_reports_success_as_a_positive_number() -> None:

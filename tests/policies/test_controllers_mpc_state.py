@@ -275,22 +275,6 @@ class TestMpc:
         assert in_plane(mpc.swing_feet.target[2]) == pytest.approx(expected)
         assert not mpc.swing_feet.target[[0, 1, 3]].any()
 
-    def test_a_reset_forgets_the_episode_before(self, mpc: Mpc) -> None:
-        """The same episode twice gives the same commands to the bit."""
-
-        def episode() -> list[np.ndarray]:
-            rng = np.random.default_rng(1)
-            mpc.reset(observed(TILTED))
-            found = []
-            for k in range(60):
-                turn = Rotation.from_euler("ZYX", [1.1 + 0.003 * k, 0.02, -0.03])
-                noise = {"base_velocity": 0.3 * rng.normal(size=3), "command": np.array([0.5, 0.1, 0.4])}
-                seen = observed(turn, gyro=rng.normal(size=3), time_s=1.0 + k / mpc.rate_hz, **noise)
-                found.append(np.concatenate(mpc.act(seen)))
-            return found
-
-        np.testing.assert_array_equal(episode(), episode())
-
     def test_forces_are_planned_as_often_as_asked_and_whenever_a_foot_changes(self, mpc: Mpc) -> None:
         ticks, changed, solved = [], [], 0
         mpc.reset(observed(TILTED))

@@ -103,14 +103,6 @@ def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:
 class TestWanted:
     """Of a robot that stands on both feet."""
 
-    def test_it_falls_as_a_pendulum_as_high_as_it_will_stand(self, policy: Step) -> None:
-        rest = standing(policy.control.body, G1)
-        height = rest.centre[2] - rest.foot[:, 2].mean() - 0.06
-        assert policy.com_height_m == pytest.approx(height)
-        assert policy.footwork.fall_rate == pytest.approx(math.sqrt(9.81 / height))
-        assert policy.footwork.side.tolist() == [1.0, -1.0]
-        assert (policy.rate_hz, policy.footwork.dt_s) == (CONFIG.rate_hz, pytest.approx(1.0 / CONFIG.rate_hz))
-
     def test_the_pressure_lies_beyond_the_capture_point_by_the_gain(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -158,16 +150,6 @@ class TestWanted:
             *_, wanted, _ = asked(policy, monkeypatch, seen(time_s), rising)
             height = 0.5 + share * (policy.com_height_m - 0.5)
             assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
-
-    def test_ground_is_where_the_feet_are_that_bear(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """A foot that bears a quarter of what the other one does counts a fifth."""
-        dynamics = moment((0.0, 0.0, policy.com_height_m))
-        dynamics.foot[RIGHT, 2] += 0.1
-        policy.footwork.load = np.array([1.0, 0.25])
-        *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
-        assert wanted.centre[2] == pytest.approx(60.0 * 0.02)
 
     def test_each_foot_may_press_by_its_load_and_an_unloaded_one_not_at_all(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
@@ -421,12 +403,6 @@ class TestStep:
         np.testing.assert_allclose(stepping.footwork.place, world(0.1, -0.3, HEADING + 0.12))
         assert stepping.footwork.lands_after_s == pytest.approx(0.1 + 0.25)
 
-    def test_the_new_foot_bears_a_little_from_the_beginning(
-        self, stepping: Step, decided: list[tuple]
-    ) -> None:
-        stepping.footwork.step(moment(), MIDDLE)
-        np.testing.assert_allclose(stepping.footwork.load, [0.02, 1.0])
-
     def test_then_it_presses_under_the_foot_that_bears_and_the_other_one_flies(
         self, stepping: Step, decided: list[tuple]
     ) -> None:
@@ -453,24 +429,6 @@ class TestStep:
         stepping.footwork.elapsed_s = 0.54
         stepping.footwork.step(moment(), MIDDLE)
         assert len(decided) == 1
-
-    def test_what_steers_is_added_to_the_pressure_in_the_axes_of_the_step(
-        self, stepping: Step, decided: list[tuple], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        given: list[tuple] = []
-
-        def steer(*arguments: Any) -> tuple[np.ndarray, np.ndarray]:
-            given.append(arguments)
-            return np.array([0.03, -0.02]), np.zeros(2)
-
-        monkeypatch.setattr(stepping.footwork, "steer", steer)
-        stepping.footwork.elapsed_s = 0.3
-        dynamics = moment()
-        pressure, _ = stepping.footwork.step(dynamics, dynamics.foot[LEFT])
-        expected = dynamics.foot[LEFT, :2] + world(0.03, -0.02, HEADING + 0.12)
-        np.testing.assert_allclose(pressure, expected)
-        np.testing.assert_allclose(given[0][0], 0.0, atol=1e-12)
-        assert given[0][2] == pytest.approx(0.6 - 0.3)
 
 
 class TestSteer:
@@ -515,18 +473,6 @@ class TestFly:
         policy.footwork.command.value = np.array([0.0, 0.0, turn / 0.6])
         policy.footwork.place = np.array([0.2, -0.25])
         return policy
-
-    def test_it_begins_where_the_foot_is_and_lands_turned_as_the_robot_shall_be(self, policy: Step) -> None:
-        self.flying(policy).footwork.fly(self.dynamics(Rotation.from_euler("z", 0.6)), MIDDLE, 0.3)
-        swing = policy.footwork.swing
-        assert swing is not None
-        np.testing.assert_allclose(swing._motion[0], [*self.HERE[:2], 0.6], atol=1e-4)
-        assert (swing._height, swing._lift_m, swing._depth_m) == (
-            pytest.approx(0.04), CONFIG.swing.lift_m, CONFIG.swing.depth_m,
-        )  # fmt: skip
-        # From rest a motion of least jerk begins with 60 d / s^3; one tick of 2 ms makes it an acceleration.
-        left = np.array([0.15, -0.05, HEADING + 0.24 - 0.6])
-        np.testing.assert_allclose(swing._motion[2], 60 * left / 0.3**3 * 0.002)
 
     def test_its_turn_is_the_short_way_round(self, policy: Step) -> None:
         """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import Hold
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from moments import policy_input
@@ -17,7 +16,6 @@ from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.gaits import find_gait
-from footfall.policies.registry import load_policy
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -95,21 +93,6 @@ class TestFeet:
         assert not feet.feet[:, 2].any()
 
 
-def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_swing() -> None:
-    feet = cycle("tripod")
-    while feet.progress[0] < 0.8:
-        feet.advance(MOVING, 0.001, 0.03, ALL)
-    height = feet.feet[0, 2]
-    assert height > 0.005
-    feet.touch_down(np.array([True, False, False, False, False, False]), feet.feet[:, 2])
-    feet.advance(MOVING, 0.001, 0.03, ALL)
-    assert feet.feet[0, 2] == height
-    assert feet.swings[2]
-    course(feet, 1.3)  # its next swing ends on the ground again
-    feet.advance(MOVING, 0.3, 0.03, [False] * 6)
-    assert feet.feet[0, 2] < 1e-3
-
-
 UP = np.array([0.0, 0.0, 9.81])
 
 
@@ -168,13 +151,6 @@ class TestLimits:
         assert "2.9 are allowed" in note or "2.8 are allowed" in note
         trial.walk((-0.1, 0.0, 0.3), 3.0)
         assert trial.policy.notes == [note]
-
-
-def test_the_wave_with_its_given_figures_needs_a_period_of_over_two_seconds() -> None:
-    trial = Trial(Walk(ROBOT, "wave"))
-    trial.walk((0.2, 0.0, 0.0), 1.0)
-    period_s = float(trial.policy.notes[0].split("a period of ")[1].split()[0])
-    assert 2.2 < period_s < 3.0
 
 
 def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -> None:
@@ -262,30 +238,6 @@ def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_
 
 
 class TestChanges:
-    def test_gait_and_steps_change_while_it_walks_without_a_jump(self) -> None:
-        policy = Walk(ROBOT, "tripod")
-        trial, command = Trial(policy), (0.06, 0.02, 0.1)
-        targets = [trial.walk(command, 2.3)]
-        step = controller_settings(ROBOT, "tripod", WalkConfig).step
-        for gait, changed in (
-            (GaitConfig("wave", 1.5), replace(step, body_height_m=0.17)),
-            (GaitConfig("ripple", 2.0), replace(step, height_m=0.05, length_m=0.05)),
-            (GaitConfig("tripod", 1.1, 0.6), replace(step, body_height_m=0.21)),
-        ):
-            policy.change(gait, changed)
-            targets.append(trial.walk(command, 3.1))
-        assert rates(np.concatenate(targets), policy).max() < FASTEST + 1e-9
-
-    def test_the_body_changes_its_height_slowly(self) -> None:
-        policy = Walk(ROBOT, "tripod")
-        trial = Trial(policy)
-        trial.walk((0.0, 0.0, 0.0), 1.0)
-        step = controller_settings(ROBOT, "tripod", WalkConfig).step
-        policy.change(step=replace(step, body_height_m=0.16))
-        after = trial.walk((0.0, 0.0, 0.0), 0.5)[-1]
-        feet = LEGS.pose(after).foot
-        np.testing.assert_allclose(feet[:, 2], 0.02 - (0.20 - 0.5 * 0.04), atol=6e-3)
-
     def test_a_gait_for_other_feet_is_refused_and_the_walk_goes_on(self) -> None:
         policy = Walk(ROBOT, "tripod")
         with pytest.raises(UserError, match="no gait 'trot'"):
@@ -299,11 +251,3 @@ class TestChanges:
         policy.change(GaitConfig("wave", 2.0))
         Trial(policy).walk((0.1, 0.0, 0.0), 0.1)
         np.testing.assert_array_equal(Trial(policy).walk((0.1, 0.0, 0.0), 2.0), first)
-
-
-@pytest.mark.parametrize("gait", GAITS)
-def test_they_are_controllers_by_name(gait: str) -> None:
-    policy = load_policy(gait, ROBOT)
-    assert isinstance(policy, Walk)
-    assert policy.name == gait
-    assert list(Hold(ROBOT).notes) == []

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
 
 from footfall.policies.controllers.step.footsteps import (
@@ -54,54 +53,6 @@ class TestNominalStep:
         velocity = np.array([0.3, -0.1])
         both = [nominal_step(velocity, side, 0.22, STEP_S, BOTH_S, RATE).place for side in (1.0, -1.0)]
         np.testing.assert_allclose(sum(both), 2 * STEP_S * velocity)
-
-
-def preview_control(wanted: np.ndarray, dt_s: float, previewed: int) -> np.ndarray:
-    """The capture point (ticks, axes) of a cart-table model whose centre of pressure follows `wanted`.
-
-    Preview control of the zero-moment point by the jerk of the centre of mass (Kajita et al. 2003, "Biped
-    walking pattern generation by using preview control of zero-moment point"), from rest.
-    """
-    a = np.array([[1.0, dt_s, dt_s**2 / 2], [0.0, 1.0, dt_s], [0.0, 0.0, 1.0]])
-    b = np.array([[dt_s**3 / 6], [dt_s**2 / 2], [dt_s]])
-    c = np.array([[1.0, 0.0, -1.0 / RATE**2]])
-    full_a, full_b = np.block([[np.ones((1, 1)), c @ a], [np.zeros((3, 1)), a]]), np.vstack([c @ b, b])
-    error, effort = np.diag([1.0, 0.0, 0.0, 0.0]), np.array([[1e-8]])
-    p = solve_discrete_are(full_a, full_b, error, effort)
-    share = np.linalg.inv(effort + full_b.T @ p @ full_b) @ full_b.T
-    gain = share @ p @ full_a
-    ahead, x = [-gain[0, 0]], -(full_a - full_b @ gain).T @ p[:, :1]
-    for _ in range(previewed - 1):
-        ahead.append((share @ x).item())
-        x = (full_a - full_b @ gain).T @ x
-    state, sum_of_errors = np.zeros((3, wanted.shape[1])), np.zeros(wanted.shape[1])
-    path = []
-    for tick in range(len(wanted) - previewed):
-        path.append(state[0] + state[1] / RATE)
-        sum_of_errors += (c @ state)[0] - wanted[tick]
-        coming = np.array(ahead) @ wanted[tick + 1 : tick + 1 + previewed]
-        state = a @ state + b @ (-gain[:, :1] * sum_of_errors - gain[:, 1:] @ state - coming)
-    return np.array(path)
-
-
-@pytest.mark.parametrize("velocity", [(0.3, 0.0), (-0.15, 0.06)])
-def test_preview_control_of_the_zero_moment_point_has_the_capture_point_where_the_gait_says(
-    velocity: tuple[float, float],
-) -> None:
-    """A dozen steps; the pressure moves evenly to each new foot while both bear, then rests in its middle."""
-    dt_s, steps = 0.005, 12
-    foot, feet, offsets, wanted = np.zeros(2), [np.zeros(2)], [], [np.zeros((400, 2))]  # 2 s of rest
-    for number in range(steps):
-        nominal = nominal_step(np.array(velocity), (-1.0) ** number, 0.22, STEP_S, BOTH_S, RATE)
-        moved = np.minimum((np.arange(round(STEP_S / dt_s)) + 1) * dt_s / BOTH_S, 1.0)[:, None]
-        wanted.append(foot + moved * nominal.place)
-        foot = foot + nominal.place
-        feet.append(foot)
-        offsets.append(nominal.offset)
-    capture = preview_control(np.concatenate(wanted), dt_s, previewed=320)
-    for number in range(4, 8):
-        landing = 400 + round(STEP_S / dt_s) * number - 1
-        np.testing.assert_allclose(capture[landing] - feet[number + 1], offsets[number], atol=0.002)
 
 
 def test_the_capture_point_under_a_moving_pressure() -> None:
@@ -230,15 +181,6 @@ class TestSwing:
         np.testing.assert_allclose(slope, flight[1:-1, 1], atol=0.02)
         bend = (flight[2:, 1] - flight[:-2, 1]) / 0.004
         np.testing.assert_allclose(bend, flight[1:-1, 2], atol=0.35)
-
-    def test_the_heights_rates_are_its_derivatives(self) -> None:
-        """By the share of the way done, of which a second does 2."""
-        swing, d = Swing(np.zeros(2), 0.02, 0.0, lift_m=0.06, depth_m=0.005), 1e-4
-        for s in (0.1, 0.4, 0.5, 0.85):
-            before, now, after = (swing._vertical(at, 2.0) for at in (s - d, s, s + d))
-            assert now[1] == pytest.approx(2.0 * (after[0] - before[0]) / (2 * d), abs=1e-5)
-            assert now[2] == pytest.approx(2.0 * (after[1] - before[1]) / (2 * d), abs=1e-4)
-        assert swing._vertical(0.5, 2.0)[0] == pytest.approx(0.02 - 0.025 / 2 + 0.06)
 
     def test_with_no_time_left_it_goes_on_as_with_four_ticks(self) -> None:
         late, goal = Swing(np.zeros(2), 0.0, 0.0, 0.06, 0.005), np.array([0.01, 0.0, 0.0])
