@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
-from fault_kinds import KINDS
+from injected import FAULTS, Injected
 from shell import Shell
 
 from footfall.common.config import load
@@ -29,15 +29,11 @@ from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import Wiring, wire
-from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import (
     FaultInjector,
-    InjectingBus,
-    InjectingCommandSource,
-    InjectingPolicy,
     Injection,
 )
-from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.robot import PlantConfig
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import Robot
@@ -46,7 +42,6 @@ from footfall.verbs import bring_up
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
 LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
 RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",))
-FAULTS = {kind.name: kind.inject for kind in KINDS}
 TIME_S = np.linspace(0.0, 1.0, 101)
 WAY = 0.15 * np.sin(np.pi * TIME_S) ** 2
 
@@ -376,8 +371,7 @@ class TestJudge:
 
 def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) -> None:
     """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
-    simulation = Simulated(go1, hangs=True)
-    driver = open_driver(simulation.wiring)
+    driver = open_driver(wire(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
     wanted = np.zeros((5, 12))
     wanted[0], wanted[2], wanted[4] = 1.0, 1.0, 2.0
@@ -394,33 +388,16 @@ def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) ->
     assert (half.sent[3] == 3.0).all()
 
 
-class Simulated:
-    """A simulated robot in the air or on the ground, with something wrong with it."""
-
-    def __init__(self, robot: Robot, hangs: bool, inject: Injection | None = None) -> None:
-        self.wiring = wire(robot)
-        wires = SimulatedWires(self.wiring.buses)
-        plant = PlantConfig(lying=not hangs, hanging=hangs)
-        self.body = SimulatedRobot(robot, self.wiring, wires, plant)
-        self.bus = InjectingBus(SimulatedBus(wires, self.body))
-        policy = InjectingPolicy(Hold(robot))
-        injector = FaultInjector(
-            robot,
-            self.wiring,
-            self.body,
-            self.bus,
-            policy,
-            InjectingCommandSource(np.zeros(3)),
-            np.random.default_rng(1),
-        )
-        if inject is not None:
-            inject(injector)
+def injected(robot: Robot, hangs: bool) -> Injected:
+    return Injected(robot, Hold(robot), PlantConfig(lying=not hangs, hanging=hangs))
 
 
 def verdict_of(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
     """One step, and the motors are off afterwards."""
     step = next(step for step in STEPS if step.name == name)
-    simulated = Simulated(robot, step.hangs, inject)
+    simulated = injected(robot, step.hangs)
+    if inject is not None:
+        inject(simulated.injector)
     setting = Setting(robot, Hold(robot), stand_still, CONFIG, LOOP, realtime=False)
     verdict = run_step(step, setting, simulated.bus)
     assert not simulated.body.motors_on.any()
@@ -474,7 +451,7 @@ class TestLadder:
             assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
 
     def test_a_robot_in_a_frame_holds_the_pose_in_which_it_is_found(self, go1: Robot) -> None:
-        simulated = Simulated(go1, hangs=True)
+        simulated = injected(go1, hangs=True)
         found = simulated.body.data.qpos[7:] = go1.default_pose + np.tile([0.0, 0.3, -0.3], 4)
         setting = Setting(go1, Hold(go1), stand_still, CONFIG, LOOP, realtime=False)
         assert run_step(STEPS[0], setting, simulated.bus).passed

@@ -42,29 +42,6 @@ class TestOrderlyRun:
         np.testing.assert_allclose(trace.time_s, np.arange(101) / 100, atol=1e-9)
         assert len(trace.compute_ms) == 51
 
-    def test_every_array_has_a_row_for_each_sample(self, go1: Robot, trace: Trace) -> None:
-        shapes = {
-            "command": (3,),
-            "base_position": (3,),
-            "base_quaternion": (4,),
-            "base_velocity": (3,),
-            "base_angular_velocity": (3,),
-            "joint_position": (12,),
-            "joint_velocity": (12,),
-            "motor_torque": (12,),
-            "joint_target": (12,),
-            "foot_contact": (4,),
-            "foot_position": (4, 3),
-            "foot_velocity": (4, 3),
-            "foot_force": (4,),
-            "qpos": (19,),
-            "estimated_velocity": (3,),
-            "electrical_power": (),
-            "mechanical_power": (),
-        }
-        for name, shape in shapes.items():
-            assert getattr(trace, name).shape == (101, *shape), name
-
     def test_standing_costs_copper_loss_and_no_work(self, go1: Robot, trace: Trace) -> None:
         ampere = trace.motor_torque[-1] / (
             go1.motor_figures("torque_constant_nm_a") * go1.motor_figures("gear_ratio")
@@ -149,14 +126,6 @@ class TestPushesAndFalls:
         assert speed[:50].max() < 0.05
         assert speed[50:53].max() > 0.25
         assert not trace.fell
-
-    def test_pushes_come_at_their_times_in_whatever_order_they_are_given(self, go1: Robot) -> None:
-        pushes = (Push(0.6, (0.0, 0.4, 0.0)), Push(0.2, (0.0, -0.4, 0.0)))
-        trace = run_episode(go1, Hold(go1), short_episode(pushes=pushes))
-        leftward = trace.base_velocity[:, 1]
-        assert np.abs(leftward[:20]).max() < 0.05
-        assert leftward[20:23].min() < -0.25
-        assert leftward[60:63].max() > 0.25
 
     def test_a_tilt_counts_as_a_fall_where_the_supervisor_lets_it_pass(self, go1: Robot) -> None:
         def topple(loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -127,41 +127,6 @@ class TestMotors:
         assert bench.replies == 11 * 12
         np.testing.assert_allclose(bench.position, bench.body.truth().joint_position, atol=2e-3)
 
-    def test_leaving_the_mode_switches_a_motor_off(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        bench.tick(bench.hold())
-        bench.tick(mit.special(mit.EXIT, 12))
-        assert not bench.body.motors_on.any()
-        bench.tick(bench.hold())
-        assert np.array_equal(bench.body.truth().motor_torque, np.zeros(12))
-
-    def test_a_motor_that_is_switched_on_again_is_limp_until_it_is_commanded(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        bench.tick(bench.hold(offset=0.3))
-        assert np.abs(bench.body.truth().motor_torque).min() > 1.0
-        bench.tick(mit.special(mit.EXIT, 12))
-        bench.enter()
-        assert bench.body.motors_on.all()
-        assert np.array_equal(bench.body.truth().motor_torque, np.zeros(12))
-
-    def test_a_motor_that_hears_nothing_for_100_ms_switches_itself_off(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        for _ in range(10):
-            bench.tick(bench.hold())
-        for _ in range(48):
-            bench.tick()
-        assert bench.body.motors_on.all()
-        for _ in range(6):
-            bench.tick()
-        assert not bench.body.motors_on.any()
-        bench.tick(bench.hold())
-        assert (bench.error == mit.COMMUNICATION_LOST).all()
-        bench.enter()
-        assert not bench.error.any()
-
     @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
     def test_motors_wait_for_as_long_as_robot_yaml_says_of_each_unless_all_are_told_otherwise(
         self, go1: Robot, told: float | None, knees: float, others: float
@@ -188,64 +153,8 @@ class TestMotors:
         bench.tick(mit.special(mit.ENTER, 12))
         np.testing.assert_allclose(bench.position, 0.0, atol=1e-2)
 
-    def test_a_motor_that_is_switched_off_alone_gives_no_torque(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        data = bench.hold(offset=0.1)
-        data[4] = mit.special(mit.EXIT, 1)[0]
-        bench.tick(data)
-        bench.tick(bench.hold(offset=0.1))
-        assert np.flatnonzero(bench.body.truth().motor_torque == 0.0).tolist() == [4]
-
-
-class TestFaults:
-    def test_a_silent_motor_carries_on_until_its_own_time_out(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        for _ in range(5):
-            bench.tick(bench.hold())
-        bench.body.faults.motors.silent[4] = True
-        before = bench.replies
-        bench.tick(bench.hold())
-        assert bench.replies == before + 11
-        assert bench.body.motors_on[4]
-        for _ in range(60):
-            bench.tick(bench.hold())
-        assert np.flatnonzero(~bench.body.motors_on).tolist() == [4]
-
-    def test_a_stuck_motor_repeats_its_last_reply(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        bench.body.faults.motors.stuck[4] = True
-        before = bench.position[4]
-        for _ in range(50):
-            bench.tick(bench.hold(offset=0.2))
-        assert bench.position[4] == before
-        assert abs(bench.position[7] - before) > 0.05
-
-    def test_error_codes_are_reported(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.body.faults.motors.error[3] = 2
-        bench.enter()
-        assert bench.error.tolist() == [0, 0, 0, 2] + [0] * 8
-
 
 class TestDifferences:
-    def test_an_action_delay_shifts_the_response_by_whole_physics_steps(self, go1: Robot) -> None:
-        def torques(delay_s: float) -> np.ndarray:
-            bench = Bench(go1, sample=Sample(action_delay_s=np.array(delay_s)))
-            bench.enter()
-            bench.tick(bench.hold())
-            found = []
-            for _ in range(8):
-                bench.body.advance(bench.now_us + 1000 * (len(found) + 1))
-                found.append(bench.body.truth().motor_torque)
-            return np.array(found)
-
-        for milliseconds in (3, 5):
-            moving = np.abs(torques(milliseconds * 1e-3)).max(axis=1) > 0
-            assert int(np.argmax(moving)) == milliseconds - 2  # the tick before took 2 ms
-
     def test_a_payload_and_a_friction_reach_the_model(self, go1: Robot) -> None:
         plain = Bench(go1).body.model
         sample = Sample(payload_kg=np.array(2.0), friction=np.array(0.3))
@@ -257,13 +166,6 @@ class TestDifferences:
     def test_a_sample_for_another_body_count_is_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="drawn for 3 bodies, the plant has 13"):
             Bench(go1, sample=Sample(link_mass=np.ones(3)))
-
-    def test_a_push_changes_the_velocity_at_once(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.body.push((0.5, -0.2, 0.0))
-        np.testing.assert_allclose(bench.body.truth().base_velocity, [0.5, -0.2, 0.0], atol=1e-12)
-        bench.body.push((0.1, 0.0, 0.3))
-        np.testing.assert_allclose(bench.body.truth().base_velocity, [0.6, -0.2, 0.3], atol=1e-12)
 
 
 class TestFalls:
@@ -289,16 +191,6 @@ class TestFalls:
         body.data.qpos[2:7] = 2.0, 0.0, 0.0, 0.0, 1.0
         mujoco.mj_forward(body.model, body.data)
         assert body.fall() is None
-
-    def test_a_base_that_sank_to_its_feet_has_fallen(self, go1: Robot) -> None:
-        """Below 0.4 of the standing height above the lowest foot: legs folded up in mid-air."""
-        body = Bench(go1).body
-        body.data.qpos[2] = 2.0
-        body.data.qpos[7:] = np.tile([0.0, 1.3, -2.8], 4)
-        mujoco.mj_forward(body.model, body.data)
-        lowest = body.truth().foot_position[:, 2].min()
-        assert 2.0 - lowest < 0.4 * go1.description.standing_height_m
-        assert body.fall() == "the base sank to the height of the feet"
 
 
 def rewritten(robot: Robot, path: Path, *changes: tuple[str, str], extra: str = "") -> Path:

@@ -6,21 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, stand_still
+from deploy_policies import Hold
 from fault_kinds.wiring import geared, imu_turned
+from injected import Injected
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import deploy_config
-from footfall.deploy.session import Session, SessionResult, run_session
+from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check.causes import as_wired, causes
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.domain_rand.noise import Noise
-from footfall.plant.bus import SimulatedBus
-from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
-from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.wires import SimulatedWires
+from footfall.plant.injection import FaultInjector
+from footfall.plant.robot import PlantConfig
 from footfall.robots.description import Robot, load_robot
 
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
@@ -31,15 +30,11 @@ def checked(
     robot: Robot, inject: Callable[[FaultInjector], None], lying: bool, proven: list[Verdict] | None = None
 ) -> SessionResult:
     """A short run with a wiring check."""
-    wiring, config = wire(robot), replace(deploy_config(robot), joint_rate_hz=250.0)
-    wires = SimulatedWires(wiring.buses, config.host_queue)
-    body = SimulatedRobot(robot, wiring, wires, PlantConfig(noise=NOISE, lying=lying))
-    bus, policy = InjectingBus(SimulatedBus(wires, body)), InjectingPolicy(Hold(robot))
-    command = InjectingCommandSource(np.zeros(3))
-    inject(FaultInjector(robot, wiring, body, bus, policy, command, np.random.default_rng(0)))
+    config = replace(deploy_config(robot), joint_rate_hz=250.0)
+    run = Injected(robot, Hold(robot), PlantConfig(noise=NOISE, lying=lying), config=config)
+    inject(run.injector)
     right = (lambda _: None) if proven is None else proven.extend
-    session = Session(stand_still, 0.1, realtime=False, config=config, check_wiring=True, wiring_right=right)
-    return run_session(robot, policy, bus, session)
+    return run.run(0.1, check_wiring=True, wiring_right=right)
 
 
 def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:

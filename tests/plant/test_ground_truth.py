@@ -183,28 +183,6 @@ class TestTruth:
         body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1
         assert body.diverged() is (kind != "CONTACTFULL")
 
-    def test_velocities_are_in_the_body_frame(self, go1: Robot) -> None:
-        """Turned to the left by 90 degrees, the world's y is forward. Angular velocity is MuJoCo's own."""
-        body = body_of(go1)
-        body.data.qpos[3:7] = np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)
-        body.data.qvel[:6] = 0.0, 1.0, 0.5, 0.1, 0.2, 0.3
-        mujoco.mj_forward(body.model, body.data)
-        truth = body.truth()
-        np.testing.assert_allclose(truth.base_velocity, [1.0, 0.0, 0.5], atol=1e-12)
-        np.testing.assert_allclose(truth.base_angular_velocity, [0.1, 0.2, 0.3], atol=1e-12)
-
-    def test_a_foot_moves_as_its_leg_turns(self, go1: Robot) -> None:
-        """A thigh that turns at w moves a foot that hangs straight below it at w times its distance."""
-        body = body_of(go1)
-        body.data.qpos[2] = 1.0
-        body.data.qvel[7] = 2.0  # the first leg's thigh, about y
-        mujoco.mj_forward(body.model, body.data)
-        truth = body.truth()
-        thigh = body.data.xanchor[body.model.joint("FR_thigh_joint").id]
-        arm = truth.foot_position[0] - thigh
-        np.testing.assert_allclose(truth.foot_velocity[0], [2.0 * arm[2], 0.0, -2.0 * arm[0]], atol=0.15)
-        np.testing.assert_allclose(truth.foot_velocity[1:], 0.0, atol=1e-12)
-
     def test_feet_in_the_air_bear_nothing(self, go1: Robot) -> None:
         body = body_of(go1)
         body.data.qpos[2] = 1.0
