@@ -185,24 +185,6 @@ class TestClock:
 class TestCommand:
     SHAPING = CommandShaping(2.0, 5.0, 0.1)
 
-    def test_it_approaches_at_the_bounded_rate(self) -> None:
-        command = ShapedCommand(self.SHAPING)
-        command.advance(np.array([1.0, 0.01, 1.0]), 0.1)
-        np.testing.assert_allclose(command.value, [0.2, 0.01, 0.5])
-
-    def test_a_small_command_means_stand_but_only_after_slowing_down(self) -> None:
-        command, small = ShapedCommand(self.SHAPING), np.array([0.05, 0.0, 0.0])
-        command.advance(np.array([0.4, 0.0, 0.0]), 1.0)
-        assert command.wants_walk(small)
-        command.advance(small, 1.0)
-        assert not command.wants_walk(small)
-
-    @pytest.mark.parametrize(("asked", "followed"), [(0.09, 0.0), (0.11, 0.11), (-0.11, -0.11)])
-    def test_a_command_counts_from_the_norm_on_that_means_stand(self, asked: float, followed: float) -> None:
-        command = ShapedCommand(self.SHAPING)
-        command.advance(np.array([0.0, asked, 0.0]), 1.0)
-        np.testing.assert_allclose(command.value, [0.0, followed, 0.0])
-
     @pytest.mark.parametrize("axis", [0, 1, 2])
     def test_the_norm_itself_still_means_stand(self, axis: int) -> None:
         command = ShapedCommand(CommandShaping(2.0, 5.0, 0.25))
@@ -224,9 +206,3 @@ class TestCommand:
     ) -> None:
         with pytest.raises(ValueError, match=complaint):
             CommandShaping(*numbers)
-
-    def test_a_new_episode_begins_at_rest(self) -> None:
-        command = ShapedCommand(self.SHAPING)
-        command.advance(np.array([1.0, 0.0, 1.0]), 1.0)
-        command.reset()
-        np.testing.assert_array_equal(command.value, 0.0)
