@@ -75,6 +75,21 @@ def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str
     np.testing.assert_array_equal(scaled, 2.0 * plain)
 
 
+def test_terms_stand_in_contract_order_and_history_oldest_first(contract: Contract) -> None:
+    short = replace(contract, observation=(Term("command", 1.0, 2), Term("gyro", 1.0, 1)))
+    rng = np.random.default_rng(4)
+    first, second = random_inputs(rng), random_inputs(rng)
+    expected = np.concatenate([first.command, second.command, second.readings["gyro"]])
+    np.testing.assert_array_equal(history([first, second], short, np), expected)
+
+
+def test_of_many_frames_the_latest_are_kept(contract: Contract) -> None:
+    long = replace(contract, observation=(Term("command", 1.0, 3),))
+    inputs = [random_inputs(np.random.default_rng(seed)) for seed in range(5)]
+    expected = np.concatenate([each.command for each in inputs[-3:]])
+    np.testing.assert_array_equal(history(inputs, long, np), expected)
+
+
 def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contract) -> None:
     seen = replace(contract, observation=(Term("joint_position"),))
     inputs = random_inputs(np.random.default_rng(5))
@@ -101,12 +116,77 @@ def test_unknown_term_is_refused_with_the_known_ones(contract: Contract) -> None
         term_size("base_velocity", contract)
 
 
+@pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.0), (0.09, 0.0), (0.11, 1.0)])
+def test_small_commands_mean_stand(contract: Contract, speed: float, expected: float) -> None:
+    assert moving(np.array([speed, 0.0, 0.0]), contract) == [expected]
+    assert moving(np.array([speed, 0.0, 0.0]), replace(contract, standing_command=0.0)) == [1.0]
+
+
+def test_clock_stands_still_with_the_robot(contract: Contract) -> None:
+    clock = replace(contract, observation=(Term("clock"),))
+    inputs = random_inputs(np.random.default_rng(6))
+    np.testing.assert_array_equal(frame(inputs._replace(command=np.zeros(3)), clock), [0.0, 0.0])
+    walking = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
+    assert np.hypot(*walking) == pytest.approx(1.0)
+
+
 def test_joint_target_agrees_between_libraries(contract: Contract) -> None:
     rng = np.random.default_rng(7)
     action, phase, command = (rng.normal(size=(4, k)).astype(np.float32) for k in (12, 1, 3))
     ours = joint_target(action, phase, command, contract)
     theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
     np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
+
+
+def test_no_action_and_no_command_hold_the_default_pose(contract: Contract) -> None:
+    target = joint_target(np.zeros(12), np.array([0.3]), np.zeros(3), contract)
+    np.testing.assert_array_equal(target, contract.default_pose_rad)
+
+
+def test_action_moves_the_target_by_its_scale(contract: Contract) -> None:
+    step = joint_target(np.ones(12), np.zeros(1), np.zeros(3), contract) - contract.default_pose_rad
+    np.testing.assert_allclose(step, contract.action_scale_rad, rtol=1e-12)
+
+
+def test_reference_lifts_diagonal_legs_together_for_half_a_cycle(contract: Contract) -> None:
+    go = np.array([0.5, 0.0, 0.0])
+    reference = gait_reference(np.array([0.25]), go, contract).reshape(4, 3)  # FR FL RR RL
+    amplitude = np.array(contract.gait.amplitude_rad).reshape(4, 3)
+    np.testing.assert_allclose(reference[[0, 3]], amplitude[[0, 3]])
+    np.testing.assert_array_equal(reference[[1, 2]], np.zeros((2, 3)))
+    phases = np.linspace(0, 1, 1000, endpoint=False)[:, None]
+    moved = gait_reference(phases, np.broadcast_to(go, (1000, 3)), contract) != 0
+    assert moved[:, 1].mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_joint_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(contract: Contract) -> None:
+    ahead = replace(contract, gait=replace(contract.gait, phase=(0.25,) * 12))
+    reference = gait_reference(np.array([0.0]), np.array([0.5, 0.0, 0.0]), ahead)
+    np.testing.assert_allclose(reference, contract.gait.amplitude_rad)
+
+
+def test_the_action_is_a_residual_around_the_reference(contract: Contract) -> None:
+    go, phase = np.array([0.5, 0.0, 0.0]), np.array([0.25])
+    target = joint_target(np.zeros(12), phase, go, contract)
+    reference = gait_reference(phase, go, contract)
+    assert np.abs(reference).max() > 0.1
+    np.testing.assert_allclose(target, contract.default_pose_rad + reference)
+
+
+def test_the_reference_rests_while_the_robot_is_asked_to_stand(contract: Contract) -> None:
+    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.zeros(3), contract), np.zeros(12))
+
+
+def test_the_clock_is_sine_then_cosine(contract: Contract) -> None:
+    clock = replace(contract, observation=(Term("clock"),))
+    inputs = random_inputs(np.random.default_rng(8))._replace(phase=np.array([1 / 12]))
+    seen = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
+    np.testing.assert_allclose(seen, [0.5, np.sqrt(0.75)])
+
+
+def test_no_gait_means_no_reference(contract: Contract) -> None:
+    bare = replace(contract, gait=None)
+    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.ones(3), bare), np.zeros(12))
 
 
 RNG = np.random.default_rng(12)
