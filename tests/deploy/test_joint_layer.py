@@ -14,7 +14,7 @@ from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.receiver import NEVER
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
+from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
 TICK_S = 0.002
@@ -89,29 +89,6 @@ class TestOut:
         for _ in range(200):
             layer.command(command(go1, go1.upper_rad + 5.0))
         np.testing.assert_allclose(layer.target, upper)
-
-    def test_targets_move_no_faster_than_the_rate_limit(self, go1: Robot, layer: JointLayer) -> None:
-        layer.command(command(go1, go1.default_pose + 1.0))
-        step = go1.description.target_rate_rad_s * TICK_S
-        np.testing.assert_allclose(np.abs(layer.target - go1.default_pose).max(), step)
-
-    def test_predicted_torque_falls_with_speed(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        layer.absorb([replies(wiring, go1.default_pose, velocity=15.0)], 0)
-        frames = layer.command(command(go1, go1.default_pose, torque=60.0))
-        predicted = pd_torque(sent(go1, wiring, frames), go1.default_pose, np.full(12, 15.0))
-        available = go1.motor.stall_torque * (1 - 15.0 / go1.motor.no_load_speed)
-        assert np.all(predicted <= available + 0.1)
-
-    def test_torque_within_limits_is_left_alone(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        frames = layer.command(command(go1, go1.default_pose + 0.01, torque=2.0))
-        np.testing.assert_allclose(sent(go1, wiring, frames).torque, 2.0, atol=0.02)
-
-    def test_damping_has_no_stiffness(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        layer.command(command(go1, go1.default_pose + 0.1, torque=2.0))  # nothing is left of it
-        back = sent(go1, wiring, layer.damping(3.0))
-        assert np.array_equal(back.kp, np.zeros(12))
-        np.testing.assert_allclose(back.kd, 3.0, atol=1e-3)
-        np.testing.assert_allclose(back.torque, 0.0, atol=0.02)
 
     def test_after_damping_targets_go_on_from_where_the_joints_are(
         self, go1: Robot, wiring: Wiring, layer: JointLayer

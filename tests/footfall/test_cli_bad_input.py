@@ -38,9 +38,6 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["deploy", "stand", "--sed", "1"], ["--sed", "--seed"]),
         (["deploy", "stand", "--seed"], ["--seed"]),
         (["deploy", "stand", "--seed", "one"], ["--seed", "whole number"]),
-        (["deploy", "stand", "--seed", "1.5"], ["--seed", "whole number"]),
-        (["deploy", "stand", "--seed", "-1"], ["--seed", ">= 0"]),
-        (["deploy", "stand", "--seed", "2147483648"], ["--seed", "< 2147483648"]),
         (["deploy", "stand", "--seed", "1", "--seed", "2"], ["--seed"]),
         (["deploy", "stand", "--duration", "long"], ["--duration", "long"]),
         (["deploy", "stand", "--duration", "0"], ["--duration", "above 0"]),
@@ -48,24 +45,12 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["deploy", "stand", "--duration", "inf"], ["--duration", "above 0"]),
         (["deploy", "stand", "--duration", "1e12"], ["--duration", "at most 86400, a day"]),
         (["can", "monitor", "--duration", "86401"], ["--duration", "at most 86400, a day"]),
-        (["deploy", "stand", "--command", "0.5,0"], ["--command", "three numbers"]),
-        (["deploy", "stand", "--command", "0.5,0,0,0"], ["--command", "three numbers"]),
         (["deploy", "stand", "--command", "fast"], ["--command", "three numbers"]),
-        (["deploy", "stand", "--command", "nan,0,0"], ["--command", "three numbers"]),
         (["deploy", "stand", "--command"], ["--command"]),
-        (["evaluate", "stand", "--episodes", "0"], ["--episodes", ">= 1"]),
-        (["evaluate", "stand", "--workers", "-2"], ["--workers"]),
         (["train", "--steps", "0"], ["--steps", ">= 1"]),
-        (["train", "--resume", "run", "--preset", "gpu"], ["--resume", "--preset"]),
         (["deploy", "go1-falt"], ["Did you mean go1-flat?"]),
         (["deploy", "stand", "--robot", "hexapot"], ["Did you mean hexapod?"]),
         (["deploy", "stand", "--log", "/proc/x.mcap"], ["no file can be made"]),
-        (["train", "--watch", "--port", "80.8"], ["--port", "whole number"]),
-        (["train", "--watch", "--port", "0"], ["--port", ">= 1"]),
-        (["watch", "run", "--port", "65536"], ["--port", "< 65536"]),
-        (["train", "--port", "9000"], ["--port", "--watch"]),
-        (["train", "--host", "0.0.0.0"], ["--host", "--watch"]),
-        (["train", "--process", "0.6"], ["--process", "whole number"]),
         (["train", "--trainer", "none"], ["trainer 'none'", "brax", "rsl_rl"]),
         (["train", "--checkpoint-interval", "none"], ["--checkpoint-interval", "none"]),
         (["export"], ["RUN"]),
@@ -73,17 +58,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["deploy", "stand", "--set"], ["--set", "argument"]),
         (["deploy", "stand", "--json", ""], ["empty argument", "footfall deploy --help"]),
         (["train", "--out", ""], ["empty argument", "footfall train --help"]),
-    ],
-)
-def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
-    complaint = shell.refuses(*tokens)
-    for words in wanted:
-        assert words in complaint
-
-
-@pytest.mark.parametrize(
-    ("tokens", "wanted"),
-    [
+        # what does not exist
         (["deploy", "stand", "--set", "stand.kp=-1"], ["stand@kp=-1", "kp must be above 0"]),
         (["evaluate", "stand", "--set", "trot.kp=1"], ["--set trot.kp=1", "not among", "stand"]),
         (["compare", "stand", "stand@none.yaml"], ["none.yaml", "No such file"]),
@@ -104,11 +79,7 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
         (["compare", "stand", "rex"], ["rex"]),
         (["compare", "stand", "trot", "--scenarios", "ballet"], ["ballet", "nominal"]),
         (["train", "--robot", "rex"], ["rex", "go1"]),
-        (["train", "--robot", "none"], ["no robot 'none'"]),
-        (["train", "--preset", "none"], ["no preset 'none'"]),
-        (["train", "--resume", "none"], ["no run at none"]),
         (["deploy", "stand", "--plant", "none"], ["no MJCF file at none"]),
-        (["deploy", "stand", "--config", "none"], ["none: No such file"]),
         (["sweep", "none"], ["none"]),
         (["replay", "none", "--policy", "none"], ["none"]),
         (["train", "--preset", "huge"], ["huge", "cpu", "gpu", "smoke"]),
@@ -117,14 +88,13 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
         (["replay", "log.mcap"], ["log.mcap"]),
     ],
 )
-def test_what_does_not_exist(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
+def test_what_does_not_parse_or_exist(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
     complaint = shell.refuses(*tokens)
     for words in wanted:
         assert words in complaint
 
 
 GARBAGE = {
-    "empty": b"",
     "text": b"garbage\n",
     "binary": bytes(range(256)),
     "brackets": b"{[<mujoco>",
@@ -140,23 +110,11 @@ GARBAGE = {
         ("plant.xml", ["deploy", "stand", "--plant", "{}"]),
         ("plant.xml", ["evaluate", "stand", "--plant", "{}"]),
         ("log.mcap", ["replay", "{}"]),
-    ],
-)
-def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
-    path = tmp_path / file
-    path.write_bytes(content)
-    assert file in shell.refuses(*(token.format(path) for token in tokens))
-
-
-@pytest.mark.parametrize("content", [b"garbage\n", bytes(range(256)), b"{[<"])
-@pytest.mark.parametrize(
-    ("file", "tokens"),
-    [
         ("preset.yaml", ["train", "--preset", "{}"]),
         ("loop.yaml", ["deploy", "stand", "--config", "{}"]),
     ],
 )
-def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
+def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
     path = tmp_path / file
     path.write_bytes(content)
     assert file in shell.refuses(*(token.format(path) for token in tokens))

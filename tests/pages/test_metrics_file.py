@@ -79,14 +79,6 @@ class TestMetricsFile:
         assert metrics.refresh()
         assert metrics.curve("a")[1].tolist() == [1, 2]
 
-    def test_what_a_resumed_run_computes_again_replaces_what_it_dropped(self, path: Path) -> None:
-        metrics = MetricsFile(path)
-        self.write(path, *({"step": step, "a": 1.0} for step in range(1, 6)))
-        metrics.refresh()
-        self.write(path, {"step": 1, "a": 1.0}, {"step": 2, "a": 7.0}, mode="w")
-        metrics.refresh()
-        assert metrics.curve("a")[1].tolist() == [1, 7]
-
     def test_numbers_that_cannot_be_drawn_and_lines_that_are_none_are_left_out(self, path: Path) -> None:
         metrics = MetricsFile(path)
         self.write(path, {"step": 1, "a": float("nan")}, {"step": 2, "a": None}, rest="garbage\n[]\n")

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,6 @@ from footfall.common.errors import UserError
 from footfall.pages import page
 from footfall.pages.page import check_page
 from footfall.policies.registry import ZOO
-from footfall.verbs.train import ClusterOptions, TrainOptions, train
 
 pytest.importorskip("viser")
 
@@ -102,27 +100,6 @@ def wait_until(condition, limit_s: float = 120.0) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.05)
-
-
-@pytest.mark.parametrize(("process", "done"), [(0, ["check", "join", "serve"]), (1, ["join"])])
-def test_of_several_processes_the_first_serves_the_page(
-    monkeypatch: pytest.MonkeyPatch, process: int, done: list[str]
-) -> None:
-    def serve(*_: object) -> AbstractContextManager[None]:
-        did.append("serve")
-        return nullcontext()
-
-    did: list[str] = []
-    api = "footfall.train.api"
-    monkeypatch.setattr(f"{api}.cluster.join", lambda *_: did.append("join"))
-    monkeypatch.setattr(f"{api}.cluster.is_main_process", lambda: process == 0)
-    monkeypatch.setattr(f"{api}.begin", lambda _: Path("run"))
-    monkeypatch.setattr(f"{api}.resume", lambda _: Path("run"))
-    monkeypatch.setattr("footfall.verbs.train._watched", serve)
-    monkeypatch.setattr("footfall.pages.page.check_page", lambda *_: did.append("check"))
-    options = TrainOptions(watch=True, evaluate=False)
-    train(options=options, cluster=ClusterOptions("host:1", 2, process))
-    assert did == done
 
 
 class TestCommand:
