@@ -43,7 +43,15 @@ def at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attit
     x, y, z = x / length, y / length, z / length
     # The smallest turn from the vertical in the body frame to the world's z axis.
     quaternion = _unit(1.0 + z, y, -x, 0.0) if z > -0.999999 else (0.0, 1.0, 0.0, 0.0)
-    return Attitude(quaternion, gyro, gyro, config.start_tilt**2, 0.0, config.start_bias**2)
+    return began_as(quaternion, gyro, config)._replace(bias=gyro)
+
+
+def began_as(quaternion: Sequence[float], gyro: Sequence[float], config: AttitudeConfig) -> Attitude:
+    """A known attitude and a gyro, rad/s, whose bias is already taken off."""
+    w, x, y, z = quaternion
+    gx, gy, gz = gyro
+    start = config.start_tilt**2, 0.0, config.start_bias**2
+    return Attitude((w, x, y, z), (0.0, 0.0, 0.0), (gx, gy, gz), *start)
 
 
 def advanced(
@@ -81,6 +89,31 @@ def advanced(
         cross - of_tilt * cross,
         bias - of_bias * cross,
     )
+
+
+def leveled(
+    attitude: Attitude, bias: Sequence[float], config: AttitudeConfig
+) -> tuple[Attitude, tuple[float, float, float]]:
+    """The attitude corrected by standing legs, and the accelerometer's bias that is left.
+
+    A filter that knows the base's motion from the legs takes a wrong tilt for a horizontal bias of the
+    accelerometer: gravity times the error. At rest no sensor can tell the two apart.
+
+    Args:
+        attitude: that the filter's rotation came from.
+        bias: of the accelerometer, m/s^2, body frame.
+        config: settings.
+    """
+    ux, uy, uz = _up(attitude.quaternion)
+    x, y, z = (value / GRAVITY_M_S2 for value in bias)
+    ex, ey, ez = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    (gx, gy, gz), gain = attitude.bias, config.legs_bias_hz
+    upward = bias[0] * ux + bias[1] * uy + bias[2] * uz
+    corrected = attitude._replace(
+        quaternion=_turned(attitude.quaternion, (ex, ey, ez)),
+        bias=(gx - gain * ex, gy - gain * ey, gz - gain * ez),
+    )
+    return corrected, (upward * ux, upward * uy, upward * uz)
 
 
 class AttitudeEstimator:

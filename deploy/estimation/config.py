@@ -32,6 +32,7 @@ class AttitudeConfig:
     gyro_noise: float = 0.005  # rad per root of a second
     bias_drift: float = 0.001  # rad/s per root of a second
     acceleration_noise: float = 0.5  # m/s^2 times root of a second: the base's own acceleration
+    legs_bias_hz: float = 0.7  # rate at which tilt that standing legs correct counts as the gyro's bias
 
     def __post_init__(self) -> None:
         require_positive(self, *self.__dataclass_fields__)
@@ -102,7 +103,8 @@ class OdometryConfig:
 class EstimatorConfig:
     """Settings of `BaseEstimator`."""
 
-    attitude: AttitudeConfig = field(default_factory=AttitudeConfig)  # for an IMU without orientation
+    attitude: AttitudeConfig = field(default_factory=AttitudeConfig)
+    own_attitude: bool = False  # gyro, accelerometer and legs give the orientation, which began as the IMU's
     contact: ContactConfig = field(default_factory=ContactConfig)
     gyro: GyroConfig = field(default_factory=GyroConfig)
     filter: FilterConfig = field(default_factory=FilterConfig)

@@ -37,6 +37,7 @@ class ContactEstimator:
         up: np.ndarray,
         plan: np.ndarray | None,
         dt_s: float,
+        force: np.ndarray | None = None,
     ) -> list[float]:
         """Update with one set of readings.
 
@@ -48,14 +49,16 @@ class ContactEstimator:
             plan: (legs,) planned contact in [0, 1], or None without a plan. A planned contact counts as far
                 as the force on the foot agrees.
             dt_s: time since the readings before.
+            force: (legs,) N, upwards, that force sensors measure; None: from the motors' torque.
 
         Returns:
             The probability of each foot, in [0, 1].
         """
         config = self._config
-        outside = outside_torque(self._legs, sensed, sensed.joint_torque)
-        torque = self._observer.update(outside, rates, dt_s)
-        force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
+        if force is None:
+            outside = outside_torque(self._legs, sensed, sensed.joint_torque)
+            torque = self._observer.update(outside, rates, dt_s)
+            force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()

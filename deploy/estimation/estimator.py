@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from footfall.common.rotations import heading_matrix, multiply, rotation_matrix, skew, skews, wrap_angle
+from footfall.deploy.estimation.attitude import Attitude, advanced, began_as, leveled
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.estimation.contact import ContactEstimator
 from footfall.deploy.estimation.feet import ContactPoints
@@ -45,7 +46,10 @@ class BaseEstimator:
         self._gyro.reset()
         self.motion.reset()
         self._lateness.reset()
-        self._velocity, self._turning = np.zeros(3), sensed.gyro
+        self._velocity, self._turning, self._quaternion = np.zeros(3), sensed.gyro, sensed.quaternion
+        self._attitude: Attitude | None = None
+        if self._config.own_attitude:
+            self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
         self.start()
@@ -57,31 +61,38 @@ class BaseEstimator:
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
 
-    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
+    def update(
+        self, sensed: Sensed, stance: np.ndarray | None, dt_s: float, force: np.ndarray | None = None
+    ) -> tuple[np.ndarray, float]:
         """Update with one set of readings.
 
         Args:
             sensed: the readings.
             stance: (legs,) planned contact in [0, 1], or None without a plan.
             dt_s: time since the readings before.
+            force: (legs,) N, upwards, that force sensors at the feet measure; None without such sensors.
 
         Returns:
             The base origin's velocity in the body frame, (3,) m/s, and its height above the centre of
             the mean standing foot, m.
         """
-        jacobian = self._take(sensed)
         self._turning = np.array(self._gyro.update(sensed.gyro.tolist(), sensed.quaternion.tolist(), dt_s))
-        rotation, rows, turning = self._rotation, self._rotation.tolist(), skew(self._turning).T
+        self._orient(sensed, dt_s)
+        jacobian = self._take(sensed)
+        rotation, rows, across = self._rotation, self._rotation.tolist(), skew(self._turning).T
         rates = self._legs.gather(sensed.joint_velocity)
-        contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
+        contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s, force)
         # Velocity of the points of contact relative to the IMU, body frame.
-        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(turning)
+        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
         self.motion.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
+        if self._attitude is not None:
+            self._attitude, bias = leveled(self._attitude, self.motion.bias, self._config.attitude)
+            self.motion.bias = list(bias)
         self._follow_height(contact, dt_s)
         self._drift.advance(self.motion.velocity, dt_s)
         self._lateness.advance(self.motion.velocity, dt_s)
-        self._velocity = np.array(self.motion.velocity).dot(rotation) - self._imu.dot(turning)
+        self._velocity = np.array(self.motion.velocity).dot(rotation) - self._imu.dot(across)
         return self._velocity, self._base_height()
 
     def pose(self) -> tuple[float, float, float]:
@@ -110,7 +121,7 @@ class BaseEstimator:
         turn[VELOCITY, VELOCITY] = self._rotation.T
         return Odometry(
             position=turn[POSITION, POSITION] @ position,
-            orientation=multiply(_about_vertical(-self._start_yaw), self._sensed.quaternion),
+            orientation=multiply(_about_vertical(-self._start_yaw), self._quaternion),
             yaw=wrap_angle(self._yaw() - self._start_yaw),
             velocity=self._velocity,
             angular_velocity=self._turning,
@@ -119,10 +130,19 @@ class BaseEstimator:
             covariance=turn @ covariance @ turn.T,
         )
 
+    def _orient(self, sensed: Sensed, dt_s: float) -> None:
+        """Update the orientation: the IMU's, or its own, turned by the angular velocity."""
+        self._quaternion = sensed.quaternion
+        if self._attitude is not None and dt_s > 0.0:
+            gx, gy, gz = self._turning.tolist()
+            ax, ay, az = sensed.acceleration.tolist()
+            self._attitude = advanced(self._attitude, (gx, gy, gz), (ax, ay, az), dt_s, self._config.attitude)
+            self._quaternion = np.array(self._attitude.quaternion)
+            self._turning = self._turning - self._attitude.bias
+
     def _take(self, sensed: Sensed) -> np.ndarray:
         """Update places and rotation; returns the Jacobians of the points of contact, (legs, 3, m)."""
-        self._sensed = sensed
-        self._rotation = rotation_matrix(sensed.quaternion)
+        self._rotation = rotation_matrix(self._quaternion)
         self._up = up = self._rotation[2]
         pose = self._legs.pose(sensed.joint_position)
         arms = self._points.arms(sensed.joint_position, up)

@@ -54,6 +54,18 @@ class TestContact:
             found = contact.update(sensed, rates, jacobian, UP, plan, 0.002)
         return np.array(found)
 
+    def test_force_sensors_count_more_than_torques(self) -> None:
+        """Motors that carry the robot, and feet of which only the first two are loaded."""
+        even = 9.81 * ROBOT.legs.mass / 4
+        sensed = carried(ROBOT, np.outer(np.full(4, even), UP))
+        contact = self.begun(ROBOT, sensed)
+        rates = ROBOT.legs.gather(sensed.joint_velocity)
+        jacobian = ROBOT.legs.pose(sensed.joint_position).jacobian
+        force = np.array([even, 0.5 * even, 0.1 * even, 0.0])
+        for _ in range(200):
+            found = contact.update(sensed, rates, jacobian, UP, None, 0.002, force)
+        np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 0.0], atol=0.01)
+
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
     def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
