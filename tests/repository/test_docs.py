@@ -19,6 +19,7 @@ from footfall.common.config import load, structure, with_changes
 from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
+from footfall.deploy.log_analysis.recorded_csv import ColumnMap
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.identify.excitation import ExcitationConfig
@@ -130,6 +131,7 @@ def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 GO1 = yaml.safe_load((ROBOTS / "go1" / "robot.yaml").read_text())
 READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
+    "columns": lambda path: load(path, ColumnMap),
     "excitation": lambda path: load(path, ExcitationConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "gamepad": lambda path: load(path, GamepadConfig),

@@ -88,6 +88,51 @@ def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -
     return 0 if good else 1
 
 
+@log.command(name="import")
+def import_(
+    file: Path,
+    /,
+    *,
+    columns: Annotated[Path, Parameter(name="--map")],
+    robot: Annotated[str, AS_TYPED],
+    config: OptionalPath = None,
+    out: OptionalPath = None,
+) -> int:
+    """Write a CSV recording of any robot as a log, with attitude, contacts and motion as they are estimated.
+
+    Parameters
+    ----------
+    file
+        The recording: a line with the columns' names, then a row for each time.
+    columns
+        YAML file that names the columns, see docs/logs.md.
+    robot
+        Name of the robot, or a folder with its robot.yaml.
+    config
+        YAML file with settings of the deploy loop; its estimator's count.
+    out
+        Where to write the log (default: FILE.mcap, beside it).
+    """
+    from footfall.common.config import load
+    from footfall.deploy.config import deploy_config
+    from footfall.deploy.log_analysis.import_csv import import_recording
+    from footfall.deploy.log_analysis.recorded_csv import ColumnMap, read_csv
+    from footfall.robots.description import load_robot
+
+    target = file.with_suffix(".mcap") if out is None else out
+    check_outputs(target)
+    of = load_robot(robot)
+    settings = deploy_config(of, config).estimator
+    recorded = read_csv(file, load(columns, ColumnMap), of)
+    done = import_recording(recorded, of, settings, target, str(file))
+    attitude = "from gyro and accelerometer" if done.own_attitude else "as recorded"
+    motion = "estimated" if done.estimated else "left out, without forces or torques"
+    print(
+        f"{target}: {done.readings} readings of {done.duration_s:.1f} s; attitude {attitude}; motion {motion}"
+    )
+    return 0
+
+
 @log.command
 def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -> int:
     """Draw a log on one HTML page: joints, torques, heat, contacts, paths of the feet, timing, faults.

@@ -1,0 +1,134 @@
+"""Writes a recording of any robot as a log, with what attitude filter and base estimator make of it."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.base_estimate import ODOMETRY_EVERY_US
+from footfall.deploy.clock import LOCKSTEP_START_NS
+from footfall.deploy.estimation.attitude import AttitudeEstimator
+from footfall.deploy.estimation.config import AttitudeConfig, EstimatorConfig
+from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.deploy.log import McapLog
+from footfall.deploy.log_analysis.recorded_csv import Recorded
+from footfall.deploy.modes import Mode
+from footfall.deploy.receiver import MotorHealth
+from footfall.deploy.safety import State
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+UNIX_TIME_S = 1e8  # a first time beyond this is a date
+
+
+class Imported(NamedTuple):
+    """What a log was made of."""
+
+    readings: int
+    duration_s: float
+    own_attitude: bool  # whether the attitude comes from gyro and accelerometer
+    estimated: bool  # whether the base's motion is in it
+
+
+class _Recording:
+    """Stands for the policy of a recording, which is unknown."""
+
+    name = "recording"
+    rate_hz = 50.0
+    needs_estimate = False
+    contract = None
+    notes: tuple[str, ...] = ()
+
+    def reset(self, inputs: PolicyInput) -> None:
+        raise NotImplementedError
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        raise NotImplementedError
+
+    def stance(self) -> None:
+        return None
+
+
+def import_recording(
+    recorded: Recorded, robot: Robot, config: EstimatorConfig, out: Path, source: str
+) -> Imported:
+    """Write the log.
+
+    Contacts and motion of the base are estimated where forces at the feet or torques of the joints are known.
+
+    Args:
+        recorded: the readings.
+        robot: that they come from.
+        config: of attitude filter and base estimator.
+        out: the log.
+        source: where the readings come from, kept in the log.
+
+    Raises:
+        UserError: the log cannot be written, or the robot does not keep still in a recording without
+            orientation.
+    """
+    quaternion = recorded.quaternion
+    if quaternion is None:
+        quaternion = attitudes(recorded, config.attitude)
+    torque = np.zeros_like(recorded.position) if recorded.torque is None else recorded.torque
+    estimator = None
+    if recorded.torque is not None or recorded.force is not None:
+        estimator = BaseEstimator(robot, config)
+    log = McapLog(out, robot, _Recording(), {"bus": "recording", "recording": source}, may_wait=True)
+    try:
+        dated = recorded.start_s > UNIX_TIME_S
+        log.begin(round(1e9 * recorded.start_s) if dated else LOCKSTEP_START_NS)
+        log.state(0, State(Mode.WALKING))
+        n = len(robot.joint_names)
+        health = MotorHealth(np.zeros(n + 1), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n))
+        before_us, next_us = 0, 0
+        for row, now_us in enumerate(recorded.time_us.tolist()):
+            sensed = Sensed(
+                recorded.gyro[row],
+                recorded.acceleration[row],
+                quaternion[row],
+                recorded.position[row],
+                recorded.velocity[row],
+                torque[row],
+            )
+            log.tick(now_us, sensed, health, None)
+            if estimator is None:
+                continue
+            if row:
+                force = None if recorded.force is None else recorded.force[row]
+                estimator.update(sensed, None, 1e-6 * (now_us - before_us), force)
+            else:
+                estimator.reset(sensed)
+            before_us = now_us
+            if now_us >= next_us:
+                next_us = now_us + ODOMETRY_EVERY_US
+                log.odometry(now_us, estimator.odometry())
+    finally:
+        lacking = log.close()
+    if lacking:
+        raise UserError(lacking)
+    duration_s = 1e-6 * float(recorded.time_us[-1])
+    return Imported(len(quaternion), duration_s, recorded.quaternion is None, estimator is not None)
+
+
+def attitudes(recorded: Recorded, config: AttitudeConfig) -> np.ndarray:
+    """Orientations (T, 4) from gyro and accelerometer; before the filter starts, its first one.
+
+    Raises:
+        UserError: the robot does not keep still for long enough.
+    """
+    estimator, found = AttitudeEstimator(config), []
+    steps_s = 1e-6 * np.diff(recorded.time_us, prepend=recorded.time_us[:1])
+    for gyro, acceleration, elapsed_s in zip(
+        recorded.gyro.tolist(), recorded.acceleration.tolist(), steps_s.tolist(), strict=True
+    ):
+        if (attitude := estimator.update(gyro, acceleration, elapsed_s)) is not None:
+            found.append(attitude.quaternion)
+    if not found:
+        raise UserError(
+            f"the robot does not keep still for {config.rest_s:g} s: without a quaternion in the map, its"
+            f" attitude begins at rest, with a gyro below {config.rest_rad_s:g} rad/s (estimator.attitude)"
+        )
+    return np.array([found[0]] * (len(steps_s) - len(found)) + found)

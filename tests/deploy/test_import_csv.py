@@ -1,0 +1,133 @@
+"""A recording in a CSV file becomes a log, with what the estimators make of it."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from deploy_policies import short_episode
+from scipy.spatial.transform import Rotation
+from shell import Shell
+
+from footfall.common.config import structure
+from footfall.common.errors import UserError
+from footfall.deploy.log_analysis.columns import read_columns
+from footfall.deploy.log_analysis.recorded_csv import ColumnMap, read_csv
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+JOINTS = ROBOT.joint_names
+FEET = tuple(foot.name for foot in ROBOT.description.feet)
+MOUNTING = Rotation.from_euler("xyz", [180.0, 0.0, 90.0], degrees=True)  # IMU's axes to the base's
+MAP: dict[str, Any] = {
+    "time": "t",
+    "gyro": ["wx", "wy", "wz"],
+    "acceleration": ["ax", "ay", "az"],
+    "joint_position": {name: f"q_{name}" for name in JOINTS},
+    "joint_torque": {name: f"tau_{name}" for name in JOINTS},
+    "imu_mounting": MOUNTING.as_quat(scalar_first=True).tolist(),
+    "rate_unit_rad_s": float(np.pi / 180.0),
+}
+
+
+Walk = tuple[Path, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
+    """Rest and a trot, in degrees per second by a turned IMU without orientation; and the true way, m."""
+    rows, places = [], []
+
+    def note(loop: ControlLoop, body: SimulatedRobot) -> None:
+        sensed = loop.sensed
+        if not sensed.acceleration.any() or loop.state.mode not in (Mode.IDLE, Mode.STANDING, Mode.WALKING):
+            return
+        gyro, acceleration = (MOUNTING.inv().apply(value) for value in (sensed.gyro, sensed.acceleration))
+        joints = *sensed.joint_position, *sensed.joint_torque
+        rows.append([loop.now_us * 1e-6, *np.degrees(gyro), *acceleration, *joints])
+        places.append(body.truth().base_position)
+
+    ahead = short_episode(command_source=lambda _: np.array([0.4, 0.0, 0.0]), duration_s=2.0)
+    run_episode(ROBOT, load_policy("trot", ROBOT), ahead, note)
+    rest = [[row * 0.002, *rows[0][1:]] for row in range(-300, 0)]
+    path = tmp_path_factory.mktemp("recording") / "walk.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        names = *MAP["joint_position"].values(), *MAP["joint_torque"].values()
+        writer.writerow(["t", "wx", "wy", "wz", "ax", "ay", "az", *names])
+        writer.writerows(rest + rows)
+    return path, places[-1] - places[0]
+
+
+def typed(shell: Shell, walk: Walk, tmp_path: Path, **changes: Any) -> list[str | Path]:
+    """The command, with a map that is changed so."""
+    chart = tmp_path / "map.yaml"
+    chart.write_text(yaml.safe_dump({**MAP, **changes}))
+    return ["log", "import", walk[0], "--map", chart, "--robot", "go1", "--out", tmp_path / "walk.mcap"]
+
+
+def test_the_log_has_the_way_that_the_robot_walked(shell: Shell, walk: Walk, tmp_path: Path) -> None:
+    told = shell(*typed(shell, walk, tmp_path))
+    assert told.status == 0, told
+    columns, count = read_columns(tmp_path / "walk.mcap"), len(JOINTS)
+    with walk[0].open() as file:
+        rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])
+    assert columns.readings.values[:, :count] == pytest.approx(rows[:, 7 : 7 + count])
+    assert columns.readings.time_s == pytest.approx(rows[:, 0] - rows[0, 0], abs=1e-6)
+    place = columns.column("/odom", 85).values[-1, :2]
+    assert np.linalg.norm(walk[1][:2]) > 0.4
+    assert np.linalg.norm(place - walk[1][:2]) < 0.05
+    contact = columns.column("/contacts", 4).values
+    assert 0.3 < contact[-50:].mean() < 0.9
+    assert shell("log", "info", tmp_path / "walk.mcap").status == 0
+
+
+def test_foot_forces_serve_in_the_place_of_torques(shell: Shell, walk: Walk, tmp_path: Path) -> None:
+    """Feet that carry nothing: the acceleration's column, about zero, for a force."""
+    forces = {name: "ax" for name in FEET}
+    assert shell(*typed(shell, walk, tmp_path, joint_torque={}, foot_force=forces)).status == 0
+    contact = read_columns(tmp_path / "walk.mcap").column("/contacts", 4).values
+    assert contact[-50:].max() < 0.1
+
+
+def test_without_forces_and_torques_the_readings_are_all(shell: Shell, walk: Walk, tmp_path: Path) -> None:
+    assert shell(*typed(shell, walk, tmp_path, joint_torque={})).status == 0
+    counts = read_columns(tmp_path / "walk.mcap").counts
+    assert counts["/joint_states"] > 1000
+    assert "/odom" not in counts
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"time": "clock"}, "clock"),
+        ({"joint_position": {"knee": "t"}}, "FR_hip_joint"),
+        ({"foot_force": {**dict.fromkeys(FEET, "ax"), "tail": "ax"}}, "tail"),
+        ({"time_unit_s": -1.0}, "time_unit_s"),
+        ({"time": "ax"}, "line"),
+    ],
+)
+def test_a_map_that_does_not_fit_is_refused(
+    shell: Shell, walk: Walk, tmp_path: Path, changes: dict[str, Any], named: str
+) -> None:
+    assert named in shell.refuses(*typed(shell, walk, tmp_path, **changes))
+
+
+def test_a_cell_without_a_number_is_refused_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text("t,a\n0.0,1.0\n0.1,\n")
+    columns = {**MAP, "gyro": ["a"] * 3, "acceleration": ["a"] * 3, "joint_torque": {}}
+    columns["joint_position"] = dict.fromkeys(JOINTS, "a")
+    with pytest.raises(UserError, match="line 3"):
+        read_csv(path, structure(columns, ColumnMap, "map"), ROBOT)
+
+
+def test_a_robot_that_never_rests_has_no_attitude(shell: Shell, walk: Walk, tmp_path: Path) -> None:
+    assert "keep still" in shell.refuses(*typed(shell, walk, tmp_path, gyro=["ax", "ay", "az"]))
