@@ -154,18 +154,6 @@ def test_what_every_motor_can_do_is_sent_as_it_was_decided(decision: np.ndarray,
     assert np.array_equal(sent[possible], ends.driver.command(whole).data[possible])
 
 
-def test_stiff_gains_a_radian_away_are_lowered_until_the_peak_is_asked_for() -> None:
-    """350 N m/rad over the 0.5 rad that the target is away would be 175 N m; a hip motor has 23.7."""
-    ends = Ends(WIRING, np.zeros((3, N)), np.full(N, 0.5))
-    position = np.full(N, 0.5).clip(*ROBOT.soft_limits)
-    one = np.ones(N)
-    heard = ends.heard(ends.layer.command(JointCommand(position, 0 * one, 350 * one, 2 * one, 0 * one)))
-    hip = ROBOT.joint_index("FR_hip_joint")
-    assert 23.7 / 0.5 - 500 / 4095 < heard.kp[hip] <= 23.7 / 0.5  # it pushes, and is not rounded up
-    assert heard.kd[hip] == pytest.approx(2 * 23.7 / 175, abs=1e-3)
-    assert heard.torque[hip] == pytest.approx(0.0, abs=0.01)
-
-
 def test_a_motor_past_its_no_load_speed_is_not_pushed_on() -> None:
     """40 rad/s of 30.1: an ask along the motion is taken back whole, one against it is left alone."""
     ends = Ends(WIRING, np.array([[0.0], [0.8], [0.0]]) * np.ones((1, N)), ROBOT.default_pose)
