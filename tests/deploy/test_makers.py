@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
@@ -69,6 +69,7 @@ class TestRounding:
 
     @given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
     def test_of_commands_and_readings(self, wiring: Wiring, codes: list[int], share: np.ndarray) -> None:
+        assume(not (share > 0.998).all(axis=0).any())  # would read as a special frame of MIT mode
         driver, end = both_ends(wiring)
         most, rows = driver.highest, [0, 1, 4]
         half = 0.5 * (most - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
