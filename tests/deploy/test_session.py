@@ -41,7 +41,7 @@ class TestSignals:
         loop.finish = lambda: setattr(loop, "asked", loop.asked + 1)
         return loop
 
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGXCPU])
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU])
     def test_ctrl_c_and_a_polite_kill_ask_for_an_orderly_end(self, loop: Any, number: int) -> None:
         before = signal.getsignal(number)
         with ending_on_signals(loop.finish):
