@@ -10,7 +10,11 @@ _PLACE_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, p
 
 
 def flatten(inputs: PolicyInput) -> np.ndarray:
-    """A policy's input as one float64 vector: time, readings in field order, command, velocity, height."""
+    """A policy's input as one float64 vector: time, readings in field order, command, velocity, height.
+
+    A height scan comes last, if there is one.
+    """
+    scan = () if inputs.height_scan is None else (inputs.height_scan,)
     return np.concatenate(
         [
             [inputs.time_s],
@@ -18,27 +22,29 @@ def flatten(inputs: PolicyInput) -> np.ndarray:
             inputs.command,
             inputs.base_velocity,
             [inputs.base_height],
+            *scan,
         ]
     )
 
 
 def input_sizes(joints: int) -> dict[str, int]:
-    """Number of components of each part of a flat policy input, in its order."""
+    """Number of components of each part of a flat policy input, in its order, without a height scan."""
     return {"time_s": 1, **sensed_sizes(joints), "command": 3, "base_velocity": 3, "base_height": 1}
 
 
-def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
-    """The policy input of a vector by `flatten`.
+def unflatten(values: np.ndarray, joints: int, scan_points: int = 0) -> PolicyInput:
+    """The policy input of a vector by `flatten`, which may end with a height scan of so many points.
 
     Raises:
-        ValueError: a robot with so many joints has another number of readings.
+        ValueError: a robot with so many joints has more readings, or the height scan another size.
     """
     sizes = list(input_sizes(joints).values())
-    if len(values) != sum(sizes):
+    if len(values) - sum(sizes) not in (0, scan_points):
         raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
-    time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
+    time_s, *rest, scan = np.split(values, np.cumsum(sizes))
     *sensed, command, velocity, height = rest
-    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))
+    found = scan if len(scan) else None
+    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]), found)
 
 
 def odometry_numbers(found: Odometry) -> np.ndarray:

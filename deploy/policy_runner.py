@@ -12,13 +12,14 @@ from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Pose, Status
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
 from footfall.deploy.handover import STILL, Handover
+from footfall.deploy.height_scan import HeightScans
 from footfall.deploy.modes import DECIDING
 from footfall.deploy.run_log import RunLog
 from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
 from footfall.deploy.steering import Run, Steering
 from footfall.deploy.timing import Durations
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
@@ -36,6 +37,7 @@ class PolicyRunner:
         limit_s: float,
         realtime: bool,
         arm: Arm = unarmed,
+        height_scans: HeightScans | None = None,
     ) -> None:
         """Policies that have not begun.
 
@@ -46,6 +48,7 @@ class PolicyRunner:
             limit_s: how long one step may take.
             realtime: whether steps are timed. Simulated time waits for them.
             arm: sets a deadline for a step.
+            height_scans: for policies that read them.
 
         Raises:
             UserError: a policy is faster than the loop.
@@ -58,6 +61,7 @@ class PolicyRunner:
                 )
         self._policies, self.steering = policies, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
+        self._height_scans = height_scans
         self._process = os.getpid()
         self._began_us = 0
         self.signals = PolicySignals()
@@ -66,16 +70,20 @@ class PolicyRunner:
         self._command = np.zeros(3)  # that the policy was given
         self._changes: list[Change] = []  # that were not told yet
         self._told = 0  # notes that were
-        self._noted = dict.fromkeys((policy.name for policy in policies.policies), 0)  # of each, taken over
+        self._noting: list[Policy | HeightScans] = [
+            *policies.policies,
+            *([] if height_scans is None else [height_scans]),
+        ]
+        self._noted = [0] * len(self._noting)  # notes of each that were taken over
 
     @property
     def notes(self) -> list[str]:
         """What was changed of what was asked for, one line each."""
         notes, noted = self.steering.notes, self._noted
-        for policy in self._policies.policies:
-            if len(policy.notes) > noted[policy.name]:
-                notes.extend(policy.notes[noted[policy.name] :])
-                noted[policy.name] = len(policy.notes)
+        for index, each in enumerate(self._noting):
+            if len(each.notes) > noted[index]:
+                notes.extend(each.notes[noted[index] :])
+                noted[index] = len(each.notes)
         return notes
 
     def tell(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
@@ -216,7 +224,8 @@ class PolicyRunner:
             self._changes.append(change)
             steering.refresh(policies.present.policy)
         self._command = STILL if policies.leaving else steering.command
-        given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate)
+        scan = None if self._height_scans is None else self._height_scans.fresh(now_us)
+        given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate, scan)
         before = policies.present
         decision = policies.step(walked_us, given)
         if policies.present is not before:

@@ -15,6 +15,7 @@ from footfall.deploy.handover import Handover, HandoverConfig
 from footfall.deploy.log_file import Entry, LogFile, read_log
 from footfall.deploy.log_numbers import unflatten
 from footfall.deploy.turn import WrongSizeError
+from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 
@@ -51,10 +52,12 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0, others: Sequence[
     log = read_log(path, (INPUTS, DECISIONS, CHANGES))
     joints = log.joints
     policies = Handover((policy, *others), _config(log))
+    scan = common_height_scan([each.contract for each in (policy, *others)])
+    points = 0 if scan is None else scan.size
     changes = _changes(log)
     worst, first, steps = 0.0, "", 0
     for index, (given, decision) in enumerate(_steps(log)):
-        inputs = _inputs(log, given)
+        inputs = _inputs(log, given, points)
         before = _numbers(log, decision)
         if len(before) != 5 * len(joints):
             raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
@@ -111,9 +114,9 @@ def _config(log: LogFile) -> HandoverConfig:
     return HandoverConfig() if given is None else structure(given, HandoverConfig, str(log.path))
 
 
-def _inputs(log: LogFile, given: Entry) -> PolicyInput:
+def _inputs(log: LogFile, given: Entry, scan_points: int) -> PolicyInput:
     try:
-        return unflatten(_numbers(log, given), len(log.joints))
+        return unflatten(_numbers(log, given), len(log.joints), scan_points)
     except ValueError as error:
         raise UserError(f"{log.path}: {error}") from None
 

@@ -24,6 +24,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
 from footfall.deploy.handover import Handover
+from footfall.deploy.height_scan import HeightScans, HeightScanSource, NoScans
 from footfall.deploy.log_store import LogStore
 from footfall.deploy.logged_bus import LoggedBus
 from footfall.deploy.loop import ControlLoop
@@ -37,6 +38,7 @@ from footfall.deploy.warm_up import warm_up
 from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.deploy.wiring_check.verdict import Verdict
+from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -64,6 +66,7 @@ class Session:
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
+    height_scans: HeightScanSource | None = None  # for policies that read them
     stop_inputs: bool = False  # open those that the robot declares, too
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
     wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
@@ -141,6 +144,7 @@ def run_session(
             config.safety.late_limit_s,
             session.realtime,
             arm,
+            _height_scans(policies, session),
         )
         if session.realtime:
             for other in session.others.values():
@@ -197,6 +201,12 @@ def run_session(
             buses=tuple(bus.statistics()),
             notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop)),
         )
+
+
+def _height_scans(policies: Sequence[Policy], session: Session) -> HeightScans | None:
+    """The height scans that policies of the run read."""
+    scan = common_height_scan([policy.contract for policy in policies])
+    return None if scan is None else HeightScans(scan, session.height_scans or NoScans())
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from footfall.common.config import (
 )
 from footfall.common.terms import NamedTermConfig, TermConfig
 from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.policies.contract import FASTEST_CONTROL_HZ
@@ -152,6 +153,7 @@ class EnvConfig:
     terrain: TerrainConfig | None = None  # None: level ground
     randomisation: Randomisation = field(default_factory=Randomisation)
     noise: Noise = field(default_factory=Noise)
+    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
 
     @property
     def weights(self) -> dict[str, float]:

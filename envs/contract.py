@@ -1,5 +1,8 @@
 """The contract of the policies that an environment trains."""
 
+from dataclasses import is_dataclass, replace
+
+from footfall.common.config import unstructure
 from footfall.envs.config import EnvConfig
 from footfall.envs.gait import make_gait
 from footfall.policies.contract import Contract, Term
@@ -14,14 +17,13 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         UserError: there is no such gait or observation term, or a term cannot have its parameters.
     """
     terms = tuple(Term(each.term, each.scale, each.history, each.settings) for each in config.observation)
-    for index, term in enumerate(terms):
-        term_source(term, f"env.observation[{index}]")
+    sources = [term_source(term, f"env.observation[{index}]") for index, term in enumerate(terms)]
     return Contract(
         robot=robot.name,
         digest=robot.digest,
         joints=robot.joint_names,
         control_rate_hz=config.control_rate_hz,
-        observation=terms,
+        observation=tuple(map(_in_full, terms, sources)),
         default_pose_rad=tuple(robot.default_pose.tolist()),
         action_scale_rad=tuple(robot.action_scale.tolist()),
         kp=tuple(robot.kp.tolist()),
@@ -30,3 +32,8 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         gait=make_gait(robot, config.gait) if config.gait else None,
         standing_command=config.commands.standing_command,
     )
+
+
+def _in_full(term: Term, source: object) -> Term:
+    """A term with all its parameters where they are a dataclass's: defaults may be others one day."""
+    return replace(term, settings=unstructure(source)) if is_dataclass(source) else term

@@ -10,8 +10,12 @@ from footfall.domain_rand.sample import delay_s
 from footfall.envs.base import Base
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_readings
+from footfall.envs.height_scan import Heights, Scanner
+from footfall.envs.random_numbers import split
 from footfall.envs.state import State
+from footfall.envs.terms.data import level_ground
 from footfall.policies.contract import Contract
+from footfall.policies.height_scan import height_scan_of
 from footfall.policies.observation import (
     Inputs,
     frame,
@@ -35,7 +39,12 @@ class Observer:
         self._base, self._contract = Base(model, robot), contract
         self._noise, self._timestep_s = config.noise, config.timestep_s
         self._joints = len(robot.joint_names)
-        self.numbers = readings_size(self._joints)  # that `observe` needs
+        scan, errors = height_scan_of(contract), config.height_scan_errors
+        self._scanner = (
+            None if scan is None else Scanner(scan, errors, self._base, 1.0 / config.control_rate_hz)
+        )
+        self._sizes = readings_size(self._joints), 0 if self._scanner is None else self._scanner.numbers
+        self.numbers = sum(self._sizes)  # that `observe` needs
 
     def readings(self, qpos: jax.Array, qvel: jax.Array, torque: jax.Array) -> jax.Array:
         """The true readings in a moment, laid end to end (robots/readings.py).
@@ -59,7 +68,12 @@ class Observer:
         return jnp.zeros((history_length(self._contract), frame_size(self._contract)))
 
     def observe(
-        self, state: State, recent: jax.Array, u: jax.Array, first: bool = False
+        self,
+        state: State,
+        recent: jax.Array,
+        u: jax.Array,
+        ground: Heights = level_ground,
+        first: bool = False,
     ) -> tuple[State, jax.Array]:
         """The state with a new frame, and the actor's observation.
 
@@ -67,15 +81,23 @@ class Observer:
             state: after the control step; its last action, command and phase are part of the frame.
             recent: readings after each of the last physics steps, oldest first, shape (k, numbers).
             u: uniform numbers for the noise, shape (numbers,).
+            ground: height of the ground at places in the world.
             first: whether an episode begins; the frame then fills the whole history.
         """
         delayed = delayed_readings(recent, delay_s(state.sample, "readings"), self._timestep_s)
-        readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, u)
-        newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self._contract)
+        noise, scan_numbers = split(u, *self._sizes)
+        readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, noise)
+        heights = None
+        if self._scanner is not None:
+            state, heights = self._scanner.deliver(state, ground, scan_numbers, first)
+        newest = frame(
+            Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract
+        )
         frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_frame(state.frames, newest)
         return state._replace(frames=frames), observation(frames, self._contract)
 
-    def clean_frame(self, state: State, torque: jax.Array) -> jax.Array:
+    def clean_frame(self, state: State, torque: jax.Array, ground: Heights = level_ground) -> jax.Array:
         """A frame of the state as it is, without delay, bias and noise, for the critic."""
         readings = from_vector(self.readings(state.qpos, state.qvel, torque), self._joints)
-        return frame(Inputs(readings, state.actions[0], state.command, state.phase), self._contract)
+        heights = None if self._scanner is None else self._scanner.exact(state, ground)
+        return frame(Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract)

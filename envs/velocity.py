@@ -87,8 +87,8 @@ class VelocityEnv:
     def layout(self) -> dict[str, list[Kind]]:
         """The kinds of numbers that lie end to end in the actor's and in the critic's observation."""
         terms = self.contract.observation
-        actor = [term_kind(term.name) for term in terms for _ in range(term.history)]
-        frame = [term_kind(term.name) for term in terms]
+        actor = [term_kind(term) for term in terms for _ in range(term.history)]
+        frame = [term_kind(term) for term in terms]
         randomisation = self.config.randomisation
         sampled = [q.kind for name, q in QUANTITIES.items() if getattr(randomisation, name) is not None]
         return {"state": actor, "privileged_state": [*actor, *frame, *self.task.critic_kinds, *sampled]}
@@ -152,10 +152,9 @@ class VelocityEnv:
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
         readings = self.observer.readings(state.qpos, state.qvel, torque)
         state = state._replace(recent_readings=jnp.tile(readings, (substeps, 1)))
-        state, observed = self.observer.observe(
-            state, jnp.tile(readings, (2 * substeps, 1)), noise, first=True
-        )
         data = self.data_at(state, example_data(self.scene))
+        recent = jnp.tile(readings, (2 * substeps, 1))
+        state, observed = self.observer.observe(state, recent, noise, data.ground, first=True)
         state = state._replace(terms=state.terms | self.task.init(data))
         return self.observations(state, observed, data)
 
@@ -187,8 +186,9 @@ class VelocityEnv:
         key, numbers_key = jax.random.split(state.key)
         disturbance, noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
         state = self.disturbances.step(state._replace(key=key, recent_readings=readings), disturbance)
-        state, observed = self.observer.observe(state, recent, noise)
-        state, observations = self.observations(state, observed, self.data_at(state, data))
+        data_now = self.data_at(state, data)
+        state, observed = self.observer.observe(state, recent, noise, data_now.ground)
+        state, observations = self.observations(state, observed, data_now)
 
         metrics = {f"reward/{name}": value for name, value in values.items()}
         metrics |= tracking_metrics(data) | self.terrain.metrics(state)
@@ -258,7 +258,7 @@ class VelocityEnv:
     ) -> tuple[State, dict[str, jax.Array]]:
         """The state of the critic's terms, and both observations; that of the actor is given."""
         values, critic = self.task.critic.evaluate(state.terms["critic"], data)
-        clean = self.observer.clean_frame(state, data.torque)
+        clean = self.observer.clean_frame(state, data.torque, data.ground)
         sampled = [state.sample[name] for name in QUANTITIES if name in state.sample]
         seen = [observed, clean, *map(jnp.ravel, values.values()), *map(jnp.ravel, sampled)]
         state = state._replace(terms=state.terms | {"critic": critic})

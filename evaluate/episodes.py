@@ -9,6 +9,7 @@ import numpy as np
 
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.domain_rand.bodies import body_map, randomised_fields
+from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import Sample, draw, sample_shapes
@@ -32,6 +33,7 @@ class EpisodeTask:
     robot: str  # as `footfall.robots.description.load_robot` takes it
     plan: EpisodePlan
     noise: Noise
+    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
     plant: Path | None = None
     engine: str = DEFAULT_ENGINE
     ground_truth: bool = False
@@ -81,6 +83,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         ground=None if plan.ground is None else make_ground(plan.ground, plan.seed),
         sample=sample,
         noise=task.noise,
+        height_scan_errors=task.height_scan_errors,
         pushes=plan.pushes,
         ground_truth=task.ground_truth,
     )

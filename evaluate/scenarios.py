@@ -17,6 +17,7 @@ from footfall.common.config import (
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
 from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
@@ -164,6 +165,7 @@ class ScenarioFile:
 
     noise: Noise  # of the readings, in every scenario
     scenarios: dict[str, Scenario]
+    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)  # as the noise
 
     def select(self, names: Sequence[str]) -> dict[str, Scenario]:
         """The named scenarios, in the order given.

@@ -85,6 +85,7 @@ def _task(
         robot=config.robot,
         plan=plan,
         noise=file.noise,
+        height_scan_errors=file.height_scan_errors,
         plant=config.plant,
         engine=config.engine,
         ground_truth=config.ground_truth,

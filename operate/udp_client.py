@@ -18,20 +18,29 @@ JSON in UTF-8. A request has
     stop, damp       a reason: stop the robot; damp it at once
 
 Velocities that are not renewed within 0.5 s count as zero.
+
+`UdpHeightScan` is the other side of `--height-scan udp`. Its datagrams have
+
+    sender, number   as above
+    age_s            s since the scan was taken, when it is sent
+    heights          m above the base's origin, in the order of the policy's grid; null for unknown ones
 """
 
 import hmac
 import json
+import math
 import secrets
 import socket
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any
 
-PORT = 9870
-LARGEST = 4096  # bytes of a datagram
+PORT, SCAN_PORT = 9870, 9871
+LARGEST = 16384  # bytes of a datagram
 MAC = 32  # bytes
 REQUEST, REPLY = b"footfall request ", b"footfall reply "  # a reply cannot be sent back as a request
+SCAN = b"footfall height scan "
 
 
 def pack(content: dict[str, Any], token: str, direction: bytes) -> bytes:
@@ -105,3 +114,29 @@ class UdpSteering:
                     if reply.get("number") == self._number:
                         return reply
         return None
+
+
+class UdpHeightScan:
+    """Sends height scans to a robot's policy."""
+
+    def __init__(self, host: str, token: str, port: int = SCAN_PORT) -> None:
+        self._place, self._token = (host, port), token
+        self._sender, self._number = secrets.token_hex(8), 0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def __enter__(self) -> "UdpHeightScan":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def send(self, heights: Iterable[float], age_s: float = 0.0) -> None:
+        """Send a scan's heights, NaN for unknown ones, taken `age_s` ago.
+
+        Raises:
+            OSError: the network cannot be reached.
+        """
+        self._number += 1
+        known = [round(float(each), 4) if math.isfinite(each) else None for each in heights]
+        content = {"sender": self._sender, "number": self._number, "age_s": age_s, "heights": known}
+        self._socket.sendto(pack(content, self._token, SCAN), self._place)

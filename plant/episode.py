@@ -12,17 +12,21 @@ import numpy as np
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.height_scan import HeightScanSource
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.session import BaseState, Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
+from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
+from footfall.plant.height_scan import SimulatedScanner
 from footfall.plant.progress import Progress
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.trace import Recorder, Trace
 from footfall.plant.wires import SimulatedWires
+from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 from footfall.terrain.ground import Ground
@@ -76,6 +80,9 @@ class Episode:
     stop_sources: Sequence[StopSource] = ()  # beside the command source
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
     engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
+    # Of the simulated height scans; another source of scans takes their place.
+    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
+    height_scans: HeightScanSource | None = None
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
@@ -126,6 +133,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         check_wiring=episode.check_wiring,
         stop_sources=episode.stop_sources,
         others=episode.others,
+        height_scans=episode.height_scans or _scanner(policy, body, episode),
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
     base_state = true_base_state(body) if episode.ground_truth else None
@@ -209,6 +217,19 @@ class Trial:
             mean_velocity=self._progress.mean_velocity,
             record_rate_hz=self._episode.record_rate_hz,
         )
+
+
+def _scanner(policy: Policy, body: SimulatedRobot, episode: Episode) -> HeightScanSource | None:
+    """The simulated robot's height scans, if a policy of the episode reads them."""
+    scan = common_height_scan([each.contract for each in (policy, *episode.others.values())])
+
+    def pose() -> tuple[np.ndarray, np.ndarray]:
+        truth = body.truth()
+        return truth.base_position, truth.base_quaternion
+
+    if scan is None:
+        return None
+    return SimulatedScanner(scan, episode.height_scan_errors, episode.ground, pose, episode.seed)
 
 
 def true_base_state(body: SimulatedRobot) -> BaseState:

@@ -114,7 +114,7 @@ class LearnedPolicy:
         contract = self.contract
         phase = np.array([self._phase()])
         readings = read(inputs.sensed)
-        newest = frame(Inputs(readings, self._action, inputs.command, phase), contract)
+        newest = frame(Inputs(readings, self._action, inputs.command, phase, inputs.height_scan), contract)
         if self._frames is None:
             self._frames = np.tile(newest, (history_length(contract), 1))
         else:

@@ -7,6 +7,7 @@ from footfall.common.errors import UserError
 from footfall.common.outside import find, is_place
 from footfall.common.terms import bind
 from footfall.policies.contract import Contract, Term
+from footfall.policies.height_scan import NAME, HeightScan
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind, Parts
 from footfall.robots.readings import READINGS, Readings
@@ -21,6 +22,7 @@ class Inputs(NamedTuple):
     last_action: Array  # (..., n)
     command: Array  # (..., 3): forward m/s, leftward m/s, yaw rad/s
     phase: Array  # (..., 1) of the gait clock, in cycles
+    height_scan: Array | None = None  # (..., points) m above the base, NaN for unknown; None without a scan
 
 
 def moving(command: Array, contract: Contract) -> Array:
@@ -33,8 +35,9 @@ def moving(command: Array, contract: Contract) -> Array:
 class ObservationTerm(NamedTuple):
     """The declaration of an observation term. A configuration gives its scale, history and parameters."""
 
-    kind: Kind  # how many numbers in one frame, and their mirror image
-    source: Callable[..., Array]  # of `Inputs` and the contract
+    # How many numbers in one frame, and their mirror image; a function where the term's parameters decide it.
+    kind: Kind | Callable[[Any], Kind]
+    source: Callable[..., Array]  # of `Inputs` and the contract, or a class of such functions
 
 
 def observation_term(kind: Kind) -> Callable[[Callable[..., Array]], ObservationTerm]:
@@ -89,6 +92,7 @@ TERMS: dict[str, ObservationTerm] = {name: reading_term(name) for name in READIN
     "command": command,
     "last_action": last_action,
     "clock": clock,
+    NAME: ObservationTerm(lambda scan: scan.kind, HeightScan),
 }
 
 
@@ -104,9 +108,10 @@ def find_term(name: str) -> ObservationTerm:
     return term
 
 
-def term_kind(name: str) -> Kind:
-    """Raises UserError if there is no such term."""
-    return find_term(name).kind
+def term_kind(term: Term) -> Kind:
+    """The kind of a term with its parameters; raises UserError as `term_source`."""
+    kind = find_term(term.name).kind
+    return kind if isinstance(kind, Kind) else kind(term_source(term))
 
 
 def term_source(term: Term, where: str = "contract.observation") -> Callable[..., Array]:
@@ -116,22 +121,22 @@ def term_source(term: Term, where: str = "contract.observation") -> Callable[...
         UserError: there is no such term, or it cannot have these parameters; the message begins with `where`.
     """
     source = find_term(term.name).source
-    return bind(source, term.settings, where) if term.settings else source
+    return bind(source, term.settings, where) if term.settings or isinstance(source, type) else source
 
 
-def term_size(name: str, contract: Contract) -> int:
+def term_size(term: Term, contract: Contract) -> int:
     """Numbers in one frame of a term."""
-    return term_kind(name).size(Parts(len(contract.joints)))
+    return term_kind(term).size(Parts(len(contract.joints)))
 
 
 def frame_size(contract: Contract) -> int:
     """Numbers in one observation frame (all terms, no history)."""
-    return sum(term_size(term.name, contract) for term in contract.observation)
+    return sum(term_size(term, contract) for term in contract.observation)
 
 
 def observation_size(contract: Contract) -> int:
     """Numbers in an observation, history included."""
-    return sum(term_size(term.name, contract) * term.history for term in contract.observation)
+    return sum(term_size(term, contract) * term.history for term in contract.observation)
 
 
 def history_length(contract: Contract) -> int:
@@ -160,7 +165,7 @@ def observation(frames: Array, contract: Contract) -> Array:
     xp = frames.__array_namespace__()
     parts, start = [], 0
     for term in contract.observation:
-        stop = start + term_size(term.name, contract)
+        stop = start + term_size(term, contract)
         kept = frames[..., frames.shape[-2] - term.history :, start:stop]
         parts.append(kept.reshape((*frames.shape[:-2], -1)))
         start = stop

@@ -18,6 +18,7 @@ class PolicyInput(NamedTuple):
     command: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
     base_velocity: np.ndarray  # (3,) m/s, body frame, estimated (or true, where a study asks for it)
     base_height: float  # m above the mean stance foot, estimated
+    height_scan: np.ndarray | None = None  # (points,) m, see `HeightScan`; None without a fresh one
 
 
 @runtime_checkable

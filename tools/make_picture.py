@@ -3,7 +3,7 @@
 python tools/make_picture.py go1-flat
 python tools/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
 python tools/make_picture.py hexapod-flat --robot hexapod --push 1 --width 400 --out docs/images/hexapod.webp
-python tools/make_picture.py go1-rough-blind --ground stairs,step_m=0.15 --width 400 --out stairs.webp
+python tools/make_picture.py go1-rough --ground stairs,step_m=0.2 --width 400 --out docs/images/stairs.webp
 """
 
 import argparse

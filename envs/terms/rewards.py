@@ -146,6 +146,14 @@ def collision(data: StepData) -> jax.Array:
     return jnp.sum(jnp.maximum(data.depth, 0.0))
 
 
+def feet_near_edges(data: StepData, *, distance_m: Length = 0.03, step_m: Length = 0.05) -> jax.Array:
+    """Number of feet in contact within `distance_m` of a step of at least `step_m`, up or down."""
+    around = distance_m * jnp.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    centres = data.scene.feet.centres(data.foot_position)[:, :2]
+    heights = data.ground(centres[:, None] + around)
+    return jnp.sum(data.contact * (jnp.ptp(heights, axis=1) >= step_m))
+
+
 REWARDS: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
@@ -170,6 +178,7 @@ REWARDS: dict[str, Callable[..., Any]] = {
         level_soles,
         crowded_feet,
         collision,
+        feet_near_edges,
     )
 }
 

@@ -60,6 +60,9 @@ class DeployOptions:
     ground: str = ""
     """What the simulated robot walks on: a name with changes, such as stairs,step_m=0.1, or a .npy or .png
     file (see docs/terrain.md). Flat if none is given."""
+    height_scan: Annotated[str, AS_TYPED] = "auto"
+    """For policies that read height scans: auto takes those of the simulated robot, and none on a real bus;
+    udp or udp:HOST:PORT receives them; off walks without (see docs/height_scan.md)."""
     ground_truth: bool = False
     """Hand the policy the simulator's base velocity instead of an estimate, for study."""
     config: OptionalPath = None

@@ -16,6 +16,7 @@ from footfall.domain_rand.sample import randomised_motor, sample_shapes
 from footfall.envs.config import NamedTermConfig, ObservationConfig
 from footfall.envs.terms import critic
 from footfall.envs.velocity import VelocityEnv
+from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, Inputs, frame, reading_term, term_size
 from footfall.robots import kinds
 from footfall.robots.description import load_robot
@@ -73,7 +74,7 @@ class TestReading:
 
     def test_training_and_the_robot_see_it_alike(self) -> None:
         env = VelocityEnv(ROBOT, self.CONFIG)
-        assert term_size("joint_torque", env.contract) == 12
+        assert term_size(Term("joint_torque"), env.contract) == 12
         state, seen = env.reset(jax.random.PRNGKey(0))
         assert seen["state"].shape == (2 * 12 + 3,)
         torque = np.linspace(-6, 6, 12)

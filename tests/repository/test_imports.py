@@ -52,6 +52,7 @@ ACTING = (
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",
     "footfall.policies.observation",
+    "footfall.policies.height_scan",
     "footfall.policies.action",
     "footfall.policies.gaits",
     "footfall.policies.learned",

@@ -19,6 +19,7 @@ from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
+    from footfall.deploy.height_scan import HeightScanSource
     from footfall.deploy.loop import ControlLoop
     from footfall.deploy.session import SessionResult
     from footfall.policies.policy import Policy
@@ -37,6 +38,7 @@ def deploy(
     check_outputs(options.json, options.log)
     from footfall.common.config import unstructure
     from footfall.deploy_summary import show
+    from footfall.height_scan_source import height_scan_source
     from footfall.policies.registry import lasting_spec, load_policy, load_settings
     from footfall.policies.spec import add_settings
     from footfall.result import write_and_show
@@ -57,9 +59,10 @@ def deploy(
         with (
             steered(options.by, options.command, options.duration, everyone, robot, inbox) as steering,
             run_pages(pages, robot, options.feed, steering, inbox) as (steering, feed),
+            height_scan_source(options.height_scan) as scans,
         ):
             options = replace(options, feed=feed)
-            figures = about | run(robot, decider, lasting_spec(spec), others, options, steering)
+            figures = about | run(robot, decider, lasting_spec(spec), others, options, steering, scans)
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
         status = 0 if safe and not steering.failed() else 1
@@ -67,7 +70,13 @@ def deploy(
 
 
 def _simulated(
-    robot: "Robot", policy: "Policy", spec: str, others: "Others", options: DeployOptions, steering: "Steered"
+    robot: "Robot",
+    policy: "Policy",
+    spec: str,
+    others: "Others",
+    options: DeployOptions,
+    steering: "Steered",
+    scans: "HeightScanSource | None",
 ) -> dict[str, Any]:
     """A run on the simulated robot; what it has to tell."""
     from footfall.deploy.wiring_check.proof import must_check
@@ -103,6 +112,7 @@ def _simulated(
         config=_config(robot, options, steering),
         display=display,
         check_wiring=must_check(robot, options.bus, options.wiring),
+        height_scans=scans,
     )
     trace = run_episode(robot, policy, episode)
     return _figures(trace, options, steering) | {
@@ -114,7 +124,13 @@ def _simulated(
 
 
 def _on_interface(
-    robot: "Robot", policy: "Policy", spec: str, others: "Others", options: DeployOptions, steering: "Steered"
+    robot: "Robot",
+    policy: "Policy",
+    spec: str,
+    others: "Others",
+    options: DeployOptions,
+    steering: "Steered",
+    scans: "HeightScanSource | None",
 ) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
     from footfall.deploy.log_store import default_store
@@ -152,6 +168,7 @@ def _on_interface(
         lie_down=options.lie_down,
         display=display,
         check_wiring=check,
+        height_scans=scans,
         wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
     with ExitStack() as resources:

@@ -38,8 +38,8 @@ class TrainOptions:
 
     robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False, help=ROBOT_HELP)] = None
     preset: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
-    """smoke (seconds), cpu (minutes, the default), gpu-quick (a minute), gpu, rough-blind, or a YAML file of
-    the same form."""
+    """smoke (seconds), cpu (minutes, the default), gpu-quick (a minute), gpu, rough, rough-blind, or a YAML
+    file of the same form."""
     seed: Annotated[Seed | None, Parameter(show_default=False)] = None
     """The same seed gives the same result on the same machine (default: 0)."""
     out: OptionalPath = None

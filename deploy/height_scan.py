@@ -1,0 +1,69 @@
+"""Height scans for the policies of a run: the newest one, as long as it is fresh."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from footfall.common.outside import in_a_line
+from footfall.policies.height_scan import HeightScan
+
+NONE_YET = "no height scan has arrived: the policy walks without one"
+LOST = "no height scan has arrived for {:g} s: the policy walks without one until the next"
+WRONG_SIZE = "a height scan has {} heights, the policy reads {}: it is left out"
+FAILED = "the source of height scans failed, the policy walks without them: {}"
+
+
+class Scanned(NamedTuple):
+    """A height scan, and when it was taken."""
+
+    taken_us: int  # by the loop's clock
+    heights: np.ndarray  # (points,) m above the base's origin, in the order of `HeightScan`; NaN for unknown
+
+
+class HeightScanSource(Protocol):
+    """Delivers height scans."""
+
+    def newest(self, now_us: int) -> Scanned | None:
+        """The newest scan that has arrived; None before the first one. Must not block."""
+
+
+class NoScans:
+    """The source of a robot without one."""
+
+    def newest(self, now_us: int) -> None:
+        """None."""
+
+
+class HeightScans:
+    """What policies get of a source's scans."""
+
+    def __init__(self, scan: HeightScan, source: HeightScanSource) -> None:
+        self._scan, self._source = scan, source
+        self._longest_us = scan.max_age_s * 1e6
+        self._begun_us: int | None = None
+        self.notes: list[str] = []  # each once
+
+    def fresh(self, now_us: int) -> np.ndarray | None:
+        """The heights of the newest scan; None if there is none, it is too old, or of another grid."""
+        if self._begun_us is None:
+            self._begun_us = now_us
+        try:
+            scanned = self._source.newest(now_us)
+            trouble = self._trouble(scanned, now_us)
+        except Exception as error:  # whatever it is, the policy can walk without scans
+            scanned, trouble = None, FAILED.format(in_a_line(error))
+        if scanned is not None and not trouble:
+            return scanned.heights
+        first_ones = now_us - self._begun_us <= self._longest_us
+        if trouble not in self.notes and not (scanned is None and first_ones):
+            self.notes.append(trouble)
+        return None
+
+    def _trouble(self, scanned: Scanned | None, now_us: int) -> str:
+        """Why a scan is of no use; empty if it is."""
+        if scanned is None:
+            return NONE_YET
+        if scanned.heights.shape != (self._scan.size,):
+            return WRONG_SIZE.format(scanned.heights.size, self._scan.size)
+        fresh = 0 <= now_us - scanned.taken_us <= self._longest_us
+        return "" if fresh else LOST.format(self._scan.max_age_s)

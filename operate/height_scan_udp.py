@@ -1,0 +1,116 @@
+"""Height scans from a mapping program, by UDP datagrams (`udp_client.UdpHeightScan` is the other side).
+
+The sender says how old a scan is when it leaves, so no two clocks are compared. The way through the network
+is not counted.
+"""
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.height_scan import Scanned
+from footfall.operate.udp import JOIN_S, SHORTEST_TOKEN, TOKEN, WAIT_S, UdpConfig
+from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, unpack
+
+LONGEST_AGE_S = 60.0
+
+
+class Arrived(NamedTuple):
+    """A scan, and when it was taken by this computer's monotonic clock."""
+
+    taken_s: float
+    heights: np.ndarray  # (points,)
+
+
+class UdpScans:
+    """Keeps the newest scan of those that hold the token."""
+
+    def __init__(self, token: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._token, self._clock = token, clock
+        self._newest: Arrived | None = None
+        self._last: dict[str, int] = {}  # number of each sender's latest datagram
+
+    def receive(self, datagram: bytes) -> str:
+        """Take a datagram; returns why it is refused, empty if it is not."""
+        content = unpack(datagram, self._token, SCAN)
+        if content is None:
+            return "no height scan of a holder of the token"
+        sender, number, age_s = (content.get(key) for key in ("sender", "number", "age_s"))
+        if not isinstance(sender, str) or not isinstance(number, int):
+            return "sender and number are missing"
+        if number <= self._last.get(sender, -1):
+            return "an old datagram"
+        if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= LONGEST_AGE_S:
+            return f"age_s is no number from 0 to {LONGEST_AGE_S:g}"
+        heights = _heights(content.get("heights"))
+        if heights is None:
+            return "heights is no list of numbers, with null for unknown ones"
+        self._last = {sender: number}
+        self._newest = Arrived(self._clock() - age_s, heights)
+        return ""
+
+    def newest(self, now_us: int) -> Scanned | None:
+        """The newest scan, by the loop's clock."""
+        newest = self._newest
+        if newest is None:
+            return None
+        age_s = self._clock() - newest.taken_s
+        return Scanned(now_us - round(1e6 * age_s), newest.heights)
+
+
+def _heights(given: Any) -> np.ndarray | None:
+    if not isinstance(given, list):
+        return None
+    numbers = [np.nan if each is None else each for each in given]
+    if any(isinstance(each, bool) or not isinstance(each, int | float) for each in numbers):
+        return None
+    return np.array(numbers, dtype=float)
+
+
+@contextmanager
+def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
+    """Receives height scans for as long as the context lasts.
+
+    Args:
+        address: HOST:PORT to listen on; by default this computer alone.
+
+    Raises:
+        UserError: the address cannot be used, or the token is missing or too short to be a secret.
+    """
+    try:
+        host, port = UdpConfig(address or f"127.0.0.1:{SCAN_PORT}").place
+    except ValueError as error:
+        raise UserError(f"--height-scan udp: {error}") from None
+    token = os.environ.get(TOKEN, "")
+    if len(token) < SHORTEST_TOKEN:
+        raise UserError(
+            f"--height-scan udp: set {TOKEN} to a secret of at least {SHORTEST_TOKEN} characters, which the"
+            " sender of scans knows, too"
+        )
+    scans, ended = UdpScans(token), threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+        try:
+            plug.bind((host, port))
+        except OSError as error:
+            raise UserError(f"--height-scan udp: {host}:{port}: {error.strerror or error}") from None
+        plug.settimeout(WAIT_S)
+
+        def listen() -> None:
+            while not ended.is_set():
+                with suppress(OSError):  # nothing came
+                    scans.receive(plug.recv(LARGEST + 1))
+
+        thread = threading.Thread(target=listen, name="height scan", daemon=True)
+        thread.start()
+        try:
+            yield scans
+        finally:
+            ended.set()
+            thread.join(JOIN_S)

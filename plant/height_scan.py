@@ -1,0 +1,61 @@
+"""The simulated robot's height scans, with the errors of a real one's."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from footfall.common.rotations import heading
+from footfall.deploy.height_scan import Scanned
+from footfall.domain_rand.height_scan import NUMBERS, HeightScanErrors, draw_errors, with_errors
+from footfall.policies.height_scan import HeightScan
+from footfall.terrain.ground import Ground, height_at
+
+Pose = tuple[np.ndarray, np.ndarray]  # of the base: position (3,) m, world, and quaternion (4,)
+SEED = 0x5CA9  # beside an episode's own: other draws stay what they are
+
+
+class SimulatedScanner:
+    """Scans the ground around the simulated robot whenever it is time for it, and delivers after a lag."""
+
+    def __init__(
+        self,
+        scan: HeightScan,
+        errors: HeightScanErrors,
+        ground: Ground | None,
+        pose: Callable[[], Pose],
+        seed: int,
+    ) -> None:
+        """`ground` is None for level ground at height 0."""
+        self._scan, self._errors, self._ground, self._pose = scan, errors, ground, pose
+        self._rng = np.random.default_rng([seed, SEED])
+        self._episode = draw_errors(errors, self._rng.random(NUMBERS))
+        self._first_us: int | None = None
+        self._next_us = 0
+        self._under_way: deque[Scanned] = deque()
+        self._newest: Scanned | None = None
+
+    def newest(self, now_us: int) -> Scanned | None:
+        """The newest scan that has arrived; takes one if it is time."""
+        if self._first_us is None:
+            self._first_us = self._next_us = now_us
+        if now_us >= self._next_us:
+            self._next_us = now_us + round(1e6 / self._scan.rate_hz)
+            taken_s = (now_us - self._first_us) * 1e-6
+            if taken_s < self._episode.end_s:
+                self._under_way.append(Scanned(now_us, self._take(taken_s)))
+        while self._under_way and now_us - self._under_way[0].taken_us >= self._episode.lag_s * 1e6:
+            self._newest = self._under_way.popleft()
+        return self._newest
+
+    def _take(self, taken_s: float) -> np.ndarray:
+        position, quaternion = self._pose()
+        yaw = heading(quaternion)
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        forward, leftward = self._episode.shift_m
+        shift = np.array([cosine * forward - sine * leftward, sine * forward + cosine * leftward])
+        places = self._scan.places(position, np.float64(yaw)) + shift
+        ground = np.zeros(len(places)) if self._ground is None else height_at(self._ground, places)
+        u = self._rng.random((2, len(places)))
+        return with_errors(ground - position[2], self._errors, self._episode, np.float64(taken_s), u)

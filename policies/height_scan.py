@@ -1,0 +1,124 @@
+"""The height scan: heights of the ground around the robot, as an observation term and as its geometry."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from footfall.common.config import require_between, require_ordered
+from footfall.common.errors import UserError
+from footfall.common.terms import bind
+from footfall.policies.contract import Contract
+from footfall.robots.kinds import Kind
+from footfall.robots.symmetry import Mirror
+
+Array = Any  # a NumPy or a JAX array
+NAME = "height_scan"  # of the observation term
+MOST_POINTS = 2000
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class HeightScan:
+    """Heights of the ground at a grid of points, m above the base's origin, then 1; zeros without a scan.
+
+    The grid lies in the heading frame at the time of the scan: its origin is the base's, x points along the
+    base's heading, y to the left, z up. Points lie in rows from the back to the front, in each row from
+    right to left. A point of unknown height (NaN) takes the mean of the known ones.
+
+    Raises:
+        ValueError: a setting makes no sense.
+    """
+
+    forward_m: Range = (-0.4, 0.7)  # first and last row
+    leftward_m: float = 0.3  # distance of the outermost points from the middle
+    spacing_m: float = 0.1  # between neighbours
+    rate_hz: float = 25.0  # scans a second
+    max_age_s: float = 0.3  # older scans count as lost
+    clip_m: Range = (-1.0, 0.5)  # lowest and highest value
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.01, 1.0, "spacing_m")
+        require_between(self, 0.0, 5.0, "leftward_m")
+        require_between(self, -5.0, 5.0, "forward_m", "clip_m")
+        require_ordered(self, "forward_m", "clip_m")
+        require_between(self, 1.0, 1000.0, "rate_hz")
+        require_between(self, 1.0 / self.rate_hz, 60.0, "max_age_s")
+        if self.size > MOST_POINTS:
+            raise ValueError(f"spacing_m: the grid has {self.size} points, {MOST_POINTS} at most")
+
+    @property
+    def _columns(self) -> int:
+        return 2 * round(self.leftward_m / self.spacing_m) + 1
+
+    @property
+    def _rows(self) -> int:
+        return round((self.forward_m[1] - self.forward_m[0]) / self.spacing_m) + 1
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return self._rows * self._columns
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Places of the points in the heading frame, m, (points, 2)."""
+        forward = self.forward_m[0] + self.spacing_m * np.arange(self._rows)
+        leftward = self.spacing_m * (np.arange(self._columns) - self._columns // 2)
+        return np.stack(np.meshgrid(forward, leftward, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    @property
+    def kind(self) -> Kind:
+        """The heights and the sign of a scan; a mirror exchanges left and right in each row."""
+        places = np.arange(self.size).reshape(self._rows, self._columns)[:, ::-1].ravel()
+        mirror = Mirror(np.append(places, self.size), np.ones(self.size + 1))
+        return Kind(lambda _: (self.size + 1,), lambda _: mirror)
+
+    def places(self, position: Array, yaw: Array) -> Array:
+        """Places of the points in the world, m, (points, 2), for a base at `position` (3,) with this yaw."""
+        xp = position.__array_namespace__()
+        points = xp.asarray(self.points, dtype=position.dtype)
+        cosine, sine = xp.cos(yaw), xp.sin(yaw)
+        x = position[0] + cosine * points[:, 0] - sine * points[:, 1]
+        y = position[1] + sine * points[:, 0] + cosine * points[:, 1]
+        return xp.stack([x, y], axis=-1)
+
+    def __call__(self, inputs: Any, contract: Contract) -> Array:
+        """The term's numbers, (..., points + 1), from `Inputs.height_scan`."""
+        xp = inputs.command.__array_namespace__()
+        heights = inputs.height_scan
+        if heights is None:
+            return xp.zeros((*inputs.command.shape[:-1], self.size + 1), dtype=inputs.command.dtype)
+        known = xp.isfinite(heights)
+        count = xp.sum(xp.astype(known, heights.dtype), axis=-1, keepdims=True)
+        seen = xp.astype(count > 0.0, heights.dtype)
+        low, high = self.clip_m
+        clipped = xp.clip(xp.where(known, heights, 0.0), low, high)
+        mean = xp.sum(xp.where(known, clipped, 0.0), axis=-1, keepdims=True) / xp.maximum(count, 1.0)
+        return xp.concat([xp.where(known, clipped, mean), seen], axis=-1)
+
+
+def height_scan_of(contract: Contract | None) -> HeightScan | None:
+    """The height scan that a policy reads; None if it reads none.
+
+    Raises:
+        UserError: its settings make no sense.
+    """
+    found = [] if contract is None else [term for term in contract.observation if term.name == NAME]
+    if not found:
+        return None
+    scan: HeightScan = bind(HeightScan, found[0].settings, f"contract.observation: {NAME}")
+    return scan
+
+
+def common_height_scan(contracts: list[Contract | None]) -> HeightScan | None:
+    """The height scan that policies of one run read; None if none does.
+
+    Raises:
+        UserError: two of them read different ones.
+    """
+    found = {scan for contract in contracts if (scan := height_scan_of(contract)) is not None}
+    if len(found) > 1:
+        raise UserError("policies of one run must read the same height scan: these read different ones")
+    return found.pop() if found else None

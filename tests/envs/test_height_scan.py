@@ -1,0 +1,80 @@
+"""Height scans in training: those of the simulated robot at the same place, late, at their own rate."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.domain_rand.height_scan import HeightScanErrors
+from footfall.envs.config import ObservationConfig, TerrainConfig
+from footfall.envs.height_scan import Scanner
+from footfall.envs.state import State
+from footfall.envs.velocity import VelocityEnv
+from footfall.plant.height_scan import SimulatedScanner
+from footfall.policies.height_scan import HeightScan
+from footfall.robots.description import Robot
+from footfall.terrain.declaration import GroundConfig, make_ground
+from footfall.train.config import load_preset
+
+SCAN = HeightScan()
+STAIRS = GroundConfig("stairs", settings={"step_m": 0.12, "start_m": 0.4})
+
+
+@pytest.fixture(scope="module")
+def env(go1: Robot) -> VelocityEnv:
+    config = load_preset("smoke", go1).env
+    return VelocityEnv(
+        go1,
+        replace(
+            config,
+            observation=(ObservationConfig("gyro", history=2), ObservationConfig("height_scan", 2.0)),
+            terrain=TerrainConfig((STAIRS,), levels=2, start_levels=1),
+        ),
+    )
+
+
+def moved(state: State, x: float, steps: int) -> State:
+    return state._replace(qpos=state.qpos.at[0].set(x), steps=jnp.int32(steps))
+
+
+def test_training_and_the_simulated_robot_scan_alike(env: VelocityEnv) -> None:
+    ground = make_ground(STAIRS, 0)
+    for seed in range(4):
+        state, observation = env.reset(jax.random.PRNGKey(seed))
+        pose = np.asarray(state.qpos[:3], float), np.asarray(state.qpos[3:7], float)
+        plant = SimulatedScanner(SCAN, HeightScanErrors(), ground, lambda pose=pose: pose, 0).newest(0)
+        assert plant is not None
+        ours = np.asarray(observation["state"][-SCAN.size - 1 : -1]) / 2.0
+        same = np.abs(ours - np.clip(plant.heights, -1.0, 0.5)) < 1e-4
+        assert same.mean() > 0.97  # single precision may take the other side of an edge
+        assert np.ptp(ours) > 0.1
+
+
+def test_the_critic_sees_the_exact_scan(env: VelocityEnv, go1: Robot) -> None:
+    errors = HeightScanErrors(noise_m=0.1, lost_share=1.0, lost_before_s=0.0)
+    blinded = VelocityEnv(go1, replace(env.config, height_scan_errors=errors))
+    _, observation = blinded.reset(jax.random.PRNGKey(0))
+    _, exact = env.reset(jax.random.PRNGKey(0))
+    actor, frame = 2 * 3 + SCAN.size + 1, 3 + SCAN.size + 1
+    assert not np.asarray(observation["state"])[6:].any()
+    for each in (observation, exact):
+        seen = np.asarray(each["privileged_state"])[actor + 3 : actor + frame]
+        assert np.ptp(seen[:-1]) > 0.2
+        assert seen[-1] == 2.0
+
+
+def test_scans_arrive_late_and_at_their_own_rate(env: VelocityEnv) -> None:
+    """On a slope along x the first height tells where the robot was when the scan was taken."""
+    late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), env.scene.base, env.period_s)
+    state, _ = env.reset(jax.random.PRNGKey(0))
+    level = jnp.array([1.0, 0.0, 0.0, 0.0])
+    state = state._replace(qpos=state.qpos.at[3:7].set(level))
+    u, seen_at = jnp.full(late.numbers, 0.5), []
+    for step in range(12):
+        here = moved(state, 0.01 * step, step)
+        state, heights = late.deliver(here, lambda place: place[..., 0], u, first=step == 0)
+        seen_at.append(float(heights[0] + here.qpos[2] - SCAN.points[0, 0]) / 0.01)
+    taken = np.maximum(0, 2 * ((np.arange(12) - 2.5) // 2)).astype(int)
+    np.testing.assert_allclose(seen_at, taken, atol=1e-3)

@@ -1,0 +1,110 @@
+"""The height scan: where its points lie, and what a policy reads of it."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footfall.common.errors import UserError
+from footfall.policies.contract import Contract, Term
+from footfall.policies.height_scan import HeightScan, common_height_scan
+from footfall.policies.observation import Inputs, frame, term_kind, term_size
+
+SCAN = HeightScan(forward_m=(-0.2, 0.4), leftward_m=0.2, spacing_m=0.1)
+SETTINGS = {"forward_m": [-0.2, 0.4], "leftward_m": 0.2, "spacing_m": 0.1}
+
+
+@pytest.fixture
+def seeing(contract: Contract) -> Contract:
+    return replace(contract, observation=(Term("height_scan", 2.0, settings=SETTINGS),))
+
+
+def seen(contract: Contract, heights: np.ndarray | None) -> np.ndarray:
+    return frame(Inputs({}, np.zeros(12), np.zeros(3), np.zeros(1), heights), contract)
+
+
+def test_points_lie_from_back_to_front_and_from_right_to_left() -> None:
+    assert SCAN.size == len(SCAN.points) == 7 * 5
+    np.testing.assert_allclose(
+        SCAN.points[[0, 1, 5, -1]], [[-0.2, -0.2], [-0.2, -0.1], [-0.1, -0.2], [0.4, 0.2]]
+    )
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.1, 3.1))
+def test_places_turn_with_the_heading(x: float, y: float, yaw: float) -> None:
+    places = SCAN.places(np.array([x, y, 0.3]), np.float64(yaw))
+    ahead = places[-3] - places[-8]  # the middle of the first row, less that of the second
+    np.testing.assert_allclose(ahead, 0.1 * np.array([np.cos(yaw), np.sin(yaw)]), atol=1e-9)
+    leftward = places[-1] - places[-2]
+    np.testing.assert_allclose(leftward, 0.1 * np.array([-np.sin(yaw), np.cos(yaw)]), atol=1e-9)
+
+
+def test_a_policy_reads_scaled_heights_and_that_there_is_a_scan(seeing: Contract) -> None:
+    heights = np.linspace(-0.6, 0.2, SCAN.size)
+    numbers = seen(seeing, heights)
+    assert len(numbers) == term_size(seeing.observation[0], seeing) == SCAN.size + 1
+    np.testing.assert_allclose(numbers, [*(2.0 * heights), 2.0])
+
+
+def test_heights_beyond_the_limits_are_clipped(seeing: Contract) -> None:
+    numbers = seen(seeing, np.where(np.arange(SCAN.size) < 3, -7.0, 3.0))
+    np.testing.assert_allclose(numbers[[0, -2]], [-2.0, 1.0])
+
+
+def test_unknown_points_take_the_mean_of_the_others(seeing: Contract) -> None:
+    heights = np.full(SCAN.size, np.nan)
+    heights[:2] = -0.2, -0.4
+    np.testing.assert_allclose(seen(seeing, heights)[2:-1], -0.6)
+
+
+@pytest.mark.parametrize("nothing", [None, np.full(SCAN.size, np.nan)])
+def test_a_lost_scan_reads_as_zeros(seeing: Contract, nothing: np.ndarray | None) -> None:
+    numbers = seen(seeing, nothing)
+    assert len(numbers) == SCAN.size + 1
+    assert not numbers.any()
+
+
+def test_numpy_and_jax_agree(seeing: Contract) -> None:
+    heights = np.random.default_rng(0).normal(size=(4, SCAN.size)).astype(np.float32)
+    heights[1, :9] = np.nan
+    ours = frame(Inputs({}, *np.zeros((3, 4, 3), np.float32), heights), seeing)
+    theirs = frame(Inputs({}, *jnp.zeros((3, 4, 3)), jnp.asarray(heights)), seeing)
+    assert ours.dtype == np.float32
+    np.testing.assert_allclose(ours, theirs, rtol=1e-5)
+
+
+def test_mirrored_ground_reads_as_the_mirror_image(seeing: Contract) -> None:
+    def ground(places: np.ndarray) -> np.ndarray:
+        return 0.1 * places[:, 0] + 0.3 * places[:, 1] + places[:, 1] ** 3
+
+    mirror = term_kind(seeing.observation[0]).mirror(None)  # type: ignore[arg-type]
+    plain, other = (seen(seeing, ground(SCAN.points * [1.0, side])) for side in (1.0, -1.0))
+    np.testing.assert_allclose(mirror(plain), other)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"spacing_m": 0.0},
+        {"forward_m": [0.5, -0.5]},
+        {"clip_m": [0.5, float("nan")]},
+        {"spacing_m": 0.01, "forward_m": [-2.0, 2.0]},
+        {"max_age_s": 0.01},
+        {"width_m": 1.0},
+    ],
+)
+def test_a_scan_that_makes_no_sense_is_refused_by_name(seeing: Contract, wrong: dict[str, object]) -> None:
+    term = Term("height_scan", settings=SETTINGS | wrong)
+    with pytest.raises(UserError, match="height_scan|" + next(iter(wrong))):
+        term_size(term, seeing)
+
+
+def test_policies_of_one_run_must_agree_on_the_scan(contract: Contract, seeing: Contract) -> None:
+    assert common_height_scan([None, contract]) is None
+    assert common_height_scan([contract, seeing, seeing]) == SCAN
+    other = replace(seeing, observation=(Term("height_scan", settings={"spacing_m": 0.2}),))
+    with pytest.raises(UserError, match="height scan"):
+        common_height_scan([seeing, other])
