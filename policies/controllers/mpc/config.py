@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from footfall.common.config import require_between, require_not_negative, require_ordered, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
+from footfall.policies.controllers.slope import SlopeConfig
 
 Triple = tuple[float, float, float]
 Range = tuple[float, float]
@@ -142,6 +143,7 @@ class MpcConfig:
     settle_s: float  # time to move from the height found at reset to the stance, before any step
     gaits: tuple[str, ...] = ()  # that it can change to while it walks, its own among them
     most_attitude_rad: float = 0.1  # largest roll and pitch that can be asked for
+    slope: SlopeConfig | None = None  # None: ground counts as level
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "settle_s")

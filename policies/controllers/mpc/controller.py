@@ -27,6 +27,7 @@ from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
 from footfall.policies.controllers.mpc.wrenches import Wrenches, sole_levers
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.slope import Slope
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import PolicyInput
@@ -70,6 +71,7 @@ class Mpc:
         stance = config.stance
         places = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
         self._leg_control = LegControl(robot, self._legs, self._body, config)
+        self.slope = Slope(config.slope)
         self.follower = BaseFollower(float(self._legs.foot_radius.mean()))
         self._disturbance = Disturbance(config.restart)
         self.reference = Reference(config, self._body.centre)
@@ -106,6 +108,7 @@ class Mpc:
         self.clock.timing, self.clock.offsets = gait.timing, gait.offsets
         self.clock.reset()
         self.command.reset()
+        self.slope.reset()
         self.follower.reset()
         self._disturbance.reset()
         self.reference.begin(yaw, height)
@@ -128,13 +131,15 @@ class Mpc:
     def act(self, inputs: PolicyInput) -> JointCommand:
         dt_s = 1.0 / self.rate_hz
         inputs = self._lookahead.predict(inputs)
-        base = self.follower.follow(inputs, dt_s)
         pose = self._legs.pose(inputs.sensed.joint_position)
+        inputs = self.slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
+        base = self.follower.follow(inputs, dt_s)
         self._step_clock(inputs, base, dt_s)
         planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
         self.reference.advance(base, self.command.value, dt_s)
 
+        self.swing_feet.shift = self.slope.downhill(base.yaw, base.height)
         stands, progress = self.clock.stance(), self.clock.swing().tolist()
         swinging = [leg for leg, stands_now in enumerate(stands.tolist()) if not stands_now]
         for leg in swinging:
@@ -169,8 +174,8 @@ class Mpc:
         turn = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
         linear = wrenches.force.sum(axis=0) / body.mass - cross(turn, body.centre)
         both = np.array([linear, turn]).dot(base.rotation.T)
-        both[0, 2] -= GRAVITY_M_S2
-        return both.ravel()
+        both[0] += self.slope.gravity
+        return both.dot(self.slope.axes.T).ravel()
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands for the planned forces and the motion of swinging feet (`SwingFeet.motion`)."""
@@ -193,7 +198,7 @@ class Mpc:
         return self._planned_stance() if expected is None else expected
 
     def footholds(self) -> np.ndarray:
-        return self.swing_feet.footholds()
+        return self.swing_feet.footholds(self.slope.axes)
 
     def _planned_stance(self) -> np.ndarray:
         if not self.clock.walking:
@@ -225,10 +230,12 @@ class Mpc:
         present, targets = points @ to_heading
         centre = self.reference.path(state, reference)
         arms = contact_points(
-            contacts, present, targets, self.swing_feet.places, centre, reference.pose[:, 2]
+            contacts, present, targets, self.swing_feet.shifted_places, centre, reference.pose[:, 2]
         )
         before = self.force.dot(to_heading)
-        problem = self._problems.build(state, reference, contacts, arms, before, self._grip.friction)
+        gravity = self.slope.gravity.dot(to_heading)
+        friction = self._grip.friction(float(np.hypot(*self.slope.gradient)))
+        problem = self._problems.build(state, reference, contacts, arms, before, friction, gravity)
         solution = self._solver.solve(problem)
         if solution is None:
             force, moment = self.wrenches

@@ -1,5 +1,7 @@
 """The friction coefficient that planned forces may use: less while feet slip."""
 
+import math
+
 import numpy as np
 
 from footfall.common.rotations import cross
@@ -7,6 +9,7 @@ from footfall.policies.controllers.mpc.config import Contact
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.readings import Sensed
 
+_FRICTION_STEP = 0.05  # few values on slopes, since each has programmes of its own
 _FILTER_S = 0.03  # time constant of the slip, so that a touch-down does not count
 
 
@@ -25,10 +28,18 @@ class Grip:
         """Begin on ground that holds."""
         self._slip_m_s = self._careful_s = 0.0
 
-    @property
-    def friction(self) -> float:
-        """Friction coefficient for planned forces."""
-        return self._config.friction if self._careful_s <= 0.0 else self._config.slipping_friction
+    def friction(self, gradient: float) -> float:
+        """Friction coefficient for planned forces on ground of a gradient (rise over run, not negative).
+
+        A slope holds no robot that counts on less friction than its gradient: slipping or not, what planned
+        forces may use beyond that is at least the coefficient of slipping feet.
+        """
+        config = self._config
+        friction = config.friction if self._careful_s <= 0.0 else config.slipping_friction
+        if gradient <= 0.0:
+            return friction
+        least = math.ceil((gradient + config.slipping_friction) / _FRICTION_STEP) * _FRICTION_STEP
+        return max(friction, least)
 
     def follow(self, sensed: Sensed, pose: LegPose, up: np.ndarray, stance: np.ndarray, dt_s: float) -> None:
         """Update the slip from the feet's velocities.

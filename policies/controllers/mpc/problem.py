@@ -27,7 +27,7 @@ from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
 from footfall.policies.controllers.mpc.wrenches import Wrenches
 from footfall.robots.rigid_body import RigidBody
 
-_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY_M_S2])
+_DOWN = np.array([0.0, 0.0, -GRAVITY_M_S2])
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first
 _FORCE_AXES = [5, 3, 4]  # the same of the last three of six
 
@@ -115,6 +115,7 @@ class ForceProblems:
         feet: np.ndarray,
         before: np.ndarray,
         friction: float | None = None,
+        gravity: np.ndarray = _DOWN,
     ) -> ForceProblem:
         """The programme for one moment.
 
@@ -125,6 +126,7 @@ class ForceProblems:
             feet: (steps, legs, 3) m, points of contact from the centre of mass, heading frame.
             before: (legs, 3) N, forces that were applied last, heading frame; of feet that swung 0.
             friction: coefficient that the forces count on; None: the settings'.
+            gravity: (3,) m/s^2, heading frame, whose z axis is the ground's normal.
         """
         pattern = self._pattern(contacts, friction or self._contact.friction)
         n, k = len(pattern.step), self._variables
@@ -141,7 +143,7 @@ class ForceProblems:
         hessian += pattern.linear
 
         # Where the body would be without any force, against where it should be.
-        deviation = self._free.dot(np.array([state.pose, state.rate, _FALL]))
+        deviation = self._free.dot(np.array([state.pose, state.rate, [0.0, 0.0, 0.0, *gravity.tolist()]]))
         deviation -= np.concatenate(reference)
         pull = self._by_force.dot(self._weight * deviation)  # (steps, 6)
         pull = pull.take(pattern.step, axis=0).T  # (6, n)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from footfall.common.rotations import cross, heading_matrix
+from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.catch import catching_foothold
@@ -36,6 +36,7 @@ class SwingFeet:
         self._touch_down = np.zeros((len(places), 3))  # of the feet's centres, from the ground
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
         self.height_m = config.swing.height_m
+        self.shift = 0j  # m, of all places, heading frame, x + i y
         self.reset()
 
     def reset(self) -> None:
@@ -44,6 +45,11 @@ class SwingFeet:
         self.lift_off = np.zeros((count, 3))  # m, world
         self.target = np.zeros((count, 3))  # m, world, on the ground
         self._seen_from: tuple[list[int], Base | None] = [], None  # feet that swing, and the base
+
+    @property
+    def shifted_places(self) -> np.ndarray:
+        """Where feet of a steady stance are, (feet, 3) m, heading frame."""
+        return self.places + [self.shift.real, self.shift.imag, 0.0]
 
     def aim(
         self,
@@ -71,7 +77,7 @@ class SwingFeet:
         left_s = (1.0 - progress) * gait.swing_s
         if self._catch is None:
             target = foothold(
-                self._ahead[leg],
+                self._ahead[leg] + self.shift,
                 base.place,
                 base.height,
                 base.speed,
@@ -97,12 +103,17 @@ class SwingFeet:
             )
         self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
 
-    def footholds(self) -> np.ndarray:
-        """Footholds of swinging feet from the base, heading frame, (feet, 3) m; NaN for the others."""
+    def footholds(self, axes: np.ndarray) -> np.ndarray:
+        """Footholds of swinging feet from the base, heading frame, (feet, 3) m; NaN for the others.
+
+        Args:
+            axes: (3, 3) of the frame in which the feet are followed, to the world.
+        """
         places = np.full_like(self.target, np.nan)
         swinging, base = self._seen_from
         if base is not None:
-            places[swinging] = (self.target[swinging] - base.position) @ heading_matrix(base.yaw)
+            yaw = roll_pitch_yaw(axes @ base.rotation)[2]
+            places[swinging] = (self.target[swinging] - base.position) @ axes.T @ heading_matrix(yaw)
         return places
 
     def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:

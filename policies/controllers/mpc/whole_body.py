@@ -20,7 +20,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
-from footfall.policies.controllers.whole_body.problem import FREE_FALL, Wanted
+from footfall.policies.controllers.whole_body.problem import Wanted
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -63,10 +63,10 @@ class MpcWholeBody(Mpc):
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, inputs.sensed
-        dynamics = observed(body, inputs)
+        dynamics = observed(body, inputs, self.slope.gravity)
         turning = self.wrenches.about(dynamics.foot - dynamics.centre)
         wanted = Wanted(
-            centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
+            centre=self.force.sum(axis=0) / self._body.mass + dynamics.gravity,
             momentum_rate=turning,
             attitude=self._body.inverse_inertia @ (turning @ base.rotation),
             feet=self._foot_accelerations(dynamics, sensed.joint_velocity, base, pose, swing),

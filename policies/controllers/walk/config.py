@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from footfall.common.config import require_between, require_not_negative, require_ordered, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
+from footfall.policies.controllers.slope import SlopeConfig
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ class WalkConfig:
     stance: StanceConfig = StanceConfig()
     touch_down: TouchDownConfig | None = None  # None: the gait clock alone decides
     gaits: tuple[str, ...] | None = None  # beside its own, that it can change to; None: all of the robot
+    slope: SlopeConfig | None = None  # None: ground counts as level
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")

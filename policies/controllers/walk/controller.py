@@ -9,6 +9,7 @@ from footfall.common.rotations import rotation_matrix, wrap_angle, yaw_of
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming, contact_trust
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.slope import Slope
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
@@ -61,6 +62,7 @@ class Walk:
         clock = config.gait.clock(robot)
         self._cycle = FootCycle(self._footing, clock.timing, clock.offsets)
         self._sway, self._levelling = Sway(), Levelling(config.levelling)
+        self._slope = Slope(config.slope)
         self._command = ShapedCommand(config.command)
         self._no_torque = np.zeros(len(robot.joint_names))
         self._kp, self._kd = self._no_torque + config.kp, self._no_torque + config.kd
@@ -78,7 +80,7 @@ class Walk:
     def _begin(self, joint_position: np.ndarray) -> None:
         clock = self._config.gait.clock(self._robot)
         self._cycle.begin(clock.timing, clock.offsets)
-        for part in (self._cycle, self._command, self._levelling, self._sway, self._pacing):
+        for part in (self._cycle, self._command, self._levelling, self._slope, self._sway, self._pacing):
             part.reset()
         self._start = self._previous = joint_position
         self._step, self._gait = self._config.step, self._config.gait
@@ -130,12 +132,14 @@ class Walk:
         sensed = inputs.sensed
         pose = self._legs.pose(sensed.joint_position)
         settled = inputs.time_s >= config.settle_s
+        inputs = self._slope.follow(inputs, pose.foot, self._stance(), dt_s)
         if settled:
             self._walk(inputs, dt_s)
         if self._ground is not None:
             pushed = self._ground.update(sensed, pose.jacobian, dt_s)
             if settled:
-                self._meet_ground(pushed, pose.foot @ rotation_matrix(sensed.quaternion)[2], dt_s)
+                up = rotation_matrix(inputs.sensed.quaternion)[2]
+                self._meet_ground(pushed, pose.foot @ up, dt_s)
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
@@ -146,10 +150,14 @@ class Walk:
         before, most = self._previous, self._most_step_rad
         self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
         velocity = (position - before) / dt_s
-        torque = self._legs.scatter(self._weight_torque(pose.jacobian), self._no_torque)
+        up = self._slope.up(yaw_of(inputs.sensed.quaternion.tolist()))
+        torque = self._legs.scatter(self._weight_torque(pose.jacobian, up), self._no_torque)
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
     def stance(self) -> np.ndarray | None:
+        return self._stance()
+
+    def _stance(self) -> np.ndarray:
         cycle = self._cycle
         if not self._steps:
             return np.ones(self._legs.count)
@@ -234,8 +242,15 @@ class Walk:
         """Where the tips should be, (legs, 3) m, base frame."""
         feet = self._cycle.feet
         feet[:, :2] -= self._sway.at(self._cycle.clock)
+        feet[:, :2] += self._downhill(inputs)
         feet[:, 2] -= self._below()
         return self._levelling.apply(feet, inputs, dt_s)
+
+    def _downhill(self, inputs: PolicyInput) -> list[float]:
+        """How far all feet are placed downhill, x and y, m, base frame."""
+        yaw = yaw_of(inputs.sensed.quaternion.tolist())
+        shift = self._slope.downhill(yaw, self._height_m)
+        return [shift.real, shift.imag]
 
     def _below(self) -> np.ndarray:
         return self._height_m - self._legs.foot_radius
@@ -291,9 +306,8 @@ class Walk:
         cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress), height)
         cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
 
-    def _weight_torque(self, jacobian: np.ndarray) -> np.ndarray:
-        """Joint torques (legs, m) that share the weight among the feet that stand, N m."""
+    def _weight_torque(self, jacobian: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """Joint torques (legs, m) that share the weight, against `up` (3,), among standing feet, N m."""
         stands = ~self._cycle.swings
-        force = np.zeros((self._legs.count, 3))
-        force[:, 2] = stands * (self._config.weight_n / max(1, int(np.count_nonzero(stands))))
-        return self._legs.torque(jacobian, force)
+        share = stands * (self._config.weight_n / max(1, int(np.count_nonzero(stands))))
+        return self._legs.torque(jacobian, share[:, None] * up)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.arrays import as_slice
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.common.rotations import skews
 from footfall.robots.description import Robot
@@ -18,6 +19,7 @@ from footfall.robots.mjcf import load_spec
 
 BASE = 6  # degrees of freedom of the base
 DOWN = np.array([0.0, 0.0, -1.0])
+FREE_FALL = np.array([0.0, 0.0, -GRAVITY_M_S2])
 _ONES = np.ones((3, 1))
 
 
@@ -51,6 +53,7 @@ class Dynamics(NamedTuple):
     foot_rotation: np.ndarray  # (feet, 3, 3) to the world; of a level robot in its default pose: the identity
     foot_jacobian: np.ndarray  # (feet, 6, nv), linear above angular
     foot_drift: np.ndarray  # (feet, 6) m/s^2 and rad/s^2
+    gravity: np.ndarray  # (3,) m/s^2
 
 
 class WholeBody:
@@ -100,9 +103,10 @@ class WholeBody:
         mujoco.mj_kinematics(model, data)
         self._level = data.xmat[self._bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
 
-    def update(self, motion: Motion) -> Dynamics:
-        """The dynamics in a state of motion."""
+    def update(self, motion: Motion, gravity: np.ndarray = FREE_FALL) -> Dynamics:
+        """The dynamics in a state of motion. On a slope `world` axes may be the ground's, where gravity leans."""
         model, data, order = self._model, self._data, self._order
+        model.opt.gravity[:] = gravity
         data.qpos[self._quaternion] = motion.quaternion
         data.qpos[self._positions] = motion.joint_position
         velocity = np.concatenate([motion.velocity, motion.gyro, motion.joint_velocity])
@@ -143,6 +147,7 @@ class WholeBody:
             data.xmat[self._bodies].reshape(-1, 3, 3) @ self._level,
             jacobian,
             drift,
+            gravity,
         )
 
 

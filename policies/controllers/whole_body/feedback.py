@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.config import require_not_negative
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
-from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
+from footfall.policies.controllers.whole_body.dynamics import FREE_FALL, Dynamics, Motion, WholeBody
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import Robot
 
@@ -28,12 +28,13 @@ class Feedback:
         return -self.stiffness * deviation - self.damping * rate
 
 
-def observed(body: WholeBody, inputs: PolicyInput) -> Dynamics:
-    """The dynamics of a robot that moves as observed."""
+def observed(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FALL) -> Dynamics:
+    """The dynamics of a robot that moves as observed; gravity (3,) m/s^2, axes of the inputs' attitude."""
     sensed = inputs.sensed
     velocity = rotation_matrix(sensed.quaternion).dot(inputs.base_velocity)
     return body.update(
-        Motion(sensed.quaternion, velocity, sensed.gyro, sensed.joint_position, sensed.joint_velocity)
+        Motion(sensed.quaternion, velocity, sensed.gyro, sensed.joint_position, sensed.joint_velocity),
+        gravity,
     )
 
 

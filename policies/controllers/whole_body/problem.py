@@ -23,8 +23,6 @@ from footfall.common.linear import solve
 from footfall.common.rotations import skews
 from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
-FREE_FALL = np.array([0.0, 0.0, -GRAVITY_M_S2])
-
 
 @dataclass(frozen=True)
 class Weights:
@@ -207,7 +205,7 @@ class Programmes:
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
         matrix[-6:] = pattern.by_forces
         matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
-        aim[-6:-3] = self._centre_root * (wanted.centre - FREE_FALL)
+        aim[-6:-3] = self._centre_root * (wanted.centre - dynamics.gravity)
         aim[-3:] = self._momentum_root * wanted.momentum_rate
         return matrix, aim
 

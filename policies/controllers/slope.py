@@ -1,0 +1,145 @@
+"""The slope of the ground, from the feet that stand on it, and the robot as seen from that slope.
+
+Controllers are written for level ground. On a slope they act as seen from a frame whose z axis is the
+ground's normal: attitude, height, footholds and friction cones refer to the ground there, and gravity alone
+leans. On ground that counts as level the frame is the world, and nothing changes.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_not_negative, require_positive
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.rotations import heading_matrix, multiply, rotation_matrix
+from footfall.policies.policy import PolicyInput
+
+_RIDGE_M2 = 0.05**2  # feet nearer to one another than this tell little of a slope
+_HEIGHT_FILTER_S = 0.02  # time constant of the feet's middle, as of the estimated height
+
+
+@dataclass(frozen=True)
+class SlopeConfig:
+    """How a slope is estimated. A gradient is rise over run."""
+
+    filter_s: float  # time constant of the estimate
+    ignored: float  # gradient up to which ground counts as level; steeper ground counts as less steep by it
+    most: float  # largest gradient that is followed
+
+    def __post_init__(self) -> None:
+        require_positive(self, "filter_s", "most")
+        require_not_negative(self, "ignored")
+
+
+def corrected_gradient(
+    gradient: np.ndarray, feet: np.ndarray, contact: np.ndarray, share: float
+) -> np.ndarray:
+    """A gradient (2,), rise over run along x and y, nearer to that of the plane through standing feet.
+
+    Least squares about the present gradient: two feet correct it along the line between them alone, so the
+    alternating pairs of a trot give both directions.
+
+    Args:
+        gradient: (2,) so far.
+        feet: (feet, 3) m, z up.
+        contact: (feet,) how far each one is trusted to stand, in [0, 1].
+        share: of the correction, in [0, 1].
+    """
+    total = float(contact.sum())
+    if total <= 0.0:
+        return gradient
+    weight = contact / total
+    arms = feet - weight.dot(feet)
+    over, rise = arms[:, :2], arms[:, 2]
+    weighted = (weight[:, None] * over).T
+    (xx, xy), (_, yy) = weighted.dot(over).tolist()
+    x, y = weighted.dot(rise - over.dot(gradient)).tolist()
+    xx, yy = xx + _RIDGE_M2, yy + _RIDGE_M2
+    correction = np.array([yy * x - xy * y, xx * y - xy * x]) / (xx * yy - xy * xy)
+    return gradient + share * correction
+
+
+def followed_gradient(gradient: np.ndarray, ignored: float, most: float) -> np.ndarray:
+    """The gradient (2,) less what is ignored, and at most `most`; exactly zero on nearly level ground."""
+    steep = math.hypot(*gradient.tolist())
+    if steep <= ignored:
+        return np.zeros(2)
+    return gradient * (min(steep - ignored, most) / steep)
+
+
+def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
+    """The least turn (4,), w x y z, that takes the world's axes to those of a plane: z to its normal."""
+    x, y = gradient.tolist()
+    cosine = 1.0 / math.sqrt(1.0 + x * x + y * y)
+    turn = np.array([1.0 + cosine, y * cosine, -x * cosine, 0.0])
+    return turn / math.sqrt(float(turn.dot(turn)))
+
+
+class Slope:
+    """Follows the ground's gradient while the robot walks. Without settings ground is level.
+
+    Attributes:
+        axes: (3, 3) those of the ground, to the world.
+        gravity: (3,) m/s^2, ground's axes.
+    """
+
+    def __init__(self, config: SlopeConfig | None) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin on level ground."""
+        self._measured = np.zeros(2)
+        self._middle: np.ndarray | None = None  # (2,) m, of the standing feet from the base, world
+        self._take(np.zeros(2))
+
+    def follow(
+        self, inputs: PolicyInput, feet: np.ndarray, contact: np.ndarray, dt_s: float
+    ) -> PolicyInput:
+        """The inputs as seen from the ground: attitude from its normal, height along it.
+
+        Args:
+            inputs: as measured.
+            feet: (feet, 3) m, base frame.
+            contact: (feet,) how far each one is trusted to stand, in [0, 1].
+            dt_s: time since the last call.
+        """
+        config = self._config
+        if config is None:
+            return inputs
+        feet = feet.dot(rotation_matrix(inputs.sensed.quaternion).T)
+        self._measured = corrected_gradient(self._measured, feet, contact, min(1.0, dt_s / config.filter_s))
+        self._follow_middle(feet, contact, dt_s)
+        self._take(followed_gradient(self._measured, config.ignored, config.most))
+        if not self.gradient.any() or self._middle is None:
+            return inputs
+        height = (inputs.base_height + float(self.gradient.dot(self._middle))) * float(self.axes[2, 2])
+        sensed = inputs.sensed._replace(quaternion=multiply(self._back, inputs.sensed.quaternion))
+        return inputs._replace(sensed=sensed, base_height=height)
+
+    def up(self, yaw: float) -> np.ndarray:
+        """The vertical (3,), a unit vector, along a heading on the ground."""
+        return -self.gravity.dot(heading_matrix(yaw)) / GRAVITY_M_S2
+
+    def downhill(self, yaw: float, height_m: float) -> complex:
+        """From the ground's nearest point to the one plumb below a body of a height, m, x + i y along a heading.
+
+        Feet about the latter share the weight evenly.
+        """
+        x, y, z = self.up(yaw).tolist()
+        return -complex(x, y) * (height_m / z)
+
+    def _follow_middle(self, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> None:
+        total = float(contact.sum())
+        if total > 0.0:
+            middle = contact.dot(feet[:, :2]) / total
+            before = middle if self._middle is None else self._middle
+            self._middle = before + dt_s / (_HEIGHT_FILTER_S + dt_s) * (middle - before)
+
+    def _take(self, gradient: np.ndarray) -> None:
+        self.gradient = gradient
+        turn = plane_quaternion(gradient)
+        self._back = turn * [1.0, -1.0, -1.0, -1.0]
+        self.axes = rotation_matrix(turn)
+        self.gravity = -GRAVITY_M_S2 * self.axes[2]
