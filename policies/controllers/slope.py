@@ -94,9 +94,7 @@ class Slope:
         self._middle: np.ndarray | None = None  # (2,) m, of the standing feet from the base, world
         self._take(np.zeros(2))
 
-    def follow(
-        self, inputs: PolicyInput, feet: np.ndarray, contact: np.ndarray, dt_s: float
-    ) -> PolicyInput:
+    def follow(self, inputs: PolicyInput, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> PolicyInput:
         """The inputs as seen from the ground: attitude from its normal, height along it.
 
         Args:
@@ -123,7 +121,7 @@ class Slope:
         return -self.gravity.dot(heading_matrix(yaw)) / GRAVITY_M_S2
 
     def downhill(self, yaw: float, height_m: float) -> complex:
-        """From the ground's nearest point to the one plumb below a body of a height, m, x + i y along a heading.
+        """From the point nearest to a body of a height to that plumb below it, m, x + i y along a heading.
 
         Feet about the latter share the weight evenly.
         """

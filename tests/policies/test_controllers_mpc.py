@@ -62,7 +62,8 @@ class Planned(NamedTuple):
     contacts: np.ndarray
     feet: np.ndarray
     before: np.ndarray
-    friction: float | None = None
+    friction: float
+    gravity: np.ndarray
 
 
 class TestStanding:

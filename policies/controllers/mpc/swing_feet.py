@@ -49,7 +49,7 @@ class SwingFeet:
     @property
     def shifted_places(self) -> np.ndarray:
         """Where feet of a steady stance are, (feet, 3) m, heading frame."""
-        return self.places + [self.shift.real, self.shift.imag, 0.0]
+        return self.places + np.array([self.shift.real, self.shift.imag, 0.0])
 
     def aim(
         self,

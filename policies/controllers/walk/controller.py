@@ -14,7 +14,7 @@ from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing, rolling_of
-from footfall.policies.controllers.walk.ground import GroundForce
+from footfall.policies.controllers.walk.ground import GroundForce, weight_torque
 from footfall.policies.controllers.walk.levelling import Levelling
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.live import ATTITUDE, all_gaits, changed_step, live_settings
@@ -132,14 +132,13 @@ class Walk:
         sensed = inputs.sensed
         pose = self._legs.pose(sensed.joint_position)
         settled = inputs.time_s >= config.settle_s
-        inputs = self._slope.follow(inputs, pose.foot, self._stance(), dt_s)
+        inputs = self._slope.follow(inputs, pose.foot, self.stance(), dt_s)
         if settled:
             self._walk(inputs, dt_s)
         if self._ground is not None:
             pushed = self._ground.update(sensed, pose.jacobian, dt_s)
             if settled:
-                up = rotation_matrix(inputs.sensed.quaternion)[2]
-                self._meet_ground(pushed, pose.foot @ up, dt_s)
+                self._meet_ground(pushed, pose.foot @ rotation_matrix(inputs.sensed.quaternion)[2], dt_s)
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
@@ -150,14 +149,12 @@ class Walk:
         before, most = self._previous, self._most_step_rad
         self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
         velocity = (position - before) / dt_s
-        up = self._slope.up(yaw_of(inputs.sensed.quaternion.tolist()))
-        torque = self._legs.scatter(self._weight_torque(pose.jacobian, up), self._no_torque)
+        weight = config.weight_n * self._slope.up(yaw_of(inputs.sensed.quaternion.tolist()))
+        held = weight_torque(self._legs, pose.jacobian, ~self._cycle.swings, weight)
+        torque = self._legs.scatter(held, self._no_torque)
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
-    def stance(self) -> np.ndarray | None:
-        return self._stance()
-
-    def _stance(self) -> np.ndarray:
+    def stance(self) -> np.ndarray:
         cycle = self._cycle
         if not self._steps:
             return np.ones(self._legs.count)
@@ -242,15 +239,10 @@ class Walk:
         """Where the tips should be, (legs, 3) m, base frame."""
         feet = self._cycle.feet
         feet[:, :2] -= self._sway.at(self._cycle.clock)
-        feet[:, :2] += self._downhill(inputs)
+        downhill = self._slope.downhill(yaw_of(inputs.sensed.quaternion.tolist()), self._height_m)
+        feet[:, :2] += downhill.real, downhill.imag
         feet[:, 2] -= self._below()
         return self._levelling.apply(feet, inputs, dt_s)
-
-    def _downhill(self, inputs: PolicyInput) -> list[float]:
-        """How far all feet are placed downhill, x and y, m, base frame."""
-        yaw = yaw_of(inputs.sensed.quaternion.tolist())
-        shift = self._slope.downhill(yaw, self._height_m)
-        return [shift.real, shift.imag]
 
     def _below(self) -> np.ndarray:
         return self._height_m - self._legs.foot_radius
@@ -297,7 +289,7 @@ class Walk:
 
         Args:
             pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
-            height: (feet,) m, of the tips along the vertical, from wherever.
+            height: (feet,) m, of the tips along the ground's normal, from wherever.
             dt_s: how long the latter are lowered.
         """
         config, cycle = self._config.touch_down, self._cycle
@@ -305,9 +297,3 @@ class Walk:
         least, enough = config.force_share
         cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress), height)
         cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
-
-    def _weight_torque(self, jacobian: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """Joint torques (legs, m) that share the weight, against `up` (3,), among standing feet, N m."""
-        stands = ~self._cycle.swings
-        share = stands * (self._config.weight_n / max(1, int(np.count_nonzero(stands))))
-        return self._legs.torque(jacobian, share[:, None] * up)

@@ -1,10 +1,11 @@
-"""How hard the ground pushes each foot up."""
+"""How hard the ground pushes each foot up, and the torques that push back."""
 
 import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot
+from footfall.robots.kinematics import Legs
 from footfall.robots.momentum import MomentumObserver, outside_torque, upward_force
 from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import RigidBody
@@ -60,3 +61,16 @@ class GroundForce:
         """Torque that holds each joint and comes neither from its motor nor its gearbox, N m, (legs, m)."""
         own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
         return outside_torque(self._legs, sensed, own)
+
+
+def weight_torque(legs: Legs, jacobian: np.ndarray, stands: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Joint torques (legs, m), N m, of feet that share a force evenly.
+
+    Args:
+        legs: whose.
+        jacobian: (feet, 3, m) of the tips, base frame.
+        stands: (feet,) boolean, those that do.
+        weight: (3,) N, upward, base frame.
+    """
+    share = stands / max(1, int(np.count_nonzero(stands)))
+    return legs.torque(jacobian, share[:, None] * weight)

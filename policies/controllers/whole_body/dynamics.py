@@ -104,7 +104,7 @@ class WholeBody:
         self._level = data.xmat[self._bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
 
     def update(self, motion: Motion, gravity: np.ndarray = FREE_FALL) -> Dynamics:
-        """The dynamics in a state of motion. On a slope `world` axes may be the ground's, where gravity leans."""
+        """The dynamics in a state of motion. The world may be a frame in which gravity leans."""
         model, data, order = self._model, self._data, self._order
         model.opt.gravity[:] = gravity
         data.qpos[self._quaternion] = motion.quaternion

@@ -1,0 +1,201 @@
+"""The ground's slope from standing feet, and what controllers make of it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from moments import policy_input
+from scipy.spatial.transform import Rotation
+
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.grip import Grip
+from footfall.policies.controllers.mpc.whole_body import MpcWholeBody, MpcWholeBodyConfig
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.slope import (
+    Slope,
+    SlopeConfig,
+    corrected_gradient,
+    followed_gradient,
+    plane_quaternion,
+)
+from footfall.policies.controllers.walk import Walk
+from footfall.policies.controllers.walk.config import WalkConfig
+from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion
+from footfall.policies.policy import PolicyInput
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+LEGS = ROBOT.legs
+CONFIG = SlopeConfig(filter_s=0.1, ignored=0.0, most=0.6)
+LEVEL = np.zeros(2)
+ALL = np.ones(4)
+DT_S = 0.002
+STEEP = math.tan(0.3)
+# Headings of 0, a right angle and in between, on a slope that rises along the world's x axis by 0.3 rad.
+HEADINGS = [0.0, math.pi / 2, -2.0]
+
+
+def parallel(heading: float) -> Rotation:
+    """A base that is parallel to the slope."""
+    return Rotation.from_euler("y", -0.3) * Rotation.from_euler("z", heading)
+
+
+def standing(heading: float, time_s: float = 9.0, forward_m_s: float = 0.0) -> PolicyInput:
+    """On the slope, parallel to it, in the default pose."""
+    tips = parallel(heading).apply(LEGS.default_foot)
+    height = -float(tips[:, 2].mean())
+    command = (forward_m_s, 0.0, 0.0)
+    return policy_input(ROBOT, time_s, command, base_height=height, turn=parallel(heading))
+
+
+def on_plane(gradient: np.ndarray, seed: int) -> np.ndarray:
+    places = LEGS.default_foot + np.random.default_rng(seed).uniform(-0.05, 0.05, (4, 3))
+    places[:, 2] = 0.7 + places[:, :2] @ gradient
+    return places
+
+
+def settled(policy: Mpc | Walk, heading: float, forward_m_s: float = 0.0) -> PolicyInput:
+    """Let a policy stand on the slope for two seconds; returns its last inputs."""
+    inputs = standing(heading, 0.0, forward_m_s)
+    policy.reset(inputs)
+    for tick in range(1000):
+        inputs = standing(heading, 1.0 + tick * DT_S, forward_m_s)
+        policy.act(inputs)
+    return inputs
+
+
+class TestGradient:
+    @pytest.mark.parametrize("seed", range(4))
+    def test_standing_feet_tell_the_plane_that_they_are_on(self, seed: int) -> None:
+        planted = np.random.default_rng(seed).uniform(-0.5, 0.5, 2)
+        found = LEVEL
+        for _ in range(200):
+            found = corrected_gradient(found, on_plane(planted, seed), ALL, 0.1)
+        np.testing.assert_allclose(found, planted, atol=1e-4)
+
+    def test_pairs_in_turn_tell_both_directions(self) -> None:
+        planted, found = np.array([0.3, -0.2]), LEVEL
+        for tick in range(4000):
+            pair = np.array([1.0, 0.0, 0.0, 1.0]) if tick // 100 % 2 else np.array([0.0, 1.0, 1.0, 0.0])
+            found = corrected_gradient(found, on_plane(planted, 1), pair, 0.02)
+        np.testing.assert_allclose(found, planted, atol=0.01)
+
+    def test_feet_in_the_air_say_nothing(self) -> None:
+        planted = np.array([0.3, 0.1])
+        feet = on_plane(planted, 2)
+        feet[3, 2] += 0.1
+        contact = np.array([1.0, 1.0, 1.0, 0.0])
+        found = LEVEL
+        for _ in range(500):
+            found = corrected_gradient(found, feet, contact, 0.1)
+        np.testing.assert_allclose(found, planted, atol=1e-3)
+
+    @pytest.mark.parametrize("standing_feet", [0, 1])
+    def test_fewer_than_two_feet_change_nothing(self, standing_feet: int) -> None:
+        contact = np.zeros(4)
+        contact[:standing_feet] = 1.0
+        before = np.array([0.1, 0.2])
+        np.testing.assert_allclose(corrected_gradient(before, on_plane(LEVEL, 3), contact, 1.0), before)
+
+    def test_nearly_level_ground_is_level_and_steep_ground_is_bounded(self) -> None:
+        assert not followed_gradient(np.array([0.03, 0.03]), 0.05, 0.5).any()
+        np.testing.assert_allclose(followed_gradient(np.array([0.0, -0.25]), 0.05, 0.5), [0.0, -0.2])
+        assert np.hypot(*followed_gradient(np.array([3.0, 4.0]), 0.05, 0.5)) == pytest.approx(0.5)
+
+
+class TestSeenFromTheGround:
+    @pytest.mark.parametrize("gradient", [(0.3, 0.0), (0.0, 0.3), (-0.2, 0.4)])
+    def test_the_axes_lie_on_the_ground(self, gradient: tuple[float, float]) -> None:
+        turn = Rotation.from_quat(plane_quaternion(np.array(gradient)), scalar_first=True)
+        normal = np.array([-gradient[0], -gradient[1], 1.0])
+        np.testing.assert_allclose(turn.apply([0.0, 0.0, 1.0]), normal / np.linalg.norm(normal))
+        assert turn.as_rotvec()[2] == pytest.approx(0.0)  # least turn: none about the vertical
+
+    @pytest.mark.parametrize("heading", HEADINGS)
+    def test_a_robot_parallel_to_the_ground_is_level_at_its_own_height(self, heading: float) -> None:
+        slope = Slope(CONFIG)
+        for _ in range(1000):
+            inputs = slope.follow(standing(heading), LEGS.default_foot, ALL, DT_S)
+        up = Rotation.from_quat(inputs.sensed.quaternion, scalar_first=True).inv().apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=2e-3)
+        assert inputs.base_height == pytest.approx(-LEGS.default_foot[:, 2].mean(), abs=1e-3)
+
+    def test_without_settings_the_inputs_stay(self) -> None:
+        inputs = standing(0.0)
+        assert Slope(None).follow(inputs, LEGS.default_foot, ALL, DT_S) is inputs
+
+    def test_an_episode_begins_on_level_ground(self) -> None:
+        slope = Slope(CONFIG)
+        for _ in range(100):
+            slope.follow(standing(0.0), LEGS.default_foot, ALL, DT_S)
+        slope.reset()
+        np.testing.assert_allclose(slope.axes, np.eye(3))
+        np.testing.assert_allclose(slope.gravity, [0.0, 0.0, -9.81])
+
+
+class TestWalk:
+    CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), slope=CONFIG)
+
+    @pytest.mark.parametrize("heading", HEADINGS)
+    def test_feet_stand_about_the_point_plumb_below_the_body(self, heading: float) -> None:
+        policy = Walk(ROBOT, "trot", self.CONFIG)
+        inputs = settled(policy, heading)
+        feet = LEGS.pose(policy.act(inputs).position).foot
+        centre = parallel(heading).apply(feet.mean(axis=0))
+        np.testing.assert_allclose(centre[:2], 0.0, atol=0.012)  # as far as the feet's radius takes it
+
+    def test_it_does_not_turn_a_body_that_is_parallel_to_the_ground(self) -> None:
+        policy = Walk(ROBOT, "trot", self.CONFIG)
+        inputs = settled(policy, 0.0)
+        feet = LEGS.pose(policy.act(inputs).position).foot
+        np.testing.assert_allclose(feet[:, 2], feet[0, 2], atol=2e-3)
+
+
+class TestMpc:
+    CONFIG = replace(controller_settings(ROBOT, "mpc", MpcConfig), slope=CONFIG)
+
+    @pytest.mark.parametrize("heading", HEADINGS)
+    def test_forces_hold_the_weight_against_gravity_alone(self, heading: float) -> None:
+        policy = Mpc(ROBOT, self.CONFIG)
+        settled(policy, heading)
+        force = policy.slope.axes @ policy.force.sum(axis=0)
+        assert np.hypot(*force[:2]) < 0.1 * force[2]
+        along = np.hypot(*policy.force[:, :2].T)
+        assert along.sum() > 0.25 * policy.force[:, 2].sum()  # friction that level ground would not need
+
+    def test_footholds_are_reported_in_the_level_heading_frame(self) -> None:
+        """Up the slope the foothold ahead is higher than that behind by the gradient."""
+        policy = Mpc(ROBOT, self.CONFIG)
+        settled(policy, 0.0, forward_m_s=0.3)
+        places = policy.footholds()
+        x, _, z = places[~np.isnan(places[:, 0])].T
+        assert len(x) == 2
+        assert (z[0] - z[1]) / (x[0] - x[1]) == pytest.approx(STEEP, abs=0.02)
+
+    def test_slipping_feet_still_hold_the_robot_on_the_slope(self) -> None:
+        contact = replace(self.CONFIG.contact, slip_m_s=1e-6)
+        grip = Grip(LEGS, contact)
+        level = grip.friction(0.0)
+        sensed = policy_input(ROBOT, velocity=np.arange(12.0)).sensed
+        grip.follow(sensed, LEGS.pose(ROBOT.default_pose), np.array([0.0, 0.0, 1.0]), ALL, DT_S)
+        assert grip.friction(0.0) == contact.slipping_friction < level
+        assert grip.friction(STEEP) >= STEEP + contact.slipping_friction
+
+    def test_whole_body_control_feels_the_same_gravity(self) -> None:
+        """Where nothing presses, the body's weight is all along the gravity that leans."""
+        policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
+        policy.slope = Slope(CONFIG)
+        felt = []
+        build = policy.control.body.update
+
+        def update(motion: Motion, gravity: np.ndarray) -> Dynamics:
+            felt.append(build(motion, gravity))
+            return felt[-1]
+
+        policy.control.body.update = update  # type: ignore[method-assign]
+        settled(policy, 0.0)
+        up = parallel(0.0).inv().apply([0.0, 0.0, 1.0])
+        weight = 9.81 * policy.control.body.total_mass * up
+        np.testing.assert_allclose(felt[-1].bias[:3], weight, rtol=0.01, atol=0.5)
