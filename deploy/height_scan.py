@@ -1,11 +1,13 @@
 """Height scans for the policies of a run: the newest one, as long as it is fresh."""
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from footfall.common.outside import in_a_line
-from footfall.policies.height_scan import HeightScan
+from footfall.policies.height_scan import HeightScan, common_height_scan
+from footfall.policies.policy import Policy
 
 NONE_YET = "no height scan has arrived: the policy walks without one"
 LOST = "no height scan has arrived for {:g} s: the policy walks without one until the next"
@@ -67,3 +69,13 @@ class HeightScans:
             return WRONG_SIZE.format(scanned.heights.size, self._scan.size)
         fresh = 0 <= now_us - scanned.taken_us <= self._longest_us
         return "" if fresh else LOST.format(self._scan.max_age_s)
+
+
+def height_scans_of(policies: Sequence[Policy], source: HeightScanSource | None) -> HeightScans | None:
+    """The height scans that policies of one run read; None if none does.
+
+    Raises:
+        UserError: two of the policies read different ones.
+    """
+    scan = common_height_scan([policy.contract for policy in policies])
+    return None if scan is None else HeightScans(scan, source or NoScans())

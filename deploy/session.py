@@ -24,7 +24,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
 from footfall.deploy.handover import Handover
-from footfall.deploy.height_scan import HeightScans, HeightScanSource, NoScans
+from footfall.deploy.height_scan import HeightScanSource, height_scans_of
 from footfall.deploy.log_store import LogStore
 from footfall.deploy.logged_bus import LoggedBus
 from footfall.deploy.loop import ControlLoop
@@ -38,7 +38,6 @@ from footfall.deploy.warm_up import warm_up
 from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.deploy.wiring_check.verdict import Verdict
-from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -144,7 +143,7 @@ def run_session(
             config.safety.late_limit_s,
             session.realtime,
             arm,
-            _height_scans(policies, session),
+            height_scans_of(policies, session.height_scans),
         )
         if session.realtime:
             for other in session.others.values():
@@ -201,12 +200,6 @@ def run_session(
             buses=tuple(bus.statistics()),
             notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop)),
         )
-
-
-def _height_scans(policies: Sequence[Policy], session: Session) -> HeightScans | None:
-    """The height scans that policies of the run read."""
-    scan = common_height_scan([policy.contract for policy in policies])
-    return None if scan is None else HeightScans(scan, session.height_scans or NoScans())
 
 
 @contextmanager

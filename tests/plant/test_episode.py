@@ -229,7 +229,7 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
         "config": DeployConfig(host_queue=3, motor_timeout_s=0.3),
         "display": lambda loop, velocity: shown.append((loop, velocity())),
     }
-    policy = SimpleNamespace(name="hold")
+    policy = SimpleNamespace(name="hold", contract=None)
     run_episode(go1, policy, Episode(command, 2.5, **(further if asked else {})))  # type: ignore[arg-type]
     session, plant = seen["session"], seen["config"]
     assert seen["robot"] is go1

@@ -12,6 +12,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift, rolling_of
+from footfall.policies.controllers.walk.ground import weight_torque
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot
@@ -283,9 +284,10 @@ class TestWalk:
 
     def test_the_weight_is_shared_among_the_feet_that_stand(self, walk: SimpleNamespace) -> None:
         policy = walk.policy
-        lift_feet(policy._cycle, 0, 3)
         jacobian = policy._legs.pose(walk.robot.default_pose).jacobian
-        torque = policy._weight_torque(jacobian)
+        stands = ~np.isin(np.arange(6), (0, 3))
+        weight = np.array([0.0, 0.0, walk.config.weight_n])
+        torque = weight_torque(policy._legs, jacobian, stands, weight)
         assert not torque[[0, 3]].any()
         force = -np.linalg.solve(jacobian.transpose(0, 2, 1), torque[:, :, None])[[1, 2, 4, 5], :, 0]
         np.testing.assert_allclose(force, [[0.0, 0.0, walk.config.weight_n / 4]] * 4, atol=1e-9)
