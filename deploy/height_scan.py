@@ -33,7 +33,7 @@ class NoScans:
     """The source of a robot without one."""
 
     def newest(self, now_us: int) -> None:
-        """None."""
+        """Always None."""
 
 
 class HeightScans:

@@ -73,6 +73,4 @@ class Scanner:
         return jnp.append(self._base.position(state.qpos), yaw)
 
     def _heights(self, pose: jax.Array, ground: Heights, shift: jax.Array) -> jax.Array:
-        cosine, sine = jnp.cos(pose[3]), jnp.sin(pose[3])
-        moved = jnp.stack([cosine * shift[0] - sine * shift[1], sine * shift[0] + cosine * shift[1]])
-        return ground(self._scan.places(pose[:3].at[:2].add(moved), pose[3])) - pose[2]
+        return ground(self._scan.places(pose[:3], pose[3], shift)) - pose[2]

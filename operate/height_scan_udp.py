@@ -5,18 +5,17 @@ is not counted.
 """
 
 import os
-import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.height_scan import Scanned
-from footfall.operate.udp import JOIN_S, SHORTEST_TOKEN, TOKEN, WAIT_S, UdpConfig
+from footfall.operate.datagrams import answered
+from footfall.operate.udp import MOST_SENDERS, SHORTEST_TOKEN, TOKEN, UdpConfig
 from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, unpack
 
 LONGEST_AGE_S = 60.0
@@ -47,14 +46,21 @@ class UdpScans:
             return "sender and number are missing"
         if number <= self._last.get(sender, -1):
             return "an old datagram"
+        if sender not in self._last and len(self._last) >= MOST_SENDERS:
+            return "too many senders"
         if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= LONGEST_AGE_S:
             return f"age_s is no number from 0 to {LONGEST_AGE_S:g}"
         heights = _heights(content.get("heights"))
         if heights is None:
             return "heights is no list of numbers, with null for unknown ones"
-        self._last = {sender: number}
+        self._last[sender] = number
         self._newest = Arrived(self._clock() - age_s, heights)
         return ""
+
+    def answer(self, datagram: bytes) -> bytes:
+        """Take a datagram, without a reply."""
+        self.receive(datagram)
+        return b""
 
     def newest(self, now_us: int) -> Scanned | None:
         """The newest scan, by the loop's clock."""
@@ -71,7 +77,10 @@ def _heights(given: Any) -> np.ndarray | None:
     numbers = [np.nan if each is None else each for each in given]
     if any(isinstance(each, bool) or not isinstance(each, int | float) for each in numbers):
         return None
-    return np.array(numbers, dtype=float)
+    try:
+        return np.array(numbers, dtype=float)
+    except OverflowError:  # an integer beyond all floating-point numbers
+        return None
 
 
 @contextmanager
@@ -94,23 +103,6 @@ def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
             f"--height-scan udp: set {TOKEN} to a secret of at least {SHORTEST_TOKEN} characters, which the"
             " sender of scans knows, too"
         )
-    scans, ended = UdpScans(token), threading.Event()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-        try:
-            plug.bind((host, port))
-        except OSError as error:
-            raise UserError(f"--height-scan udp: {host}:{port}: {error.strerror or error}") from None
-        plug.settimeout(WAIT_S)
-
-        def listen() -> None:
-            while not ended.is_set():
-                with suppress(OSError):  # nothing came
-                    scans.receive(plug.recv(LARGEST + 1))
-
-        thread = threading.Thread(target=listen, name="height scan", daemon=True)
-        thread.start()
-        try:
-            yield scans
-        finally:
-            ended.set()
-            thread.join(JOIN_S)
+    scans = UdpScans(token)
+    with answered((host, port), LARGEST, scans.answer, "--height-scan udp"):
+        yield scans

@@ -8,24 +8,21 @@ recorded and sent again is refused, whether it is of this run or of another one.
 import math
 import os
 import secrets
-import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from footfall.common.errors import UserError
 from footfall.operate.abilities import Abilities
+from footfall.operate.datagrams import answered
 from footfall.operate.inbox import LONGEST_NAME, Inbox
 from footfall.operate.opened import Opened
 from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, pack, unpack
 
 TOKEN = "FOOTFALL_TOKEN"  # environment variable
 SHORTEST_TOKEN = 16  # characters
-WAIT_S = 0.2
-JOIN_S = 1.0
 CHALLENGE_S = 1.0  # a challenge is accepted for so long, and once more
 MOST_SENDERS = 64
 FIELDS = ("velocity", "wish", "policy", "gait", "settings")
@@ -138,32 +135,11 @@ def steered_by_udp(
     token = os.environ.get(TOKEN) or secrets.token_urlsafe(SHORTEST_TOKEN)
     if len(token) < SHORTEST_TOKEN:
         raise UserError(f"{TOKEN} is shorter than {SHORTEST_TOKEN} characters: choose a longer one")
-    ended, receiver = threading.Event(), Receiver(inbox, token)
-    host, port = config.place
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-        try:
-            plug.bind((host, port))
-        except OSError as error:
-            raise UserError(f"--from udp: {config.address}: {error.strerror or error}") from None
-        plug.settimeout(WAIT_S)
-        port = plug.getsockname()[1]
-
-        def listen() -> None:
-            while not ended.is_set():
-                with suppress(OSError):  # nothing came, or a sender that is gone
-                    datagram, sender = plug.recvfrom(LARGEST + 1)
-                    if reply := receiver.receive(datagram):
-                        plug.sendto(reply, sender)
-
-        thread = threading.Thread(target=listen, name="udp", daemon=True)
-        thread.start()
-        try:
-            about = f"datagrams to {host}:{port}"
-            secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
-            yield Opened(inbox, lambda: _line(receiver, inbox), (about + secret,), odometry=True)
-        finally:
-            ended.set()
-            thread.join(JOIN_S)
+    receiver, host = Receiver(inbox, token), config.place[0]
+    with answered(config.place, LARGEST, receiver.receive, "--from udp") as port:
+        secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
+        about = f"datagrams to {host}:{port}{secret}"
+        yield Opened(inbox, lambda: _line(receiver, inbox), (about,), odometry=True)
 
 
 def _line(receiver: Receiver, inbox: Inbox) -> str:

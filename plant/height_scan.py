@@ -1,6 +1,5 @@
 """The simulated robot's height scans, with the errors of a real one's."""
 
-import math
 from collections import deque
 from collections.abc import Callable
 
@@ -51,11 +50,7 @@ class SimulatedScanner:
 
     def _take(self, taken_s: float) -> np.ndarray:
         position, quaternion = self._pose()
-        yaw = heading(quaternion)
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        forward, leftward = self._episode.shift_m
-        shift = np.array([cosine * forward - sine * leftward, sine * forward + cosine * leftward])
-        places = self._scan.places(position, np.float64(yaw)) + shift
+        places = self._scan.places(position, heading(quaternion), self._episode.shift_m)
         ground = np.zeros(len(places)) if self._ground is None else height_at(self._ground, places)
         u = self._rng.random((2, len(places)))
         return with_errors(ground - position[2], self._errors, self._episode, np.float64(taken_s), u)

@@ -75,13 +75,21 @@ class HeightScan:
         mirror = Mirror(np.append(places, self.size), np.ones(self.size + 1))
         return Kind(lambda _: (self.size + 1,), lambda _: mirror)
 
-    def places(self, position: Array, yaw: Array) -> Array:
-        """Places of the points in the world, m, (points, 2), for a base at `position` (3,) with this yaw."""
+    def places(self, position: Array, yaw: Array, shift: Array | tuple[float, float] = (0.0, 0.0)) -> Array:
+        """Places of the points in the world, m, (points, 2).
+
+        Args:
+            position: of the base, m, world, (3,).
+            yaw: of the base, rad.
+            shift: of all points, forward and leftward, m, (2,).
+        """
         xp = position.__array_namespace__()
         points = xp.asarray(self.points, dtype=position.dtype)
         cosine, sine = xp.cos(yaw), xp.sin(yaw)
-        x = position[0] + cosine * points[:, 0] - sine * points[:, 1]
-        y = position[1] + sine * points[:, 0] + cosine * points[:, 1]
+        x = position[0] + (cosine * shift[0] - sine * shift[1])
+        y = position[1] + (sine * shift[0] + cosine * shift[1])
+        x = x + cosine * points[:, 0] - sine * points[:, 1]
+        y = y + sine * points[:, 0] + cosine * points[:, 1]
         return xp.stack([x, y], axis=-1)
 
     def __call__(self, inputs: Any, contract: Contract) -> Array:

@@ -16,6 +16,7 @@ from footfall.policies.observation import (
     observation,
     observation_size,
     push_frame,
+    term_sources,
 )
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -74,6 +75,7 @@ class LearnedPolicy:
         self._input = self._session.get_inputs()[0].name
         self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)
         self._zeros = np.zeros(len(self.contract.joints))
+        self._sources = term_sources(self.contract)
         kept = history_length(self.contract), frame_size(self.contract)
         # Where each number of an observation stands among the kept frames: put together of places once, an
         # observation is one look-up at each step.
@@ -114,7 +116,8 @@ class LearnedPolicy:
         contract = self.contract
         phase = np.array([self._phase()])
         readings = read(inputs.sensed)
-        newest = frame(Inputs(readings, self._action, inputs.command, phase, inputs.height_scan), contract)
+        given = Inputs(readings, self._action, inputs.command, phase, inputs.height_scan)
+        newest = frame(given, contract, self._sources)
         if self._frames is None:
             self._frames = np.tile(newest, (history_length(contract), 1))
         else:

@@ -1,6 +1,6 @@
 """The observation of learned policies, written once for NumPy (deployment) and JAX (training) arrays."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
@@ -124,6 +124,11 @@ def term_source(term: Term, where: str = "contract.observation") -> Callable[...
     return bind(source, term.settings, where) if term.settings or isinstance(source, type) else source
 
 
+def term_sources(contract: Contract) -> tuple[Callable[..., Array], ...]:
+    """The function of each term of a contract; raises UserError as `term_source`."""
+    return tuple(map(term_source, contract.observation))
+
+
 def term_size(term: Term, contract: Contract) -> int:
     """Numbers in one frame of a term."""
     return term_kind(term).size(Parts(len(contract.joints)))
@@ -144,11 +149,17 @@ def history_length(contract: Contract) -> int:
     return max(term.history for term in contract.observation)
 
 
-def frame(inputs: Inputs, contract: Contract) -> Array:
-    """One scaled observation frame, shape (..., frame_size)."""
+def frame(inputs: Inputs, contract: Contract, sources: Sequence[Callable[..., Array]] | None = None) -> Array:
+    """One scaled observation frame, shape (..., frame_size).
+
+    Args:
+        inputs: what it is made of.
+        contract: of the policy.
+        sources: `term_sources` of the contract, for a loop: finding a term and its parameters takes time.
+    """
     xp = inputs.command.__array_namespace__()
-    parts = [term_source(term)(inputs, contract) * term.scale for term in contract.observation]
-    return xp.concat(parts, axis=-1)
+    pairs = zip(contract.observation, sources or term_sources(contract), strict=True)
+    return xp.concat([source(inputs, contract) * term.scale for term, source in pairs], axis=-1)
 
 
 def push_frame(frames: Array, newest: Array) -> Array:

@@ -75,10 +75,7 @@ def advanced(
     tilt += dt_s * (dt_s * bias - 2.0 * cross + config.gyro_noise**2)
     cross -= dt_s * bias
     bias += dt_s * config.bias_drift**2
-    # The tilt's error as the accelerometer shows it: a rotation vector, horizontal, body frame.
-    ux, uy, uz = _up(quaternion)
-    x, y, z = (value / GRAVITY_M_S2 for value in acceleration)
-    ex, ey, ez = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    ex, ey, ez = _shown_tilt(acceleration, _up(quaternion))
     noise = (config.acceleration_noise / GRAVITY_M_S2) ** 2 / dt_s
     of_tilt, of_bias = tilt / (tilt + noise), cross / (tilt + noise)
     return Attitude(
@@ -104,9 +101,8 @@ def leveled(
         bias: of the accelerometer, m/s^2, body frame.
         config: settings.
     """
-    ux, uy, uz = _up(attitude.quaternion)
-    x, y, z = (value / GRAVITY_M_S2 for value in bias)
-    ex, ey, ez = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    ux, uy, uz = up = _up(attitude.quaternion)
+    ex, ey, ez = _shown_tilt(bias, up)
     (gx, gy, gz), gain = attitude.bias, config.legs_bias_hz
     upward = bias[0] * ux + bias[1] * uy + bias[2] * uz
     corrected = attitude._replace(
@@ -150,6 +146,13 @@ def _up(quaternion: Quaternion) -> Vector:
     """The vertical in the body frame."""
     w, x, y, z = quaternion
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _shown_tilt(acceleration: Sequence[float], up: Vector) -> Vector:
+    """The tilt's error that an acceleration (m/s^2) beside gravity's shows: horizontal, rad, body frame."""
+    x, y, z = (value / GRAVITY_M_S2 for value in acceleration)
+    ux, uy, uz = up
+    return y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
 
 
 def _turned(quaternion: Quaternion, turn: Vector) -> Quaternion:

@@ -46,6 +46,7 @@ def test_a_scan_ages_from_when_it_was_taken() -> None:
         {"heights": "flat"},
         {"heights": [0.1, "x"]},
         {"heights": [True]},
+        {"heights": [10**400]},
     ],
 )
 def test_what_is_wrong_or_old_is_refused(wrong: dict[str, object]) -> None:
@@ -55,6 +56,17 @@ def test_what_is_wrong_or_old_is_refused(wrong: dict[str, object]) -> None:
     found = scans.newest(0)
     assert found is not None
     assert len(found.heights) == 3
+
+
+def test_a_recorded_scan_of_an_earlier_sender_is_refused() -> None:
+    scans = UdpScans(TOKEN, Watch())
+    recorded = pack(CONTENT, TOKEN, SCAN)
+    assert scans.receive(recorded) == ""
+    assert scans.receive(pack(CONTENT | {"sender": "restarted", "heights": [0.5]}, TOKEN, SCAN)) == ""
+    assert scans.receive(recorded) != ""
+    found = scans.newest(0)
+    assert found is not None
+    np.testing.assert_array_equal(found.heights, [0.5])
 
 
 @pytest.mark.parametrize("foreign", [b"", b"x" * 50, pack(CONTENT, "another token, as long", SCAN)])

@@ -1,0 +1,50 @@
+"""A UDP socket whose datagrams are answered by a thread of its own."""
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from footfall.common.errors import UserError
+
+WAIT_S = 0.2
+JOIN_S = 1.0
+
+
+@contextmanager
+def answered(
+    place: tuple[str, int], largest: int, answer: Callable[[bytes], bytes], option: str
+) -> Iterator[int]:
+    """Answer datagrams for as long as the context lasts; yields the port.
+
+    Args:
+        place: host and port to listen on; port 0 takes a free one.
+        largest: bytes of a datagram. A longer one is cut after one byte more.
+        answer: the reply to a datagram; empty for none.
+        option: of the command line, for the message.
+
+    Raises:
+        UserError: the address cannot be used.
+    """
+    ended = threading.Event()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+        try:
+            plug.bind(place)
+        except OSError as error:
+            raise UserError(f"{option}: {place[0]}:{place[1]}: {error.strerror or error}") from None
+        plug.settimeout(WAIT_S)
+
+        def listen() -> None:
+            while not ended.is_set():
+                with suppress(OSError):  # nothing came, or a sender that is gone
+                    datagram, sender = plug.recvfrom(largest + 1)
+                    if reply := answer(datagram):
+                        plug.sendto(reply, sender)
+
+        thread = threading.Thread(target=listen, name=option, daemon=True)
+        thread.start()
+        try:
+            yield plug.getsockname()[1]
+        finally:
+            ended.set()
+            thread.join(JOIN_S)
