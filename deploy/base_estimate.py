@@ -25,6 +25,9 @@ class Estimator(Protocol):
     def start(self) -> None:
         """The pose is zero here and now: the policy takes over."""
 
+    def stood_up(self, sensed: Sensed) -> None:
+        """The robot stands at rest after a fall; where it fell is known."""
+
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
     def pose(self) -> tuple[float, float, float]:
@@ -58,6 +61,19 @@ class BaseEstimate:
         """The policy takes over."""
         if self._estimator is not None:
             self._estimator.start()
+
+    def lose(self) -> None:
+        """The robot fell: its velocity and height are unknown until it stands."""
+        self.value = UNKNOWN
+
+    def stood_up(self, now_us: int, sensed: Sensed) -> None:
+        """The robot stands after a fall. The pose goes on from where it fell, if it had stood before."""
+        if self._updated_us < 0:
+            self.reset(now_us, sensed)
+            return
+        self._updated_us = now_us
+        if self._estimator is not None:
+            self._estimator.stood_up(sensed)
 
     def due(self, now_us: int, step_due: bool) -> bool:
         """Whether to estimate anew: at the estimator's rate, and where the policy takes its step."""

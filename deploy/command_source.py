@@ -40,6 +40,7 @@ class Wish(StrEnum):
     WALK = "walk"  # follow the velocity
     STAND = "stand"  # at zero velocity
     LIE_DOWN = "lie_down"  # stop, lie down, end the run
+    GET_UP = "get_up"  # after a fall, in a run that may; stand at zero velocity otherwise
 
 
 class Request(NamedTuple):
@@ -68,6 +69,7 @@ class Offer(NamedTuple):
     gaits: Sequence[str] = ()  # of the present policy
     settings: Mapping[str, Span] = {}  # of the present policy: see `policies.live_settings.DECLARED`
     commands: CommandRange | None = None  # that the present policy was trained for; None without limits
+    get_up: str = ""  # name of the policy that gets the robot up after a fall; empty if it may not
 
 
 class Pose(NamedTuple):

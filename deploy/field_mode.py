@@ -12,12 +12,13 @@ class FieldMode(StrEnum):
     CALIBRATING = "calibrating"  # wiring check and standing up: nobody steers yet
     TELEOPERATION = "teleoperation"  # a person steers
     AUTONOMOUS = "autonomous"  # a program steers: a mission, a fixed command, a scenario
+    RECOVERING = "recovering"  # it fell, and gets up with an operator's consent
     ENDING = "ending"  # it stops, lies down and is damped, as asked for
     FAULT = "fault"  # latched: it lies down or is damped, and only a new run clears that
 
 
 STEERED = FieldMode.TELEOPERATION  # or autonomous
-TABLE = {  # with a fault every mode but IDLE before a run is FAULT
+TABLE = {  # with a fault every mode but IDLE before a run, and RECOVERING, is FAULT
     Mode.IDLE: FieldMode.OFF,
     Mode.CHECKING: FieldMode.CALIBRATING,
     Mode.STANDING: FieldMode.CALIBRATING,
@@ -26,6 +27,7 @@ TABLE = {  # with a fault every mode but IDLE before a run is FAULT
     Mode.LOWERING: FieldMode.ENDING,
     Mode.RELEASING: FieldMode.ENDING,
     Mode.FALLING: FieldMode.FAULT,
+    Mode.RECOVERING: FieldMode.RECOVERING,
     Mode.ESTOP: FieldMode.FAULT,
 }
 
@@ -38,7 +40,7 @@ def field_mode(mode: Mode, faulty: bool, autonomous: bool) -> FieldMode:
         faulty: whether it has found a fault.
         autonomous: whether a program steers, not a person.
     """
-    if faulty:
-        return FieldMode.FAULT
     found = TABLE[mode]
+    if faulty and found is not FieldMode.RECOVERING:  # which begins with a fall
+        return FieldMode.FAULT
     return FieldMode.AUTONOMOUS if found is STEERED and autonomous else found

@@ -17,6 +17,19 @@ def check_contract(policy: Policy, robot: Robot) -> None:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 
 
+def check_get_up(policy: Policy, robot: Robot) -> None:
+    """Raise UserError for a robot that cannot get up in a run, or not by this policy."""
+    if robot.description.held_start:
+        raise UserError(
+            f"{robot.name} cannot get up in a run: it does not stand still (held_start in robot.yaml)"
+        )
+    if policy.needs_estimate:
+        raise UserError(
+            f"policy '{policy.name}' cannot get a robot up: it needs the base's velocity,"
+            " which nobody knows then"
+        )
+
+
 def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
     """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
     bits = np.bincount(wiring.channel, weights=driver.exchange_bits)

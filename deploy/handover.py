@@ -2,7 +2,8 @@
 
 Two policies place their feet at different times, so the robot is handed over where both stand: the present
 policy stops, then both decide for a moment while the share of the next one grows, then that one goes on. All
-of it follows from the policies' inputs and the changes asked for: a replay repeats it.
+of it follows from the policies' inputs and the changes asked for: a replay repeats it. After a fall the
+get-up policy takes over at once, and so does the one that walked once the robot stands.
 """
 
 import math
@@ -37,16 +38,19 @@ class HandoverConfig:
 class Handover:
     """The policies of a run: the present one, and the one that it hands over to."""
 
-    def __init__(self, policies: Sequence[Policy], config: HandoverConfig | None = None) -> None:
-        """The first of the policies decides.
+    def __init__(
+        self, policies: Sequence[Policy], config: HandoverConfig | None = None, get_up: Policy | None = None
+    ) -> None:
+        """The first of the policies decides; `get_up` only where a change names it.
 
         Raises:
             UserError: two have the same name.
         """
         self._config = config or HandoverConfig()
-        self._turns = {policy.name: Turn(policy) for policy in policies}
-        if len(self._turns) < len(policies):
-            names = ", ".join(policy.name for policy in policies)
+        everyone = [*policies, *([] if get_up is None else [get_up])]
+        self._turns = {policy.name: Turn(policy) for policy in everyone}
+        if len(self._turns) < len(everyone):
+            names = ", ".join(policy.name for policy in everyone)
             raise UserError(f"policies of a run need different names: {names}")
         self.policies = tuple(policies)
         self.begin()
@@ -79,6 +83,10 @@ class Handover:
     def apply(self, change: Change, now_us: int) -> None:
         """Make a change from now on. Names and values have been checked."""
         policy = self.present.policy
+        if change.at_once:
+            self.present, self._next, self._blends_since_us = self._turns[change.policy], None, None
+            self.present.begin(now_us)
+            return
         if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
             wanted = self._turns[change.policy]
             self._next, self._asked_us = (None if wanted is self.present else wanted), now_us

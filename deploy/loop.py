@@ -16,12 +16,13 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError
 from footfall.deploy.drivers.choice import open_imu
 from footfall.deploy.drivers.driver import Driver
-from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.last_resort import LastResort, in_one_line
-from footfall.deploy.modes import DAMPED, DECIDING, HELD, Mode
+from footfall.deploy.mode_actions import ModeActions
+from footfall.deploy.modes import COMMANDED, DAMPED, DECIDING, Mode
 from footfall.deploy.policy_runner import PolicyRunner
-from footfall.deploy.postures import Ending, Postures
+from footfall.deploy.postures import Postures
+from footfall.deploy.recovery import Recovery
 from footfall.deploy.run_end import RunEnd
 from footfall.deploy.run_log import RunLog
 from footfall.deploy.safety import State, advance, damped
@@ -54,6 +55,7 @@ class ControlLoop:
         stand_up: bool = True,
         taken_over: Callable[[], bool] = lambda: False,
         wiring_check: WiringCheck | None = None,
+        recovery: Recovery | None = None,
     ) -> None:
         """A loop that has not begun.
 
@@ -71,6 +73,7 @@ class ControlLoop:
             stand_up: False for a robot that hangs in a frame: it holds the pose in which it is found.
             taken_over: whether a guard has taken the robot over.
             wiring_check: made before the robot stands up and walks; None for none.
+            recovery: consent to get up after a fall; None for none.
         """
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
@@ -79,12 +82,25 @@ class ControlLoop:
         self._joints = JointLayer(robot, driver, imu, tick_s, config.scale, battery)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)
+        self.recovery = recovery or Recovery(robot, config.safety.recovery, consent=False)
         self._signals = SignalSource(
-            robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
+            robot,
+            wiring,
+            driver,
+            bus,
+            self._joints,
+            self._postures,
+            self._end,
+            config,
+            wiring_check,
+            self.recovery,
+        )
+        self._actions = ModeActions(
+            driver, self._joints, self._signals, estimate, self._postures, runner, wiring_check, kd
         )
         self.last_resort = LastResort(driver, bus, clock, self._joints, wiring, kd, config.tick_us)
         self._sensed: Sensed | None = None  # of this tick
-        self._wiring_check, self.timing = wiring_check, Timing(policy_ms=runner.durations_ms)
+        self.timing = Timing(policy_ms=runner.durations_ms)
         self.state, self.now_us = State(), 0
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.walked_s = 0.0  # once the robot walks no more
@@ -177,16 +193,22 @@ class ControlLoop:
         now_us, joints, runner = self.now_us, self._joints, self._runner
         joints.absorb(self._bus.receive(now_us), now_us)
         self._sensed = None
-        signals = self._signals.look(now_us, elapsed_us, self.state, runner.signals, runner.steering.stop)
+        steering = runner.steering
+        signals = self._signals.look(
+            now_us, elapsed_us, self.state, runner.signals, steering.stop, steering.get_up
+        )
         self._supervise(signals)
-        if self.state.mode in DECIDING:
+        if self.state.mode in COMMANDED:
             self._decide()
-        elif runner.steering.due(now_us):
+        elif steering.due(now_us):
             runner.poll(now_us, self)
-        self._end.heed(runner.steering.lie_down, self.state.mode)
+        self._end.heed(steering.lie_down, self.state.mode)
         if runner.signals is not signals.policy:
             self._supervise(signals._replace(policy=runner.signals))
-        frames = self._driver.disable() if self.state.over else self._frames(self.state.mode)
+        if self.state.mode is Mode.STANDING:
+            self._update_estimate()
+        since_s = now_us * 1e-6 - self.state.since_s
+        frames = self._driver.disable() if self.state.over else self._actions.frames(self.state.mode, since_s)
         if self._taken_over():  # meanwhile: nothing may go out over a guard's damping
             self._stand_back()
             return
@@ -198,7 +220,8 @@ class ControlLoop:
         """Estimate the base, and take a policy step where one is due."""
         now_us, runner, log = self.now_us, self._runner, self._log
         due = runner.due(now_us)
-        self._update_estimate(due)
+        if self.state.mode in DECIDING:
+            self._update_estimate(due)
         if not due:
             return
         commanded = self.walking and not self.held_up
@@ -210,21 +233,6 @@ class ControlLoop:
         if self._estimate.due(self.now_us, step_due):
             self._estimate.update(self.now_us, self.sensed, self._runner)
 
-    def _frames(self, mode: Mode) -> Frames:
-        """What goes out in a mode."""
-        decision = self._runner.decision
-        if mode in DECIDING and decision is not None:
-            return self._joints.command(decision)
-        if mode is Mode.STANDING:
-            self._update_estimate()
-        if mode is Mode.CHECKING and self._wiring_check is not None:
-            return self._joints.command(self._wiring_check.command(self.now_us * 1e-6 - self.state.since_s))
-        if mode in HELD:
-            return self._joints.command(self._postures.command(self.now_us * 1e-6 - self.state.since_s))
-        if mode in DAMPED:
-            return self._joints.damping(self._config.safety.damping_kd)
-        return self._driver.query_settings() if self._driver.not_ready() else self._driver.enable()
-
     def _log_tick(self, log: RunLog) -> None:
         now_us, joints = self.now_us, self._joints
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
@@ -234,25 +242,10 @@ class ControlLoop:
             log.odometry(now_us, odometry, self._runner.footholds())
 
     def _supervise(self, signals: Signals) -> None:
-        before = self.state.mode
-        self._enter(advance(self.state, signals, self._config.safety))
-        mode = self.state.mode
-        if mode is before:
-            return
-        if before is Mode.IDLE and mode in HELD:
-            self._joints.begin_at(self.sensed.joint_position)
-            self._signals.begin_checks(self.now_us)
-            self._estimate.reset(self.now_us, self.sensed)
-        if mode is Mode.STANDING:
-            here = self.sensed.joint_position if before is Mode.IDLE else self._joints.target
-            self._postures.stand_up(here, self.sensed.quaternion)
-        elif mode is Mode.CHECKING and self._wiring_check is not None:
-            self._wiring_check.begin(self._joints.target, self.sensed)
-        elif mode is Mode.LOWERING:
-            self._postures.lie_down(self._joints.target, Ending.of(before, bool(self.state.faults)))
-        elif mode is Mode.WALKING:
-            self._runner.start(self.now_us)
-            self._estimate.start()
+        before = self.state
+        self._enter(advance(before, signals, self._config.safety))
+        if self.state.mode is not before.mode:
+            self._actions.begin(before, self.state, self.now_us, self.sensed)
 
     def _enter(self, state: State) -> None:
         """Take a new state, count how long the robot walked, and log it."""
@@ -260,7 +253,9 @@ class ControlLoop:
         if state is before or (state.mode is before.mode and state.faults == before.faults):
             return
         if before.mode is Mode.WALKING:
-            self.walked_s = self.walking_s
+            self.walked_s = self.walking_s - self.recovery.away_s
+        if note := self.recovery.follow(before, state):
+            self._runner.steering.note(note)
         if self._log is not None:
             self._log.state(self.now_us, state)
 
@@ -277,6 +272,7 @@ class ControlLoop:
         Raises nothing, whatever the bus or the log raise.
         """
         now_s, state = self.now_us * 1e-6, self.state
+        self.recovery.revoke()
         if state.mode in DAMPED:
             state = damped(state, now_s, self._config.safety)
         else:

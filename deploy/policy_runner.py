@@ -38,6 +38,7 @@ class PolicyRunner:
         realtime: bool,
         arm: Arm = unarmed,
         height_scans: HeightScans | None = None,
+        get_up: Policy | None = None,
     ) -> None:
         """Policies that have not begun.
 
@@ -49,11 +50,13 @@ class PolicyRunner:
             realtime: whether steps are timed. Simulated time waits for them.
             arm: sets a deadline for a step.
             height_scans: for policies that read them.
+            get_up: the one of the policies that decides after a fall; None for none.
 
         Raises:
             UserError: a policy is faster than the loop.
         """
-        for policy in policies.policies:
+        everyone = [*policies.policies, *([] if get_up is None else [get_up])]
+        for policy in everyone:
             if not 0.0 < policy.rate_hz <= joint_rate_hz:
                 raise UserError(
                     f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
@@ -61,9 +64,10 @@ class PolicyRunner:
                 )
         self._policies, self.steering = policies, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
-        self._height_scans = height_scans
+        self._height_scans, self._get_up = height_scans, get_up
+        self._walker = policies.present.policy.name  # that decides once the robot walks again
         self._process = os.getpid()
-        self._began_us = 0
+        self._began_us, self._begun = 0, False
         self.signals = PolicySignals()
         self.decision: np.ndarray | None = None  # rows as of `JointCommand`
         self.durations_ms = Durations()
@@ -71,7 +75,7 @@ class PolicyRunner:
         self._changes: list[Change] = []  # that were not told yet
         self._told = 0  # notes that were
         self._noting: list[Policy | HeightScans] = [
-            *policies.policies,
+            *everyone,
             *([] if height_scans is None else [height_scans]),
         ]
         self._noted = [0] * len(self._noting)  # notes of each that were taken over
@@ -127,8 +131,28 @@ class PolicyRunner:
 
     def start(self, now_us: int) -> None:
         """The policy takes over now."""
-        self._began_us = now_us
+        self._began_us, self._begun = now_us, True
         self._policies.begin()
+
+    def get_up(self, now_us: int) -> None:
+        """The get-up policy takes over now, in the place of the one that walked."""
+        assert self._get_up is not None
+        if not self._begun:  # the robot has not stood yet
+            self.start(now_us)
+        if self._policies.present.policy is not self._get_up:  # it is in the second try
+            self._walker = self._policies.present.policy.name
+        self._take_over(now_us, self._get_up.name)
+
+    def walk_on(self, now_us: int) -> None:
+        """The policy that walked before the fall takes over now, with its own gait and settings."""
+        self._take_over(now_us, self._walker)
+        self.steering.serve(self._walker)
+
+    def _take_over(self, now_us: int, policy: str) -> None:
+        change = Change(policy=policy, at_once=True)
+        self._policies.apply(change, now_us - self._began_us)
+        self._changes.append(change)
+        self.decision = None
 
     def time_s(self, now_us: int) -> float:
         """Time since the policy took over, s."""

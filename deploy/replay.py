@@ -21,6 +21,7 @@ from footfall.robots.actuator import JointCommand
 
 INPUTS, DECISIONS, CHANGES = "/policy/inputs", "/policy/command", "/policy/changes"
 OTHERS, HANDOVER = "other_policies", "handover"  # metadata of a run with several policies
+GET_UP = "get_up_policy"  # metadata of a run in which the robot may get up after a fall
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,13 @@ class Replay:
     first_difference: str  # place of the first, in words; empty if all numbers are the same
 
 
-def replay(path: Path, policy: Policy, tolerance: float = 0.0, others: Sequence[Policy] = ()) -> Replay:
+def replay(
+    path: Path,
+    policy: Policy,
+    tolerance: float = 0.0,
+    others: Sequence[Policy] = (),
+    get_up: Policy | None = None,
+) -> Replay:
     """Give a policy the inputs in a log; compare its decisions with those in the log.
 
     Args:
@@ -42,6 +49,7 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0, others: Sequence[
         policy: usually the same one.
         tolerance: differences up to this are not reported.
         others: further policies of the run.
+        get_up: the policy that got the robot up; None for none.
 
     Raises:
         UserError: the log cannot be read, holds no policy steps, or is another robot's; the tolerance is
@@ -51,8 +59,9 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0, others: Sequence[
         raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
     log = read_log(path, (INPUTS, DECISIONS, CHANGES))
     joints = log.joints
-    policies = Handover((policy, *others), _config(log))
-    scan = common_height_scan([each.contract for each in (policy, *others)])
+    policies = Handover((policy, *others), _config(log), get_up)
+    everyone = [policy, *others, *([] if get_up is None else [get_up])]
+    scan = common_height_scan([each.contract for each in everyone])
     points = 0 if scan is None else scan.size
     changes = _changes(log)
     worst, first, steps = 0.0, "", 0

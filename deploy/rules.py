@@ -1,15 +1,16 @@
 """Everything that limits what a robot does, as one table: what is looked at, its limit, and what follows.
 
-The rows are those of the supervisor (`safety.SIGNAL_CHECKS`), of the sensors (`sensor_checks/table.py`), and
-the limits that the joint layer keeps in every command. `docs/safety.md` shows the table, which
-`python -m footfall.deploy.rules` prints.
+The rows are those of the supervisor (`safety_checks.SIGNAL_CHECKS`), of the sensors
+(`sensor_checks/table.py`), and the limits that the joint layer keeps in every command. `docs/safety.md` shows
+the table, which `python -m footfall.deploy.rules` prints.
 """
 
 from collections.abc import Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
-from footfall.deploy.safety import SIGNAL_CHECKS, Check, SafetyConfig
+from footfall.deploy.safety_checks import SIGNAL_CHECKS, Check
+from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.sensor_checks.check import SensorCheck
 from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 

@@ -21,6 +21,11 @@ class RunEnd:
         self._finish = False
         self._skip_lie_down = False
 
+    @property
+    def asked(self) -> bool:
+        """Whether the end was requested."""
+        return self._finish
+
     def finish(self, mode: Mode, skip_lie_down: bool) -> None:
         """Ask for the end in this mode of the loop."""
         self._skip_lie_down |= skip_lie_down or mode in CUT_SHORT

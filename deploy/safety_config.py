@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from footfall.common.config import require_between
 from footfall.deploy.battery import BatteryLimits
+from footfall.deploy.recovery_config import RecoveryConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
 
 
@@ -26,6 +27,7 @@ class SafetyConfig:
     first_pose_rad: float = 0.1  # by which a joint may start beyond its range: calibration is never exact
     sensors: SensorLimits = field(default_factory=SensorLimits)
     battery: BatteryLimits = field(default_factory=BatteryLimits)
+    recovery: RecoveryConfig = field(default_factory=RecoveryConfig)
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 60.0, "start_timeout_s", "silence_timeout_s", "late_limit_s")

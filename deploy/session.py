@@ -2,36 +2,35 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from footfall.common.collector import collector_paused
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.limits import LONGEST_S
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus, BusStatistics
-from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
+from footfall.deploy.clock import Clock, LockstepClock, WallClock
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
+from footfall.deploy.drive import EachTick, drive, guarded, realtime_settings
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.fit import check_contract, check_joint_rate
-from footfall.deploy.guard import Guard
+from footfall.deploy.fit import check_contract, check_get_up, check_joint_rate
 from footfall.deploy.handover import Handover
 from footfall.deploy.height_scan import HeightScanSource, height_scans_of
 from footfall.deploy.log_store import LogStore
 from footfall.deploy.logged_bus import LoggedBus
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
-from footfall.deploy.replay import HANDOVER, OTHERS
+from footfall.deploy.recovery import GetUp, Recovered, Recovery
+from footfall.deploy.replay import GET_UP, HANDOVER, OTHERS
 from footfall.deploy.steering import Steering
 from footfall.deploy.stop_inputs.open import filters_of, stop_inputs
 from footfall.deploy.warm_up import warm_up
@@ -68,6 +67,7 @@ class Session:
     height_scans: HeightScanSource | None = None  # for policies that read them
     stop_inputs: bool = False  # open those that the robot declares, too
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
+    get_up: GetUp | None = None  # consent to get up after a fall
     wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
 
 
@@ -84,6 +84,7 @@ class SessionResult:
     timing: dict[str, float]  # see deploy.timing.Timing.summary
     buses: tuple[BusStatistics, ...]
     notes: tuple[str, ...]  # what was changed of the request, or was missing
+    recoveries: tuple[Recovered, ...]  # falls from which the robot got up
 
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
@@ -100,7 +101,7 @@ def run_session(
     policy: Policy,
     bus: Bus,
     session: Session,
-    each_tick: Callable[[ControlLoop], None] | None = None,
+    each_tick: EachTick | None = None,
     base_state: BaseState | None = None,
 ) -> SessionResult:
     """Stand up, walk for the session's duration, lie down, damp, disable the motors.
@@ -120,7 +121,11 @@ def run_session(
     if not 0.0 < session.duration_s <= LONGEST_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
     policies = (policy, *session.others.values())
-    for each in policies:
+    get_up = None if session.get_up is None else session.get_up.policy
+    if get_up is not None:
+        check_get_up(get_up, robot)
+    everyone = policies if get_up is None else (*policies, get_up)
+    for each in everyone:
         check_contract(each, robot)
     wiring, config = wire(robot), session.config
     driver = open_driver(wiring)
@@ -132,21 +137,23 @@ def run_session(
             stop_sources = (*stop_sources, *inputs)
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         runner = PolicyRunner(
-            Handover(policies, config.handover),
+            Handover(policies, config.handover, get_up),
             Steering(
                 source_of(session.command_source),
                 policies,
                 stop_sources,
                 robot.description.commands,
+                "" if get_up is None else get_up.name,
             ),
             config.joint_rate_hz,
             config.safety.late_limit_s,
             session.realtime,
             arm,
-            height_scans_of(policies, session.height_scans),
+            height_scans_of(everyone, session.height_scans),
+            get_up,
         )
         if session.realtime:
-            for other in session.others.values():
+            for other in everyone[1:]:
                 warm_up(other, robot)
         estimate = _estimate(robot, policies, config, base_state)
         log = _open_log(robot, policy, session, resources)
@@ -173,6 +180,7 @@ def run_session(
             stand_up=session.stand_up,
             taken_over=taken_over.is_set,
             wiring_check=wiring_check,
+            recovery=Recovery(robot, config.safety.recovery, consent=get_up is not None),
         )
         if session.realtime:
             resources.enter_context(ending_on_signals(loop.finish))
@@ -180,11 +188,11 @@ def run_session(
             resources.enter_context(session.display(loop))
         resources.enter_context(exit_raises())
         started = time.perf_counter()
-        with _realtime(session) as refused:
+        with realtime_settings(session.realtime, config.realtime_priority) as refused:
             try:
-                with _guarded(loop, taken_over, session):
+                with guarded(loop, taken_over, session.realtime, config.safety):
                     _begin(log, clock.start(), refused)
-                    _drive(loop, session, each_tick)
+                    drive(loop, session.duration_s, config.damping_ticks, each_tick)
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
@@ -198,43 +206,9 @@ def run_session(
             compute_ms=loop.timing.policy_ms.values(),
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
+            recoveries=tuple(loop.recovery.recovered),
             notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop)),
         )
-
-
-@contextmanager
-def _realtime(session: Session) -> Iterator[list[str]]:
-    """Real-time settings of the system; in lockstep the garbage collector pauses, nothing else."""
-    if session.realtime:
-        with undisturbed(session.config.realtime_priority) as refused:
-            yield refused
-    else:
-        with collector_paused():
-            yield []
-
-
-def _drive(loop: ControlLoop, session: Session, each_tick: Callable[[ControlLoop], None] | None) -> None:
-    """Tick until the run is over. An exception is raised again once the robot was damped."""
-    try:
-        while loop.tick():
-            if each_tick is not None:
-                each_tick(loop)
-            if loop.state.mode is Mode.WALKING and loop.walking_s >= session.duration_s - 1e-9:
-                loop.finish()
-    except BaseException as error:
-        loop.fail(error)
-        _damp(loop, session.config.damping_ticks)
-        raise
-
-
-def _damp(loop: ControlLoop, ticks: int) -> None:
-    """Tick a failed loop until the robot was damped for long enough, whatever else is raised."""
-    for _ in range(ticks):
-        try:
-            if not loop.tick():
-                return
-        except BaseException as error:
-            loop.fail(error)
 
 
 def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> "McapLog | None":
@@ -246,6 +220,8 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
     if session.others:
         facts |= {OTHERS: list(session.others), HANDOVER: unstructure(config.handover)}
+    if session.get_up is not None:
+        facts[GET_UP] = session.get_up.spec or session.get_up.policy.name
     log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed, session.log_store)
     resources.callback(log.close)
     return log
@@ -256,27 +232,6 @@ def _begin(log: "McapLog | None", start_ns: int, refused: list[str]) -> None:
         log.begin(start_ns)
         for note in refused:
             log.note(0, note)
-
-
-@contextmanager
-def _guarded(loop: ControlLoop, taken_over: threading.Event, session: Session) -> Iterator[None]:
-    """By the wall clock, the loop has a guard, which sets `taken_over`."""
-    if not session.realtime:
-        yield
-        return
-    safety = session.config.safety
-    guard = Guard(
-        lambda: loop.heartbeat_s,
-        loop.damp,
-        loop.shut_down,
-        safety.guard_after_s,
-        safety.damping_s,
-        taken_over,
-    )
-    try:
-        yield
-    finally:
-        guard.close()
 
 
 def _unheard(loop: ControlLoop) -> list[str]:

@@ -12,6 +12,7 @@ from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose import impossible_pose
 from footfall.deploy.postures import Postures
+from footfall.deploy.recovery import Recovery
 from footfall.deploy.run_end import RunEnd
 from footfall.deploy.safety import State
 from footfall.deploy.sensor_checks.monitor import SensorMonitor
@@ -32,6 +33,7 @@ from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
 POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
+OFF_LEGS = (Mode.CHECKING, Mode.RECOVERING)  # the legs need not carry the base
 RESTING = (Mode.CHECKING, Mode.STANDING)  # the rates that arrive then are the budget of later ones
 NOTHING_AT_START = StartSignals()
 NO_WIRING_CHECK = WiringSignals()
@@ -51,11 +53,12 @@ class SignalSource:
         end: RunEnd,
         config: DeployConfig,
         wiring_check: WiringCheck | None,
+        recovery: Recovery,
     ) -> None:
         safety, tick_s = config.safety, config.tick_us * 1e-6
         self._robot, self._driver, self._bus = robot, driver, bus
         self._joints, self._postures, self._end = joints, postures, end
-        self._wiring_check = wiring_check
+        self._wiring_check, self._recovery = wiring_check, recovery
         self._channel, self._buses = wiring.channel, wiring.buses
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         answering = getattr(driver, "answers_each_frame", False)
@@ -66,16 +69,22 @@ class SignalSource:
         self._skipped = SkippedTicks(config.tick_us)
         self.frames_refused = 0  # so far
 
-    def begin_checks(self, now_us: int) -> None:
-        """Compare readings from now on, with what went before forgotten."""
+    def begin_checks(self, now_us: int, again: bool = False) -> None:
+        """Compare readings from now on, with what went before forgotten; `again`: but for usual rates."""
         joints = self._joints
         self._monitor.begin(
-            now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target
+            now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target, again
         )
         self._monitor.begin_links(now_us, joints)
 
     def look(
-        self, now_us: int, elapsed_us: int, state: State, policy: PolicySignals, stop: Stop | None
+        self,
+        now_us: int,
+        elapsed_us: int,
+        state: State,
+        policy: PolicySignals,
+        stop: Stop | None,
+        asked_to_get_up: bool = False,
     ) -> Signals:
         """The signals of a tick.
 
@@ -85,6 +94,7 @@ class SignalSource:
             state: the supervisor's.
             policy: the policy's part of the signals.
             stop: that was asked for from outside; None if none was.
+            asked_to_get_up: whether an operator asks for that.
         """
         joints, mode = self._joints, state.mode
         motor_us, imu_us, motor_error = joints.last_heard()
@@ -94,11 +104,15 @@ class SignalSource:
         since_s = now_s - state.since_s
         implausible, start = None, NOTHING_AT_START
         if mode in HELD:
-            on_legs = mode is not Mode.CHECKING and self._postures.on_legs(since_s, mode)
+            on_legs = mode not in OFF_LEGS and self._postures.on_legs(since_s, mode)
             silence_us, resting = max(motor_silence_us, imu_silence_us), mode in RESTING
             implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
+        ending = stop is not None or self._end.asked
+        recovery = self._recovery.signals(now_us, state, joints, ending, asked_to_get_up)
+        if recovery.ready:
+            implausible = self._monitor.first_contradiction(joints)
         check = self._wiring_check
         if check is not None and mode is Mode.CHECKING:
             check.look(since_s, joints.sensed())
@@ -124,6 +138,7 @@ class SignalSource:
             mode in POSED and self._postures.done(since_s),
             stop,
             joints.battery.fault,
+            recovery,
         )
 
     def _at_start(

@@ -78,6 +78,16 @@ class WiringSignals(NamedTuple):
     fault: str = ""  # the wiring is wrong
 
 
+class RecoverySignals(NamedTuple):
+    """Getting up after a fall; nothing in a run without consent."""
+
+    allowed: bool = False  # the robot may get up: nobody has asked for a stop, or for the end
+    ready: bool = False  # it lies still, and whoever has to ask for it has asked
+    stands: bool = False  # on its legs, for long enough
+    tries: int = 0  # since the fall, the present one included
+    tried_s: float = 0.0  # duration of the present one
+
+
 class Signals(NamedTuple):
     """All of it."""
 
@@ -94,3 +104,4 @@ class Signals(NamedTuple):
     posture_done: bool = False  # the robot has stood up, or has lain down
     stop: Stop | None = None  # that was asked for from outside
     battery: str = ""  # why it ends the run
+    recovery: RecoverySignals = RecoverySignals()

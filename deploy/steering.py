@@ -24,6 +24,7 @@ from footfall.policies.policy import Policy
 from footfall.robots.commands import CommandRange
 
 STILL = np.zeros(3)
+NO_GET_UP = "this run has no policy that gets the robot up: start it with --recover"
 POLL_EVERY_US = 20_000  # while the policy does not decide
 
 
@@ -52,6 +53,7 @@ class Steering:
         policies: Sequence[Policy],
         stop_sources: Sequence[StopSource] = (),
         usual: CommandRange | None = None,
+        get_up: str = "",
     ) -> None:
         """Nothing has been asked for.
 
@@ -60,12 +62,15 @@ class Steering:
             policies: those that may decide; the first one does.
             stop_sources: further ones that can stop the robot.
             usual: the robot's ranges of commands, which a low battery reduces if the policy has none.
+            get_up: name of the policy that gets the robot up after a fall; empty for none.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
         self._velocity = source.velocity if isinstance(source, Scheduled) else None
         self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
         names = tuple(policy.name for policy in policies)
-        self._offers = {policy.name: offer_of(policy)._replace(policies=names) for policy in policies}
+        self._offers = {
+            policy.name: offer_of(policy)._replace(policies=names, get_up=get_up) for policy in policies
+        }
         self._all_limits = {
             name: CommandLimits(offer.commands, self.notes, usual) for name, offer in self._offers.items()
         }
@@ -93,6 +98,11 @@ class Steering:
     def lie_down(self) -> bool:
         """Whether the source wants the run to end."""
         return self._request.wish is Wish.LIE_DOWN
+
+    @property
+    def get_up(self) -> bool:
+        """Whether the source wants a robot that fell to get up."""
+        return self._request.wish is Wish.GET_UP
 
     @property
     def stop(self) -> Stop | None:
@@ -125,7 +135,9 @@ class Steering:
         if request is not self._request:
             self._request, self._checked = request, False
             if request.note:
-                self._note(request.note)
+                self.note(request.note)
+            if self.get_up and not self.offer.get_up:
+                self.note(NO_GET_UP)
         if follow and not self._checked:
             self._checked = True
             self._check(request)
@@ -136,12 +148,14 @@ class Steering:
         self.command = self._limits.apply(self.asked_command)
         allowed = run.battery.allowed
         if allowed < 1.0:
-            self._note("the battery is low: speed and torque are limited")
+            self.note("the battery is low: speed and torque are limited")
             self.command = self._limits.reduce(self.command, allowed)
 
     def refresh(self, policy: Policy) -> None:
         """Ranges may have changed with the gait of the present policy."""
-        self.offer = self._offers[policy.name] = offer_of(policy)._replace(policies=self.offer.policies)
+        before = self.offer
+        self.offer = offer_of(policy)._replace(policies=before.policies, get_up=before.get_up)
+        self._offers[policy.name] = self.offer
 
     def take_changes(self) -> list[Change]:
         """What the request changed since the last call."""
@@ -152,7 +166,7 @@ class Steering:
         """Find what a request changes; refuse what this run does not have."""
         wanted = request.policy or self._wanted
         if wanted not in self._offers:
-            self._note(f"there is no policy '{wanted}' in this run: it has {', '.join(self._offers)}")
+            self.note(f"there is no policy '{wanted}' in this run: it has {', '.join(self._offers)}")
             wanted = self._wanted
         if wanted != self._wanted:
             self._wanted = wanted
@@ -165,7 +179,7 @@ class Steering:
                 self._changes.append(Change(gait=request.gait))
             else:
                 has = ", ".join(self.offer.gaits) or "no choice"
-                self._note(f"there is no gait '{request.gait}' of {self._policy}: it has {has}")
+                self.note(f"there is no gait '{request.gait}' of {self._policy}: it has {has}")
         if settings := self._new_settings(request.settings):
             self._changes.append(Change(settings=settings))
 
@@ -178,9 +192,9 @@ class Steering:
             span = self.offer.settings.get(name)
             if span is None:
                 has = ", ".join(self.offer.settings) or "none"
-                self._note(f"there is no setting '{name}' of {self._policy}: it has {has}")
+                self.note(f"there is no setting '{name}' of {self._policy}: it has {has}")
             elif not math.isfinite(value):
-                self._note(f"{name} of {value:g} is refused: it is no number")
+                self.note(f"{name} of {value:g} is refused: it is no number")
             else:
                 new[name] = self._clipped(name, value, span)
             self._settings[name] = value
@@ -190,13 +204,14 @@ class Steering:
         inside = min(max(float(value), span.lowest), span.highest)
         if inside != value:
             unit = DECLARED[name].unit
-            self._note(
+            self.note(
                 f"{name} of {self._policy} goes from {span.lowest:g} to {span.highest:g} {unit}:"
                 f" {value:g} became {inside:g}"
             )
         return inside
 
-    def _note(self, note: str) -> None:
+    def note(self, note: str) -> None:
+        """Add a line to the run's notes, once."""
         if note not in self.notes:
             self.notes.append(note)
 

@@ -118,6 +118,7 @@ def described(status: Status) -> dict[str, Any]:
         "notes": list(status.notes)[-20:],
         "charge": _number(status.charge),
         "policies": list(offer.policies),
+        "get_up": offer.get_up,
         "gaits": list(offer.gaits),
         "ranges": None if offer.commands is None else [list(each) for each in vars(offer.commands).values()],
         "settings": [

@@ -18,6 +18,7 @@ import numpy as np
 from footfall.common.config import require_between
 from footfall.deploy.command_source import Offer, Request, Status, Stop, Wish
 from footfall.deploy.modes import Mode
+from footfall.deploy.steering import NO_GET_UP
 from footfall.policies.live_settings import DECLARED, Access
 
 STILL = np.zeros(3)
@@ -135,6 +136,8 @@ class Inbox:
                 changes["velocity"] = _velocity(velocity)
             if wish is not None:
                 changes["wish"] = _wish(wish)
+            if changes.get("wish") is Wish.GET_UP and offer is not None and not offer.get_up:
+                return NO_GET_UP
             if policy is not None:
                 changes["policy"] = _name("policy", policy, offer and offer.policies)
             if gait is not None:
@@ -202,6 +205,9 @@ class Inbox:
             if status.mode is not Mode.WALKING:  # nobody steers yet
                 self._walks_since_s = self._clock()
                 return request
+            if request.wish is Wish.GET_UP:  # it stands: the next fall has to be asked for anew
+                request = request._replace(wish=Wish.WALK)
+                self._held = self._held._replace(request=request)
             now_s = self._clock()
             if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
                 who = f"'{self._owner}', who steers," if self._owner else "everybody"

@@ -37,7 +37,7 @@ MOTIONS = {  # forward, leftward, yaw as shares
 ARROWS = {"up": "w", "down": "s", "left": "a", "right": "d"}
 HELP = (
     "w s ahead and back, a d turn, q e ahead and turn, z c sideways (hold the key); space stands",
-    "+ - speed, g next gait, p next policy, r f body up and down, t take over, l lie down, x STOP",
+    "+ - speed, g next gait, p next policy, r f body up and down, t take over, l lie down, u get up, x STOP",
 )
 
 
@@ -78,6 +78,7 @@ class Keyboard:
             "f": partial(operator.raise_body, -up_m),
             "t": operator.take_over,
             "l": partial(operator.wish, Wish.LIE_DOWN),
+            "u": partial(operator.wish, Wish.GET_UP),
             "x": operator.stop,
         }
 

@@ -15,6 +15,7 @@ from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.height_scan import HeightScanSource
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
+from footfall.deploy.recovery import GetUp
 from footfall.deploy.session import BaseState, Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.height_scan import HeightScanErrors
@@ -79,6 +80,7 @@ class Episode:
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
+    get_up: GetUp | None = None  # consent to get up; then the loop alone says what a fall is
     engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
     # Of the simulated height scans; another source of scans takes their place.
     height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
@@ -133,6 +135,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         check_wiring=episode.check_wiring,
         stop_sources=episode.stop_sources,
         others=episode.others,
+        get_up=episode.get_up,
         height_scans=episode.height_scans or _scanner(policy, body, episode),
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
@@ -172,9 +175,9 @@ class Trial:
             body.push(self._pushes.pop(0).delta_v_m_s)
         if now_s < self._next_look_s - 1e-9:
             return
-        self._next_look_s += self._look_every_s
+        self._next_look_s = max(self._next_look_s + self._look_every_s, now_s)  # later, after a fall
         self._look(loop, now_s)
-        if (reason := body.fall()) is not None:
+        if self._episode.get_up is None and (reason := body.fall()) is not None:
             self._fall_reason = reason
             loop.finish(skip_lie_down=True)
         if body.diverged():

@@ -20,6 +20,7 @@ from footfall.policies.spec import read_changes, self_contained, short_name, spl
 from footfall.robots.description import Robot
 
 ZOO = Path(__file__).parent / "zoo"
+GET_UP = "-getup"  # after a robot's name: its policy in the zoo that gets it up
 
 
 _HERE = "footfall.policies.controllers"
@@ -106,6 +107,18 @@ def zoo_names(robot: Robot | None = None) -> list[str]:
     """Names of the trained policies that ship with footfall: all, or those for one robot."""
     names = sorted(path.parent.name for path in ZOO.glob("*/policy.onnx"))
     return names if robot is None else [name for name in names if name.startswith(f"{robot.name}-")]
+
+
+def get_up_name(robot: Robot) -> str:
+    """Name of the policy in the zoo that gets this robot up after a fall.
+
+    Raises:
+        UserError: there is none.
+    """
+    name = f"{robot.name}{GET_UP}"
+    if name not in zoo_names():
+        raise UserError(f"no policy in the zoo gets {robot.name} up after a fall: name one with --get-up")
+    return name
 
 
 def load_policy(spec: str, robot: Robot) -> Policy:

@@ -88,6 +88,7 @@ class OdometryConfig:
     scale_error: float = 0.01  # share of the distance: limbs longer than described, feet that creep
     climb_error: float = 0.03  # share of the distance, of integrated z: feet sink in as they land
     slip: float = 0.01  # m per root of a metre walked
+    fall_m: float = 0.3  # horizontal displacement in a fall, until the robot stands again
     creep_m_s: float = 0.005  # horizontal velocity of a foot in estimated contact
     sink_m_s: float = 0.03  # its vertical velocity
     latency_s: float = 0.009  # delay of readings, root mean square: up to 10 ms, and a tick or two
@@ -95,7 +96,9 @@ class OdometryConfig:
 
     def __post_init__(self) -> None:
         require_positive(self, "height_noise", "height_filter_s", "latency_filter_s")
-        require_not_negative(self, "orientation_noise", "yaw_drift", "scale_error", "climb_error", "slip")
+        require_not_negative(
+            self, "orientation_noise", "yaw_drift", "scale_error", "climb_error", "slip", "fall_m"
+        )
         require_not_negative(self, "creep_m_s", "sink_m_s", "latency_s")
 
 

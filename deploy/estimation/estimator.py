@@ -61,6 +61,16 @@ class BaseEstimator:
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
 
+    def stood_up(self, sensed: Sensed) -> None:
+        """Begin again at rest, all feet down, after a fall: at the place of the fall, by the IMU's yaw."""
+        place = np.array(self.motion.place) - self._rotation @ self._imu
+        kept = self._start_yaw, self._start_height, self._drift
+        self._drift = Drift(self._config.odometry)  # `reset` begins a new one
+        self.reset(sensed)
+        self._start_yaw, self._start_height, self._drift = kept
+        self._drift.fell()
+        self.motion.begin_at((place + self._rotation @ self._imu).tolist())
+
     def update(
         self, sensed: Sensed, stance: np.ndarray | None, dt_s: float, force: np.ndarray | None = None
     ) -> tuple[np.ndarray, float]:

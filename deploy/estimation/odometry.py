@@ -78,9 +78,13 @@ class Drift:
 
     def reset(self) -> None:
         """Begin where the robot is."""
-        self._time = self._distance = 0.0
+        self._time = self._distance = self._fallen = 0.0
         self._yaw_x = self._yaw_y = 0.0  # covariance of the place with the yaw
         self._xx = self._xy = self._yy = 0.0  # of the place, from the yaw's
+
+    def fell(self) -> None:
+        """Add a fall, in which the robot slid, rolled and got up by an unknown way."""
+        self._fallen += self._config.fall_m**2
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
         """Add a time with a velocity (x, y, z), m/s."""
@@ -102,6 +106,6 @@ class Drift:
         result[:2, YAW] = result[YAW, :2] = self._yaw_x, self._yaw_y
         result[YAW, YAW] = config.orientation_noise**2 + config.yaw_drift**2 * self._time
         result[:3, :3] += config.scale_error**2 * np.outer(moved, moved)
-        result[:3, :3] += config.slip**2 * self._distance * np.eye(3)
+        result[:3, :3] += (config.slip**2 * self._distance + self._fallen) * np.eye(3)
         result[2, 2] += (config.climb_error * self._distance) ** 2
         return result

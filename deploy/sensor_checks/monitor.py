@@ -59,13 +59,22 @@ class SensorMonitor:
         self._body: BodyReadings | None = None  # readings that wait for `body_contradiction`
 
     def begin(
-        self, now_us: int, heard_us: np.ndarray, inertial: Inertial, joints: np.ndarray, target: np.ndarray
+        self,
+        now_us: int,
+        heard_us: np.ndarray,
+        inertial: Inertial,
+        joints: np.ndarray,
+        target: np.ndarray,
+        again: bool = False,
     ) -> None:
-        """Forget all, and start from these readings (see `add`) and position targets, rad, (n,)."""
+        """Forget all, and start from these readings (see `add`) and position targets, rad, (n,).
+
+        `again`: remember the usual rates of arrivals.
+        """
         self._windows.begin(now_us, heard_us, joints, target)
         self._inertial, self._body = inertial, None
-        checks = (*self._joint_checks, *(check for check, _ in (*self._body_checks, *self._link_checks)))
-        for check in checks:
+        links = () if again else self._link_checks
+        for check in (*self._joint_checks, *(check for check, _ in (*self._body_checks, *links))):
             check.reset()
         if self._attitude is not None:
             self._attitude.reset()

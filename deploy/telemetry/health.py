@@ -9,7 +9,7 @@ from footfall.deploy.telemetry.messages import BAD, FINE, WARNING, Diagnosis
 
 EVERY_NS = 1_000_000_000
 OLD_S = 0.05  # age of a reading that deserves a warning
-STOPPED = ("ESTOP", "FALLING")
+STOPPED, RECOVERING = ("ESTOP", "FALLING"), "RECOVERING"
 
 
 class Health:
@@ -46,7 +46,8 @@ class Health:
 
     def _parts(self) -> Iterator[Diagnosis]:
         mode, _, fault = self.state.partition(": ")
-        yield Diagnosis(BAD if mode in STOPPED or fault else FINE, "footfall: state", self.state, {})
+        level = BAD if mode in STOPPED or fault else FINE
+        yield Diagnosis(WARNING if mode == RECOVERING else level, "footfall: state", self.state, {})
         if self._motors:
             yield self._of_motors()
         if self._ages:

@@ -64,7 +64,7 @@ CMD_VEL = Subscribed(
 )
 STOP = Subscribed("~/stop", _EMPTY, "stop", "stops the run: latched")
 CHOSEN = (
-    Subscribed("~/wish", _TEXT, "wish", "`walk`, `stand` or `lie_down`"),
+    Subscribed("~/wish", _TEXT, "wish", "`walk`, `stand`, `lie_down` or, after a fall, `get_up`"),
     Subscribed("~/gait", _TEXT, "gait", "name of a gait of the present policy"),
     Subscribed("~/policy", _TEXT, "policy", "name of a policy of this run"),
 )
@@ -89,6 +89,7 @@ SERVICES = (
     Service("~/walk", TRIGGER, "follow `cmd_vel`", {"wish": "walk"}),
     Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` asks for", {"wish": "stand"}),
     Service("~/lie_down", TRIGGER, "lie down and end the run", {"wish": "lie_down"}),
+    Service("~/get_up", TRIGGER, "get up after a fall, in a run with `--recover`", {"wish": "get_up"}),
     Service("~/take_over", TRIGGER, "steer from now on, whoever steered", {"take_over": True}),
 )
 CHOICES = {  # one service for each name that the run offers

@@ -53,6 +53,10 @@ class DeployOptions:
     """Charge of the simulated robot's battery at the start, where its robot.yaml declares one."""
     lie_down: bool = True
     """Lie down before the motors go off, where robot and fault permit it."""
+    recover: bool = False
+    """Your consent that the robot gets up after a fall and walks on (see docs/recovery.md)."""
+    get_up: Annotated[PolicyName | None, AS_TYPED] = None
+    """The policy that gets it up (default: the zoo's for this robot)."""
     realtime: bool = False
     """Keep to the wall clock; a bus other than sim always does."""
     plant: Plant = None

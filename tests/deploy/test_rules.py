@@ -5,7 +5,8 @@ from pathlib import Path
 
 from footfall.deploy.modes import Mode
 from footfall.deploy.rules import rules, table
-from footfall.deploy.safety import CHECKS, SIGNAL_CHECKS, SafetyConfig
+from footfall.deploy.safety_checks import CHECKS, SIGNAL_CHECKS
+from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS
 
 RULES = rules()

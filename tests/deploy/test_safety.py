@@ -9,13 +9,15 @@ import pytest
 
 from footfall.deploy.command_source import Stop
 from footfall.deploy.modes import DAMPED, MOVING, Mode
-from footfall.deploy.safety import CHECKS, PROGRESS, SafetyConfig, State, advance
+from footfall.deploy.safety import PROGRESS, SafetyConfig, State, advance
+from footfall.deploy.safety_checks import CHECKS
 from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signals
 
 CONFIG = SafetyConfig()
 QUIET = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
 N, C, S, W = Mode.IDLE, Mode.CHECKING, Mode.STANDING, Mode.WALKING
 P, L, R = Mode.STOPPING, Mode.LOWERING, Mode.RELEASING
+U = Mode.RECOVERING
 E, F = Mode.ESTOP, Mode.FALLING
 
 
@@ -33,41 +35,46 @@ def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.
     return advance(State(mode, since_s), with_changes(QUIET, (changes or {}) | more), CONFIG)
 
 
-# What each signal makes of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING and
-# LOWERING: it stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready:
-# what would be a fault in STANDING keeps it from getting there.
+# What each signal makes of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
+# LOWERING and RECOVERING: it stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in
+# IDLE is ready: what would be a fault in STANDING keeps it from getting there.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
-    ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEE"),
-    ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEE"),
+    ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEEE"),
+    ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEEE"),
     (
         {"motors.silence_s": 0.062, "time.pause_s": 0.06, "policy.step_s": 0.06},
         "the policy ran late",
-        "-EEEEE",
+        "-EEEEEE",
     ),
-    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEEE"),
-    ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEEE"),
-    ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEEE"),
-    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFFF"),
-    ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEEE"),
-    ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEEE"),
-    ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEEE"),
-    ({"bus.frames_refused": 3}, "bus overflow: 3 frames refused", "EEEEEE"),
-    ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E-----"),
-    ({"start.not_ready": "motor x is off"}, "", "------"),
-    ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEEE"),
-    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "E-LLL-"),
-    ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF"),
-    ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE----"),
-    ({"stop": Stop("stopped by x", damp=True)}, "stopped by x", "EEEEEE"),
-    ({"stop": Stop("stopped by x")}, "stopped by x", "EELLL-"),
-    ({"battery": "the battery is empty"}, "the battery is empty", "EELLL-"),
-    ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-"),
-    ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-"),
-    ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-"),
-    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "E-LLL-"),
-    ({"policy.command_finite": False}, "is not finite", "E-LLL-"),
+    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEEEE"),
+    ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEEEE"),
+    ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEEEE"),
+    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFFF-"),
+    ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEEEE"),
+    ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEEEE"),
+    ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEEEE"),
+    ({"bus.frames_refused": 3}, "bus overflow: 3 frames refused", "EEEEEEE"),
+    ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E------"),
+    ({"start.not_ready": "motor x is off"}, "", "-------"),
+    ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEEEE"),
+    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "E-LLL-E"),
+    ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF-"),
+    ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE-----"),
+    ({"stop": Stop("stopped by x", damp=True)}, "stopped by x", "EEEEEEE"),
+    ({"stop": Stop("stopped by x")}, "stopped by x", "EELLL-E"),
+    ({"battery": "the battery is empty"}, "the battery is empty", "EELLL-E"),
+    ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-E"),
+    ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-E"),
+    ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-E"),
+    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "E-LLL-E"),
+    (
+        {"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"},
+        "not on its legs 6 s after it began",
+        "------F",
+    ),
+    ({"policy.command_finite": False}, "is not finite", "E-LLL-E"),
 ]
-COLUMNS = (N, C, S, W, P, L)
+COLUMNS = (N, C, S, W, P, L, U)
 ENDS = {"E": E, "F": F, "L": L}
 ROWS_AND_MODES = [
     (changes, fault, mode, ENDS.get(initial, mode))
@@ -205,6 +212,49 @@ class TestProgress:
         assert after(R, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
 
 
+NO_CONSENT = {"recovery.allowed": False}
+LIES = {"recovery.allowed": True, "recovery.ready": True, "imu.tilt_rad": 2.0}  # still, with consent
+LEAST_S, LIMITS = CONFIG.damping_s, CONFIG.recovery
+
+
+class TestGettingUp:
+    def test_a_robot_that_lies_still_gets_up_with_consent_once_it_was_damped(self) -> None:
+        fallen = State(F, 4.0, ("fell",), tries=1)
+        assert advance(fallen, with_changes(QUIET, LIES), CONFIG) == State(U, 5.0, ("fell",), tries=2)
+        for changes in ({"now_s": 3.9 + LEAST_S}, {"recovery.ready": False}):
+            assert advance(fallen, with_changes(QUIET, LIES | changes), CONFIG) == fallen
+
+    def test_without_consent_or_tries_it_stays_down(self) -> None:
+        end = State(F, 5.0, ("fell",), over=True)
+        assert advance(State(F, 4.0, ("fell",)), with_changes(QUIET, LIES | NO_CONSENT), CONFIG) == end
+        spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
+        assert advance(spent, with_changes(QUIET, LIES), CONFIG).over
+
+    def test_one_that_never_lies_still_is_let_go_and_says_so(self) -> None:
+        changes = LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s}
+        state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, changes), CONFIG)
+        assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
+
+    def test_a_fault_keeps_it_down(self) -> None:
+        state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, LIES | {"motors.error": "x"}), CONFIG)
+        assert state == State(E, 5.0, ("fell", "x"))
+
+    def test_one_that_stands_has_no_fault_left_and_keeps_count_until_it_has_walked(self) -> None:
+        up = State(U, 4.0, ("fell",), tries=2)
+        assert advance(up, with_changes(QUIET, {"recovery.stands": True}), CONFIG) == State(S, 5.0, tries=2)
+        walks = advance(State(S, 4.0, tries=2), with_changes(QUIET, {"posture_done": True}), CONFIG)
+        assert walks == State(W, 5.0, tries=2)
+        for walked_s, tries in ((0.9 * LIMITS.again_s, 2), (1.1 * LIMITS.again_s, 0)):
+            tips = with_changes(QUIET, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
+            assert advance(walks, tips, CONFIG).tries == tries
+
+    def test_the_end_of_the_run_leaves_it_down(self) -> None:
+        up = State(U, 4.0, ("fell",), tries=1)
+        assert advance(up, with_changes(QUIET, {"end.finish": True}), CONFIG) == up._replace(
+            mode=F, since_s=5.0
+        )
+
+
 @pytest.mark.parametrize(
     ("name", "limit"),
     [
@@ -246,8 +296,10 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
     }
     faults |= {(mode, check.leads_to) for mode in (N, S) for check in CHECKS if C in check.modes}
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    faults -= {(N, L)}  # without stiffness no robot lies down
+    faults |= {(F, E)}  # likewise, of a robot that might get up
+    faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
     progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
-    end = {(mode, R) for mode in Mode if mode not in DAMPED} | {(W, P), (S, L), (C, L)}
+    progress |= {(F, U)}  # with consent
+    end = {(mode, R) for mode in Mode if mode not in (*DAMPED, U)} | {(W, P), (S, L), (C, L), (U, F)}
     assert drawn == faults | progress | end | {(R, N)}
     assert set(MOVING) == {S, W, P}

@@ -16,7 +16,7 @@ from frame_robot import TICK_US, FrameRobot, Notebook
 from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
-from footfall.deploy import session
+from footfall.deploy import drive, session
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.clock import LOCKSTEP_START_NS
 from footfall.deploy.config import DeployConfig
@@ -145,7 +145,7 @@ def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
         yield ["not permitted"]
         asked.append("over")
 
-    monkeypatch.setattr(session, "undisturbed", undisturbed)
+    monkeypatch.setattr(drive, "undisturbed", undisturbed)
     safety = replace(RELAXED.safety, damping_s=0.01)
     config = replace(RELAXED, stand_s=0.01, realtime_priority=42, safety=safety)
     run = Session(stand_still, 0.004, realtime, config=config)

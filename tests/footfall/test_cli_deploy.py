@@ -16,6 +16,7 @@ from walking_run import WALKING
 
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.recovery import Recovered
 from footfall.plant import episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import ROBOTS, Robot
@@ -161,7 +162,7 @@ def ran(**changes: Any) -> Any:
     facts = {
         "walked_s": 1.5, "final_state": "IDLE", "faults": (), "notes": ("a note",), "buses": (),
         "wall_s": 2.0, "run_s": 3.0, "fell": False, "fall_reason": "", "distance_m": 0.7,
-        "mean_velocity": np.array([0.4, -0.1, 0.2]), "timing": timing,
+        "mean_velocity": np.array([0.4, -0.1, 0.2]), "timing": timing, "recoveries": (),
     }  # fmt: skip
     return SimpleNamespace(**(facts | changes))
 
@@ -201,9 +202,23 @@ class TestOptions:
             "duration_s": 1.25, "walked_s": 1.5, "final_state": "IDLE", "faults": [], "notes": ["a note"],
             "timing": ran().timing, "buses": [], "wall_s": 2.0, "run_s": 3.0, "fell": False,
             "fall_reason": "", "distance_m": 0.7, "mean_velocity_m_s": [0.4, -0.1, 0.2],
+            "recoveries": [],
         }  # fmt: skip
         for fact in ("trot on go1", "IDLE", "0.70 m in 1.5 s", "0.40 m/s", "-0.10 m/s", "a note"):
             assert fact in words(outcome.out)
+
+    def test_consent_names_the_policy_that_gets_the_robot_up(
+        self, shell: Shell, called: Recorder, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        fell = Recovered("tilt", 1.0, 3.5, 2)
+        called.replace("footfall.plant.episode.run_episode", ran(recoveries=(fell,)))
+        assert shell("deploy", "trot", "--recover", "--get-up", "stand", "--json", "a.json").status == 0
+        (_, _, episode), _ = called.of("run_episode")
+        assert (episode.get_up.policy.name, episode.get_up.spec) == ("stand", "stand")
+        assert json.loads(Path("a.json").read_text())["recoveries"] == [fell._asdict()]
+        assert "--recover" in shell.refuses("deploy", "trot", "--get-up", "stand")
+        monkeypatch.setattr("footfall.policies.registry.zoo_names", lambda: [])
+        assert "--get-up" in shell.refuses("deploy", "trot", "--recover")
 
     @pytest.mark.parametrize(
         ("options", "lying", "lie_down"),

@@ -123,7 +123,7 @@ class TestWhatTheLogNames:
         assert called.of("load_robot") == ((robot,), {})
         assert called.of("load_policy") == ((policy, go1), {})
         tolerance = 0.25 if "--tolerance" in options else 0.0
-        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, []), {})
+        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, [], None), {})
 
     def test_a_difference_is_status_1(self, shell: Shell, log: dict) -> None:
         log["result"].first_difference, log["result"].complete, log["result"].damaged = "step 3", False, 3

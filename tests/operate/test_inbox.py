@@ -44,6 +44,17 @@ def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> Non
     assert (request.policy, request.gait, request.settings) == ("stand", "pace", {"step_height_m": 0.03})
 
 
+def test_getting_up_is_asked_for_anew_after_each_fall_and_refused_where_it_cannot_be(inbox: Inbox) -> None:
+    assert "--recover" in inbox.put("page", wish="get_up")
+    offer = OFFER._replace(get_up="up")
+    inbox.poll(STANDING._replace(offer=offer))
+    assert inbox.put("page", wish="get_up") == ""
+    fallen = STANDING._replace(mode=Mode.FALLING, offer=offer)
+    assert inbox.poll(fallen).wish is Wish.GET_UP
+    assert inbox.poll(WALKING._replace(offer=offer)).wish is Wish.WALK
+    assert inbox.poll(fallen).wish is Wish.WALK
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -92,6 +92,7 @@ OUTCOME = SessionResult(
     timing={},
     buses=(BusStatistics("can0"),),
     notes=("a loop's note",),
+    recoveries=(),
 )
 
 

@@ -20,6 +20,7 @@ from footfall.deploy.handover import Handover
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
+from footfall.deploy.recovery import Recovery
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.steering import Steering
 from footfall.deploy.wiring import Wiring, wire
@@ -54,6 +55,7 @@ def loop_on(
     lie_down: bool = False,
     taken_over: Callable[[], bool] = lambda: False,
     safety: SafetyConfig | None = None,
+    get_up: Any = None,
     still_s: float = 0.0,  # it stands up as soon as all are heard
     **settings: Any,
 ) -> ControlLoop:
@@ -62,8 +64,15 @@ def loop_on(
     safety = replace(safety or SafetyConfig(), still_s=still_s)
     config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
     clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
-    steering = Steering(source_of(command_source), [policy])
-    runner = PolicyRunner(Handover([policy]), steering, config.joint_rate_hz, safety.late_limit_s, realtime)
+    steering = Steering(source_of(command_source), [policy], get_up="" if get_up is None else get_up.name)
+    runner = PolicyRunner(
+        Handover([policy], None, get_up),
+        steering,
+        config.joint_rate_hz,
+        safety.late_limit_s,
+        realtime,
+        get_up=get_up,
+    )
     return ControlLoop(
         robot,
         wiring,
@@ -76,6 +85,7 @@ def loop_on(
         log,
         lie_down=lie_down,
         taken_over=taken_over,
+        recovery=Recovery(robot, safety.recovery, consent=get_up is not None),
     )
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
     from footfall.deploy.height_scan import HeightScanSource
     from footfall.deploy.loop import ControlLoop
+    from footfall.deploy.recovery import GetUp
     from footfall.deploy.session import SessionResult
     from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
@@ -49,7 +50,7 @@ def deploy(
         options, pages = replace(options, by=None), replace(pages, cockpit=True)
     robot = load_robot(options.robot)
     spec, *also = add_settings([policy, *options.also], options.settings)
-    decider = load_policy(spec, robot)
+    decider, consent = load_policy(spec, robot), _consent(options, robot)
     others = {lasting_spec(each): load_policy(each, robot) for each in also}
     others |= mission_policies(options.by, [decider, *others.values()], robot)
     run = _simulated if options.bus == SIMULATED else _on_interface
@@ -62,7 +63,9 @@ def deploy(
             height_scan_source(options.height_scan) as scans,
         ):
             options = replace(options, feed=feed)
-            figures = about | run(robot, decider, lasting_spec(spec), others, options, steering, scans)
+            figures = about | run(
+                robot, decider, lasting_spec(spec), others, consent, options, steering, scans
+            )
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
         status = 0 if safe and not steering.failed() else 1
@@ -74,6 +77,7 @@ def _simulated(
     policy: "Policy",
     spec: str,
     others: "Others",
+    consent: "GetUp | None",
     options: DeployOptions,
     steering: "Steered",
     scans: "HeightScanSource | None",
@@ -108,6 +112,7 @@ def _simulated(
         feed=_feed(options, steering),
         policy_spec=spec,
         others=others,
+        get_up=consent,
         record=False,
         config=_config(robot, options, steering),
         display=display,
@@ -128,6 +133,7 @@ def _on_interface(
     policy: "Policy",
     spec: str,
     others: "Others",
+    consent: "GetUp | None",
     options: DeployOptions,
     steering: "Steered",
     scans: "HeightScanSource | None",
@@ -164,6 +170,7 @@ def _on_interface(
         feed=_feed(options, steering),
         facts=facts,
         others=others,
+        get_up=consent,
         config=config,
         lie_down=options.lie_down,
         display=display,
@@ -185,6 +192,19 @@ def _on_interface(
         "distance_m": math.nan,  # not measured
         "mean_velocity_m_s": [math.nan] * 3,
     }
+
+
+def _consent(options: DeployOptions, robot: "Robot") -> "GetUp | None":
+    """Consent to get up after a fall, with the policy for that; None without --recover."""
+    from footfall.deploy.recovery import GetUp
+    from footfall.policies.registry import get_up_name, lasting_spec, load_policy
+
+    if not options.recover:
+        if options.get_up is not None:
+            raise UserError("--get-up names the policy of --recover: give that, too")
+        return None
+    spec = options.get_up or get_up_name(robot)
+    return GetUp(load_policy(spec, robot), lasting_spec(spec))
 
 
 def _for_simulation_alone(options: DeployOptions) -> str:
@@ -236,6 +256,7 @@ def _figures(outcome: "SessionResult", options: DeployOptions, steering: "Steere
         "walked_s": outcome.walked_s,
         "final_state": outcome.final_state,
         "faults": list(outcome.faults),
+        "recoveries": [each._asdict() for each in outcome.recoveries],
         "notes": list(outcome.notes),
         "timing": outcome.timing,
         "buses": [asdict(bus) for bus in outcome.buses],

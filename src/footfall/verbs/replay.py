@@ -31,7 +31,7 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
-    from footfall.deploy.replay import OTHERS
+    from footfall.deploy.replay import GET_UP, OTHERS
     from footfall.deploy.replay import replay as replay_log
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
@@ -43,7 +43,9 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     else:
         policy = load_policy(options.policy, robot)
     others = [_logged_policy(str(spec), robot) for spec in named.metadata.get(OTHERS) or ()]
-    result = replay_log(log, policy, options.tolerance, others)
+    spec = named.text(GET_UP) if GET_UP in named.metadata else ""
+    get_up = _logged_policy(spec, robot) if spec else None
+    result = replay_log(log, policy, options.tolerance, others, get_up)
     print(
         f"{result.steps} policy steps"
         + ("" if result.complete else ", of a run that was cut short")

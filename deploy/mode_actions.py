@@ -1,0 +1,74 @@
+"""What the control loop does in each mode: what begins with it, and what goes out."""
+
+from footfall.deploy.base_estimate import BaseEstimate
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.frames import Frames
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.modes import COMMANDED, DAMPED, HELD, Mode
+from footfall.deploy.policy_runner import PolicyRunner
+from footfall.deploy.postures import Ending, Postures
+from footfall.deploy.safety import State
+from footfall.deploy.signal_source import SignalSource
+from footfall.deploy.wiring_check.check import WiringCheck
+from footfall.policies.policy import Sensed
+
+
+class ModeActions:
+    """The parts of a loop at work, by its mode."""
+
+    def __init__(
+        self,
+        driver: Driver,
+        joints: JointLayer,
+        signals: SignalSource,
+        estimate: BaseEstimate,
+        postures: Postures,
+        runner: PolicyRunner,
+        wiring_check: WiringCheck | None,
+        damping_kd: float,
+    ) -> None:
+        """Parts of one loop. `damping_kd`: N m s/rad, of a robot that is damped."""
+        self._driver, self._damping_kd = driver, damping_kd
+        self._joints, self._signals, self._estimate = joints, signals, estimate
+        self._postures, self._runner, self._wiring_check = postures, runner, wiring_check
+
+    def begin(self, before: State, state: State, now_us: int, sensed: Sensed) -> None:
+        """Begin the mode of `state` at this time, with these readings; the mode before was another one."""
+        mode, recovers = state.mode, before.mode is Mode.RECOVERING
+        if before.mode is Mode.IDLE and mode in HELD:
+            self._joints.begin_at(sensed.joint_position)
+            self._signals.begin_checks(now_us)
+            self._estimate.reset(now_us, sensed)
+        if mode is Mode.STANDING:
+            measured = recovers or before.mode is Mode.IDLE
+            here = sensed.joint_position if measured else self._joints.target
+            self._postures.stand_up(here, sensed.quaternion)
+            if recovers:
+                self._estimate.stood_up(now_us, sensed)
+        elif mode is Mode.CHECKING and self._wiring_check is not None:
+            self._wiring_check.begin(self._joints.target, sensed)
+        elif mode is Mode.LOWERING:
+            self._postures.lie_down(self._joints.target, Ending.of(before.mode, bool(state.faults)))
+        elif mode is Mode.RECOVERING:
+            self._joints.begin_at(sensed.joint_position)
+            self._signals.begin_checks(now_us, again=True)
+            self._estimate.lose()
+            self._runner.get_up(now_us)
+        elif mode is Mode.WALKING and before.tries:
+            self._runner.walk_on(now_us)
+        elif mode is Mode.WALKING:
+            self._runner.start(now_us)
+            self._estimate.start()
+
+    def frames(self, mode: Mode, time_s: float) -> Frames:
+        """What goes out in a mode that began so long ago."""
+        decision = self._runner.decision
+        if mode in COMMANDED and decision is not None:
+            return self._joints.command(decision)
+        if mode is Mode.CHECKING and self._wiring_check is not None:
+            return self._joints.command(self._wiring_check.command(time_s))
+        if mode in HELD:
+            return self._joints.command(self._postures.command(time_s))
+        if mode in DAMPED:
+            return self._joints.damping(self._damping_kd)
+        return self._driver.query_settings() if self._driver.not_ready() else self._driver.enable()

@@ -1,0 +1,119 @@
+"""Getting up after a fall: consent, a body at rest, a robot that stands again."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.rotations import tilt
+from footfall.deploy.clearance import Clearance
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.modes import Mode
+from footfall.deploy.recovery_config import RecoveryConfig
+from footfall.deploy.safety import State
+from footfall.deploy.signals import RecoverySignals
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+
+class GetUp(NamedTuple):
+    """An operator's consent: the robot may get up after a fall, by this policy."""
+
+    policy: Policy
+    spec: str = ""  # its name or path, kept in the log for a replay
+
+
+class Recovered(NamedTuple):
+    """A fall from which the robot got up."""
+
+    fault: str  # why it counted as fallen
+    fell_s: float  # by the loop's clock
+    stood_s: float  # likewise, when it stood again
+    tries: int
+
+
+NO_RECOVERY = RecoverySignals()
+
+
+class Recovery:
+    """What a robot that fell does next, as far as its readings tell."""
+
+    def __init__(self, robot: Robot, config: RecoveryConfig, consent: bool) -> None:
+        self._config, self._clearance, self._pose = config, Clearance(robot), robot.default_pose
+        self._since_us: int | None = None  # when the robot came to rest, or began to stand
+        self._mode = Mode.IDLE
+        self._fault, self._fell_s = "", 0.0
+        self._consent = consent
+        self._left_s = -1.0  # when the robot walked last
+        self.away_s = 0.0  # time from falls until the robot walked again
+        self.recovered: list[Recovered] = []
+
+    def revoke(self) -> None:
+        """The program fails: the robot stays down."""
+        self._consent = False
+
+    def signals(
+        self, now_us: int, state: State, joints: JointLayer, ending: bool, asked: bool
+    ) -> RecoverySignals:
+        """The supervisor's part of it.
+
+        Args:
+            now_us: the loop's time.
+            state: the supervisor's.
+            joints: have the latest readings.
+            ending: whether somebody has asked for a stop, or for the end of the run.
+            asked: whether an operator asks the robot to get up.
+        """
+        if state.mode is not self._mode:
+            self._mode, self._since_us = state.mode, None
+        if state.mode is Mode.FALLING:
+            if ending or not self._consent:
+                return NO_RECOVERY
+            rests = self._for_s(now_us, self._rests(joints)) >= self._config.rest_s
+            ready = rests and (asked or not self._config.asked)
+            return RecoverySignals(allowed=True, ready=ready, tries=state.tries)
+        if state.mode is Mode.RECOVERING:
+            stands = self._for_s(now_us, self._stands(joints)) >= self._config.stand_s
+            return RecoverySignals(stands=stands, tries=state.tries, tried_s=now_us * 1e-6 - state.since_s)
+        return NO_RECOVERY
+
+    def follow(self, before: State, state: State) -> str:
+        """Take in a change of the state. Returns what to note of it; empty for nothing."""
+        lay_from_the_start = state.mode is Mode.RECOVERING and self._left_s < 0.0
+        if before.mode is Mode.WALKING or lay_from_the_start:
+            self._left_s = state.since_s
+        elif state.mode is Mode.WALKING and before.tries:
+            self.away_s += state.since_s - self._left_s
+        if state.mode is Mode.FALLING and not state.tries:
+            self._fault, self._fell_s = state.faults[-1], state.since_s
+        if before.mode is not Mode.RECOVERING or state.mode is not Mode.STANDING:
+            return ""
+        found = Recovered(self._fault, self._fell_s, state.since_s, state.tries)
+        self.recovered.append(found)
+        took_s = found.stood_s - found.fell_s
+        return f"stood up again {took_s:.1f} s after a fall ({found.fault}), in try {found.tries}"
+
+    def _for_s(self, now_us: int, met: bool) -> float:
+        """How long a condition has been met, s."""
+        if not met:
+            self._since_us = None
+            return -1.0
+        if self._since_us is None:
+            self._since_us = now_us
+        return (now_us - self._since_us) * 1e-6
+
+    def _rests(self, joints: JointLayer) -> bool:
+        return _fastest(joints) < self._config.rest_rad_s
+
+    def _stands(self, joints: JointLayer) -> bool:
+        config, quaternion, position = self._config, joints.inertial.quaternion, joints.joints[0]
+        return (
+            tilt(quaternion) < config.upright_rad
+            and _fastest(joints) < config.stand_rad_s
+            and float(np.abs(position - self._pose).max()) < config.pose_rad
+            and self._clearance.sunk_share(position, quaternion) < 1.0 - config.height_share
+        )
+
+
+def _fastest(joints: JointLayer) -> float:
+    """Of the joints and the base, rad/s."""
+    return max(float(np.abs(joints.joints[1]).max()), *map(abs, joints.inertial.gyro))

@@ -1,0 +1,279 @@
+"""Getting up after a fall: on frames alone, then on the simulated robot."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode, stand_still
+from frame_robot import FrameRobot
+from loops import loop_of
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Request, Status, Stop, Wish
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.deploy.recovery import GetUp
+from footfall.deploy.recovery_config import RecoveryConfig
+from footfall.deploy.replay import replay
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+QUICK = RecoveryConfig(tries=2, try_s=0.5, wait_s=2.0, rest_s=0.1, stand_s=0.1)
+# A body of frames turns without a gyro's reading, and its acceleration stays the same.
+LOOSE = SensorLimits(rotation_rad=6.0, rest_error=2.0, lean_error=2.0, long_lean_error=2.0, lift_error=2.0)
+SAFETY = SafetyConfig(damping_s=0.1, recovery=QUICK, sensors=LOOSE)
+ON_ITS_SIDE, UPRIGHT = (math.cos(0.7), math.sin(0.7), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+
+
+class Rise(Hold):
+    """Folds the legs, then stretches them."""
+
+    name = "rise"
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot)
+        assert robot.lying_pose is not None
+        self._folded = robot.lying_pose
+
+    def reset(self, inputs: PolicyInput) -> None:
+        super().reset(inputs)
+        self._found = inputs.sensed.joint_position.copy()
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        folded, risen = (min(max(inputs.time_s - start_s, 0.0), 1.0) for start_s in (0.0, 1.0))
+        position = (1.0 - folded) * self._found + (folded - risen) * self._folded + risen * self._pose
+        return super().act(inputs)._replace(position=position)
+
+
+class Asks:
+    """A source with a wish."""
+
+    stopped: Stop | None = None
+
+    def __init__(self, wish: Wish = Wish.WALK) -> None:
+        self.wish = wish
+        self.seen: list[Status] = []
+
+    def poll(self, status: Status) -> Request:
+        self.seen.append(status)
+        return Request(np.array([0.2, 0.0, 0.0]), self.wish)
+
+
+def fallen(robot: Robot, consent: bool = True, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
+    """A loop whose robot walked and lies on its side; its policy, and the one that gets it up."""
+    walks, rises = Hold(robot), Hold(robot)
+    rises.name = "rises"
+    loop, body = loop_of(robot, walks, get_up=rises if consent else None, **{"safety": SAFETY, **settings})
+    until(loop, Mode.WALKING)
+    body.quaternion = ON_ITS_SIDE
+    until(loop, Mode.FALLING)
+    return loop, body, walks, rises
+
+
+def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
+    for _ in range(most):
+        if loop.state.mode is mode:
+            return
+        assert loop.tick(), loop.state
+    pytest.fail(f"{loop.state} never became {mode}")
+
+
+def to_the_end(loop: ControlLoop) -> list[Mode]:
+    """Tick until the run is over; the modes on the way."""
+    modes = [loop.state.mode]
+    while loop.tick():
+        if loop.state.mode is not modes[-1]:
+            modes.append(loop.state.mode)
+    return modes
+
+
+class TestOnFrames:
+    def test_it_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
+        source = Asks()
+        loop, body, walks, rises = fallen(go1, command_source=source)
+        until(loop, Mode.RECOVERING)
+        assert loop.recovery.recovered == []
+        body.quaternion = UPRIGHT
+        until(loop, Mode.WALKING)
+        assert loop.state.faults == ()
+        assert (walks.resets, rises.resets) == (2, 1)
+        assert walks.seen[-1].time_s == 0.0
+        assert walks.seen[-1].command.tolist() == [0.2, 0.0, 0.0]
+        assert not any(each.command.any() for each in rises.seen)
+        (recovered,) = loop.recovery.recovered
+        assert "tilt" in recovered.fault
+        assert recovered.tries == 1
+        assert any("stood up again" in note for note in source.seen[-1].notes)
+        loop.finish()
+        to_the_end(loop)
+        assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
+
+    def test_after_all_tries_it_stays_down(self, go1: Robot) -> None:
+        loop, *_, rises = fallen(go1)
+        modes = to_the_end(loop)
+        assert modes == [Mode.FALLING, Mode.RECOVERING] * 2 + [Mode.FALLING]
+        assert rises.resets == 2
+        assert "it stays down" in loop.state.faults[-1]
+
+    def test_it_waits_until_the_robot_keeps_still(self, go1: Robot) -> None:
+        loop, body, *_ = fallen(go1)
+        body.gyro = (0.0, 1.0, 0.0)
+        assert to_the_end(loop) == [Mode.FALLING]
+        assert loop.now_us * 1e-6 - loop.state.since_s < 0.01
+        assert "it stays down" in loop.state.faults[-1]
+
+    def test_without_consent_it_is_damped_and_off(self, go1: Robot) -> None:
+        loop, *_ = fallen(go1, consent=False)
+        since_s = loop.state.since_s
+        assert to_the_end(loop) == [Mode.FALLING]
+        assert loop.now_us * 1e-6 - since_s == pytest.approx(SAFETY.damping_s, abs=0.003)
+        assert len(loop.state.faults) == 1
+
+    @pytest.mark.parametrize("wish", [Wish.WALK, Wish.GET_UP])
+    def test_an_operator_can_be_asked_each_time(self, go1: Robot, wish: Wish) -> None:
+        asked = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))
+        loop, *_ = fallen(go1, safety=asked, command_source=Asks(wish))
+        assert (Mode.RECOVERING in to_the_end(loop)) is (wish is Wish.GET_UP)
+
+    def test_the_wish_is_refused_by_a_run_that_cannot(self, go1: Robot) -> None:
+        source = Asks(Wish.GET_UP)
+        loop, *_ = fallen(go1, consent=False, command_source=source)
+        to_the_end(loop)
+        assert any("--recover" in note for note in source.seen[-1].notes)
+
+    def test_one_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
+        walks, rises = Hold(go1), Hold(go1)
+        rises.name = "rises"
+        loop, body = loop_of(go1, walks, get_up=rises, safety=SAFETY)
+        body.quaternion = ON_ITS_SIDE
+        until(loop, Mode.RECOVERING)
+        body.quaternion = UPRIGHT
+        until(loop, Mode.WALKING)
+        assert (rises.resets, walks.resets) == (1, 1)
+        loop.finish()
+        to_the_end(loop)
+        assert 0.0 < loop.walked_s < 1.5
+
+
+def _silent_imu(body: FrameRobot, loop: ControlLoop) -> None:
+    body.imu_silent = True
+
+
+def _silent_motor(body: FrameRobot, loop: ControlLoop) -> None:
+    body.silent = [4]
+
+
+def _hot(body: FrameRobot, loop: ControlLoop) -> None:
+    body.temperature_c = 95
+
+
+def _motor_error(body: FrameRobot, loop: ControlLoop) -> None:
+    body.error[3] = 1
+
+
+def _stop(body: FrameRobot, loop: ControlLoop) -> None:
+    Asks.stopped = Stop("stopped by x")
+
+
+def _end(body: FrameRobot, loop: ControlLoop) -> None:
+    loop.finish()
+
+
+class TestFaultsWhileItGetsUp:
+    @pytest.mark.parametrize(
+        ("what", "ends"),
+        [
+            (_silent_imu, Mode.ESTOP),
+            (_silent_motor, Mode.ESTOP),
+            (_hot, Mode.ESTOP),
+            (_motor_error, Mode.ESTOP),
+            (_stop, Mode.ESTOP),
+            (_end, Mode.FALLING),
+        ],
+    )
+    @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
+    def test_it_is_damped_and_stays_down(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, what: Any, ends: Mode, mode: Mode
+    ) -> None:
+        monkeypatch.setattr(Asks, "stopped", None)
+        loop, body, *_ = fallen(go1, command_source=Asks())
+        until(loop, mode)
+        what(body, loop)
+        modes = to_the_end(loop)
+        assert Mode.RECOVERING not in modes[1:]
+        assert modes[-1] in (ends, Mode.FALLING)
+        if mode is Mode.RECOVERING:
+            assert modes == [mode, ends]
+        assert not body.sent[-5][1].values[2].any()  # damped, before the motors went off
+
+    def test_a_policy_that_fails_does_not_get_another_try(self, go1: Robot) -> None:
+        loop, *_, rises = fallen(go1)
+        rises.act = lambda inputs: 1 / 0  # type: ignore[method-assign, assignment, return-value]
+        assert to_the_end(loop) == [Mode.FALLING, Mode.ESTOP]
+
+
+class PutOnItsBelly:
+    """Tips the walking robot over and lays it on its belly once it keeps still."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._lying, self._tipped, self.modes = robot.lying_pose, False, list[Mode]()
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        mode = loop.state.mode
+        if not self.modes or mode is not self.modes[-1]:
+            self.modes.append(mode)
+        if mode is Mode.WALKING and loop.walking_s > 0.2 and not self._tipped:
+            self._tipped = True
+            body.data.qvel[2:4] = 1.0, 12.0
+        since_s = loop.now_us * 1e-6 - loop.state.since_s
+        if mode is Mode.FALLING and 0.0 < since_s < 0.01:
+            body.data.qpos[2:7], body.data.qpos[7:] = (0.15, *UPRIGHT), self._lying
+            body.data.qvel[:] = 0.0
+
+
+def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
+    config = DeployConfig(stand_s=0.4, odometry=True)
+    log, watch = tmp_path / "run.mcap", PutOnItsBelly(go1)
+    episode = short_episode(
+        command_source=lambda _: np.zeros(3),
+        duration_s=5.0,
+        get_up=GetUp(Rise(go1), "rise"),
+        log=log,
+        config=config,
+        lie_down=True,
+    )
+    trace = run_episode(go1, Hold(go1), episode, watch)
+    assert trace.faults == (), (watch.modes, trace.faults, trace.run_s)
+    assert not trace.fell
+    assert len(trace.recoveries) == 1
+    stands = [Mode.STANDING, Mode.WALKING]
+    ends = [Mode.STOPPING, Mode.LOWERING, Mode.RELEASING]
+    assert watch.modes[1:] == [*stands, Mode.FALLING, Mode.RECOVERING, *stands, *ends]
+    assert 0.0 < trace.walked_s < 3.5
+    again = replay(log, Hold(go1), get_up=Rise(go1))
+    assert (again.worst_difference, again.first_difference) == (0.0, "")
+    assert np.diff(trace.time_s).max() > 1.0  # nothing is sampled while it lies
+    standing = trace.time_s > trace.time_s[-1] - 0.5
+    np.testing.assert_allclose(trace.estimated_velocity[standing], 0.0, atol=0.05)
+    np.testing.assert_allclose(trace.estimated_height[standing], trace.base_position[standing, 2], atol=0.03)
+
+
+def test_a_robot_that_cannot_is_refused_before_it_moves(go1: Robot) -> None:
+    held = replace(go1, description=replace(go1.description, held_start=True))
+    with pytest.raises(UserError, match="held_start"):
+        run_episode(held, Hold(held), short_episode(get_up=GetUp(Rise(held))))
+    blind = Rise(go1)
+    blind.needs_estimate = True
+    with pytest.raises(UserError, match="velocity"):
+        run_episode(go1, Hold(go1), short_episode(get_up=GetUp(blind)))
+    with pytest.raises(UserError, match="different names"):
+        run_episode(go1, Hold(go1), short_episode(get_up=GetUp(Hold(go1)), command_source=stand_still))
