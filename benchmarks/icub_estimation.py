@@ -118,13 +118,14 @@ def estimate(recording: Recording) -> Estimated:
             np.array(attitude.quaternion),
             recording.position[sample],
             velocity[sample],
-            np.zeros(velocity.shape[1]),
+            np.full(velocity.shape[1], np.nan),
+            recording.force[sample],
         )
         if first is None:
             first = sample
             estimator.reset(sensed)
         else:
-            estimator.update(sensed, None, elapsed_s, recording.force[sample])
+            estimator.update(sensed, None, elapsed_s)
         found.append(estimator.odometry())
     if first is None:
         raise SystemExit("the robot does not keep still at first: no attitude")

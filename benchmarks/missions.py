@@ -79,7 +79,7 @@ def walk(trial: Trial) -> dict[str, Any]:
     if trial.plant == "randomised":
         rng = np.random.default_rng(trial.seed)
         bodies = plant_model(robot).nbody - 1
-        sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies)
+        sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies, robot.foot_sensors)
     episode = Episode(
         command_source=source,
         duration_s=LONGEST_S,

@@ -142,7 +142,7 @@ def follow(walk: Walk) -> dict[str, Any]:
     if walk.plant == "randomised":
         rng = np.random.default_rng(walk.seed)
         bodies = plant_model(robot).nbody - 1
-        sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies)
+        sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies, robot.foot_sensors)
     episode = Episode(
         command_source=path,
         duration_s=path.duration_s,

@@ -1,7 +1,7 @@
 """The base's velocity and height: estimated at a rate of its own, or given by a simulation."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +36,11 @@ class Estimator(Protocol):
 
     def odometry(self) -> Odometry: ...
 
+    @property
+    def notes(self) -> Sequence[str]:
+        """What it does without, one line each, each once. The sequence only grows."""
+        ...
+
 
 class BaseEstimate:
     """The latest estimate: by an estimator, by `base_state`, or unknown without either."""
@@ -50,6 +55,11 @@ class BaseEstimate:
         self._next_odometry_us = self._next_pose_us = 0
         self._pose = UNKNOWN_POSE
         self.value = UNKNOWN
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """The estimator's notes."""
+        return () if self._estimator is None else self._estimator.notes
 
     def reset(self, now_us: int, sensed: Sensed) -> None:
         """The robot begins to stand up with these readings."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from footfall.deploy.battery import NO_BATTERY, BatteryMonitor, BatteryState
 from footfall.deploy.drivers.driver import Driver, damping_alone
+from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.frames import Frames
@@ -25,6 +26,7 @@ class JointLayer:
         tick_s: float,
         scale: float = 1.0,
         battery: BatteryMonitor | None = None,
+        feet: FootForceReader | None = None,
     ) -> None:
         """Targets start from the default pose.
 
@@ -36,10 +38,11 @@ class JointLayer:
             scale: share of a command's stiffness, damping and torque, and of each motor's torque, that goes
                 out. `damping` is never scaled.
             battery: limits the motors' torque, too; None for none.
+            feet: reader of the force sensors; None for a robot without them.
         """
         self._scale, self._weaker = scale, weaker(robot.motor, scale)
         self._robot, self._driver, self._battery = robot, driver, battery
-        self._receiver = Receiver(driver, imu, len(robot.joint_names))
+        self._receiver = Receiver(driver, imu, len(robot.joint_names), feet)
         self._step = robot.description.target_rate_rad_s * tick_s  # of a target in one tick, rad
         self._lower, self._upper = robot.soft_limits
         self._target = robot.default_pose.copy()

@@ -99,8 +99,8 @@ class McapLog:
         self._begun = False
         about = {
             "joints": list(robot.joint_names),
-            "readings": sensed_sizes(len(robot.joint_names)),
-            "inputs": input_sizes(len(robot.joint_names)),
+            "readings": sensed_sizes(len(robot.joint_names), robot.foot_sensors),
+            "inputs": input_sizes(len(robot.joint_names), robot.foot_sensors),
             "metadata": _metadata(robot, policy, facts),
             **robot_frames(robot),
             "robot": robot.name,
@@ -274,6 +274,7 @@ def _metadata(robot: Robot, policy: Policy, facts: dict[str, Any]) -> dict[str, 
         "robot_folder": str(robot.folder),
         "robot_digest": robot.digest,
         "joints": list(robot.joint_names),
+        "foot_sensors": robot.foot_sensors,
         "contract": None if contract is None else unstructure(contract),
         **facts,
     }

@@ -50,6 +50,12 @@ class LogFile:
             raise UserError(f"{self.path} does not say its joints")
         return joints
 
+    @property
+    def foot_sensors(self) -> int:
+        """Number of force sensors at the feet; 0 in logs that do not say it."""
+        found = self.metadata.get("foot_sensors", 0)
+        return found if isinstance(found, int) and found > 0 else 0
+
 
 @dataclass
 class Damage:

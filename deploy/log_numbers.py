@@ -27,18 +27,19 @@ def flatten(inputs: PolicyInput) -> np.ndarray:
     )
 
 
-def input_sizes(joints: int) -> dict[str, int]:
+def input_sizes(joints: int, foot_sensors: int = 0) -> dict[str, int]:
     """Number of components of each part of a flat policy input, in its order, without a height scan."""
-    return {"time_s": 1, **sensed_sizes(joints), "command": 3, "base_velocity": 3, "base_height": 1}
+    sensed = sensed_sizes(joints, foot_sensors)
+    return {"time_s": 1, **sensed, "command": 3, "base_velocity": 3, "base_height": 1}
 
 
-def unflatten(values: np.ndarray, joints: int, scan_points: int = 0) -> PolicyInput:
+def unflatten(values: np.ndarray, joints: int, scan_points: int = 0, foot_sensors: int = 0) -> PolicyInput:
     """The policy input of a vector by `flatten`, which may end with a height scan of so many points.
 
     Raises:
         ValueError: a robot with so many joints has more readings, or the height scan another size.
     """
-    sizes = list(input_sizes(joints).values())
+    sizes = list(input_sizes(joints, foot_sensors).values())
     if len(values) - sum(sizes) not in (0, scan_points):
         raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
     time_s, *rest, scan = np.split(values, np.cumsum(sizes))

@@ -16,6 +16,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError
 from footfall.deploy.drivers.choice import open_imu
 from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.last_resort import LastResort, in_one_line
 from footfall.deploy.mode_actions import ModeActions
@@ -79,7 +80,8 @@ class ControlLoop:
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         kd, battery = config.safety.damping_kd, battery_monitor(robot, config.safety.battery)
         imu, tick_s = open_imu(wiring, config.estimator.attitude), config.tick_us * 1e-6
-        self._joints = JointLayer(robot, driver, imu, tick_s, config.scale, battery)
+        feet = FootForceReader(wiring.foot_channel) if robot.foot_sensors else None
+        self._joints = JointLayer(robot, driver, imu, tick_s, config.scale, battery, feet)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)
         self.recovery = recovery or Recovery(robot, config.safety.recovery, consent=False)

@@ -3,6 +3,8 @@
 import math
 import os
 import time
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +24,14 @@ from footfall.deploy.timing import Durations
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
+
+class Notes(Protocol):
+    """Has notes: one line each, each once, a sequence that only grows."""
+
+    @property
+    def notes(self) -> Sequence[str]: ...
+
+
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
 FORKED = 1  # exit status of a copy of the process that comes back from a policy's step
 
@@ -39,6 +49,7 @@ class PolicyRunner:
         arm: Arm = unarmed,
         height_scans: HeightScans | None = None,
         get_up: Policy | None = None,
+        noting: Sequence[Notes] = (),
     ) -> None:
         """Policies that have not begun.
 
@@ -51,6 +62,7 @@ class PolicyRunner:
             arm: sets a deadline for a step.
             height_scans: for policies that read them.
             get_up: the one of the policies that decides after a fall; None for none.
+            noting: what else has notes for the log.
 
         Raises:
             UserError: a policy is faster than the loop.
@@ -74,10 +86,8 @@ class PolicyRunner:
         self._command = np.zeros(3)  # that the policy was given
         self._changes: list[Change] = []  # that were not told yet
         self._told = 0  # notes that were
-        self._noting: list[Policy | HeightScans] = [
-            *everyone,
-            *([] if height_scans is None else [height_scans]),
-        ]
+        scanning = [] if height_scans is None else [height_scans]
+        self._noting: list[Notes] = [*everyone, *scanning, *noting]
         self._noted = [0] * len(self._noting)  # notes of each that were taken over
 
     @property

@@ -1,17 +1,20 @@
-"""The latest readings of a robot's motors and IMU, from frames as they arrive."""
+"""The latest readings of a robot's motors, IMU and feet, from frames as they arrive."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
+from footfall.robots.readings import NO_FORCES
 
 NEVER = -(10**15)  # microseconds: long ago
 MAX_LAYOUTS = 64  # kept: some protocols carry values in identifiers, whose layouts never repeat
+_NO_ROWS = np.zeros(0, np.intp)
 
 
 class LastHeard(NamedTuple):
@@ -32,13 +35,16 @@ class MotorHealth(NamedTuple):
 
 
 class Receiver:
-    """Decodes frames of motors and IMU. Arrays that were handed out are never written to afterwards."""
+    """Decodes frames of motors and sensors. Arrays that were handed out are never written to afterwards."""
 
-    def __init__(self, driver: Driver, imu: ImuDriver, joints: int) -> None:
-        """`joints` is the number of the robot's joints."""
-        self._driver, self._imu = driver, imu
+    def __init__(
+        self, driver: Driver, imu: ImuDriver, joints: int, feet: FootForceReader | None = None
+    ) -> None:
+        """`joints` is the number of the robot's joints; `feet` is None without force sensors."""
+        self._driver, self._imu, self._feet = driver, imu, feet
         self._imu_ids = np.array(imu.identifiers)
-        self._rows_of: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}  # by identifiers
+        self._rows_of: dict[bytes, tuple[np.ndarray, ...]] = {}  # by identifiers
+        self._now_us = NEVER
         self.joints = np.zeros((3, joints))  # latest position rad, velocity rad/s and torque N m
         self.temperature_c = np.full(joints, np.nan)  # latest; NaN where a motor does not report it
         self.voltage = np.full(joints, np.nan)  # likewise, V
@@ -51,34 +57,41 @@ class Receiver:
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
         """Decode frames that have arrived; frames of other senders are left out."""
+        self._now_us = now_us
         for frames in batches:
-            from_imu, from_motors = self._rows(frames)
-            if not len(from_imu):
+            from_imu, from_feet, from_motors = self._rows(frames)
+            if len(from_motors) == len(frames.id):
                 self._absorb_replies(frames, now_us)
-            elif not len(from_motors):
+            elif len(from_imu) == len(frames.id):
                 self._imu.absorb(frames, now_us)
             else:
                 self._imu.absorb(frames.take(from_imu), now_us)
+                if self._feet is not None:
+                    self._feet.absorb(frames.take(from_feet), now_us)
                 self._absorb_replies(frames.take(from_motors), now_us)
 
-    def _rows(self, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the IMU's frames and of the others, kept by identifiers: `np.isin` takes 15 us."""
+    def _rows(self, frames: Frames) -> tuple[np.ndarray, ...]:
+        """Rows of the IMU's, the feet's and other frames, kept by identifiers: `np.isin` takes 15 us."""
         key = frames.id.tobytes()
         rows = self._rows_of.get(key)
         if rows is None:
             if len(self._rows_of) >= MAX_LAYOUTS:
                 self._rows_of.clear()
             from_imu = np.isin(frames.id, self._imu_ids)
-            rows = self._rows_of[key] = np.flatnonzero(from_imu), np.flatnonzero(~from_imu)
+            from_feet = _NO_ROWS
+            if self._feet is not None:
+                from_feet = np.flatnonzero(np.isin(frames.id, self._feet.identifiers))
+            rest = ~from_imu
+            rest[from_feet] = False
+            rows = self._rows_of[key] = np.flatnonzero(from_imu), from_feet, np.flatnonzero(rest)
         return rows
 
     def sensed(self) -> Sensed:
         """The latest readings."""
         gyro, acceleration, quaternion = self._imu.reading
-        position, velocity, torque = self.joints[0], self.joints[1], self.joints[2]
-        return Sensed(
-            np.array(gyro), np.array(acceleration), np.array(quaternion), position, velocity, torque
-        )
+        joints = self.joints[0], self.joints[1], self.joints[2]
+        force = NO_FORCES if self._feet is None else self._feet.force(self._now_us)
+        return Sensed(np.array(gyro), np.array(acceleration), np.array(quaternion), *joints, force)
 
     @property
     def inertial(self) -> Inertial:

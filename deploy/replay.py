@@ -125,7 +125,7 @@ def _config(log: LogFile) -> HandoverConfig:
 
 def _inputs(log: LogFile, given: Entry, scan_points: int) -> PolicyInput:
     try:
-        return unflatten(_numbers(log, given), len(log.joints), scan_points)
+        return unflatten(_numbers(log, given), len(log.joints), scan_points, log.foot_sensors)
     except ValueError as error:
         raise UserError(f"{log.path}: {error}") from None
 

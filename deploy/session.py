@@ -136,6 +136,7 @@ def run_session(
             bus, inputs = resources.enter_context(stop_inputs(robot, wiring, bus))
             stop_sources = (*stop_sources, *inputs)
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
+        estimate = _estimate(robot, policies, config, base_state)
         runner = PolicyRunner(
             Handover(policies, config.handover, get_up),
             Steering(
@@ -151,11 +152,11 @@ def run_session(
             arm,
             height_scans_of(everyone, session.height_scans),
             get_up,
+            noting=[estimate],
         )
         if session.realtime:
             for other in everyone[1:]:
                 warm_up(other, robot)
-        estimate = _estimate(robot, policies, config, base_state)
         log = _open_log(robot, policy, session, resources)
         if log is not None and session.log_frames:
             bus = LoggedBus(bus, log)

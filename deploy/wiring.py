@@ -21,6 +21,7 @@ class Wiring:
     timeout_s: np.ndarray  # (n,) longest time without a command after which a motor must disable itself
     watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
     joint_names: tuple[str, ...]
+    foot_channel: np.ndarray  # (feet,) intp, of each foot's force sensor; (0,) without such sensors
 
     def take(self, joints: np.ndarray) -> "Wiring":
         """The same buses with only some joints (indices)."""
@@ -44,7 +45,8 @@ class Wiring:
 def wire(robot: Robot) -> Wiring:
     """The wiring of a robot."""
     joints = robot.description.joints
-    buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus]))
+    of_feet = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]
+    buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus, *of_feet]))
     channel = np.array([buses.index(joint.bus) for joint in joints])
     motor_id = np.array([joint.id for joint in joints])
     return Wiring(
@@ -60,4 +62,5 @@ def wire(robot: Robot) -> Wiring:
             [robot.description.motors[joint.motor].watchdog_endpoints or (0, 0) for joint in joints]
         ),
         joint_names=robot.joint_names,
+        foot_channel=np.array([buses.index(bus) for bus in of_feet], np.intp),
     )

@@ -115,6 +115,17 @@ class Randomisation:
         kinds.SCALAR, FULL, least=0.0, most=1.0, charge=True
     )
 
+    # force sensors at the feet, each; for the simulated robot alone, since no learned policy reads them
+    foot_force_scale: Distribution | None = quantity(
+        kinds.FOOT_AMOUNTS, SCALE, least=0.0, most=10.0, force_sensor=scales("scale")
+    )
+    foot_force_offset_n: Distribution | None = quantity(
+        kinds.FOOT_AMOUNTS, OFFSET, least=-1000.0, most=1000.0, force_sensor=adds_to("offset")
+    )
+    foot_force_noise_n: Distribution | None = quantity(  # half-width, of each sample
+        kinds.FOOT_AMOUNTS, OFFSET, least=0.0, most=1000.0, force_sensor=adds_to("noise")
+    )
+
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]
@@ -160,6 +171,22 @@ def require_battery(robot: Robot) -> None:
         raise UserError(
             f"randomisation.battery_charge: robot '{robot.name}' declares no battery in robot.yaml"
         )
+
+
+def require_foot_sensors(name: str, robot: Robot) -> None:
+    """Raises UserError if a robot has no force sensors, whose error `name` is drawn."""
+    if not robot.foot_sensors:
+        raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no force_bus in robot.yaml")
+
+
+def refuse_force_sensors(randomisation: Randomisation) -> None:
+    """Raises UserError if errors of force sensors are drawn in training, where nothing reads such sensors."""
+    for name, declared in QUANTITIES.items():
+        if declared.force_sensor is not None and getattr(randomisation, name) is not None:
+            raise UserError(
+                f"randomisation.{name}: no learned policy reads force sensors; declare it in"
+                f" {OWN_FILE} of the robot's folder, for the simulated robot"
+            )
 
 
 def load_randomisation(path: Path = DEFAULT) -> Randomisation:

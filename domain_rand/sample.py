@@ -1,7 +1,7 @@
 """One draw: how a particular robot differs from the nominal one."""
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, delays
@@ -9,19 +9,26 @@ from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.kinds import Parts
 
 Array = Any
-T = TypeVar("T", Motor, JointCommand)
+T = TypeVar("T", bound=NamedTuple)
 
 # Differences that last for an episode, by the quantity's name; what is absent is nominal. Shapes as
 # `sample_shapes` gives them, units and meanings as `Randomisation` does.
 Sample = dict[str, Array]
 
 
-def sample_shapes(joints: int, bodies: int) -> dict[str, tuple[int, ...]]:
+def sample_shapes(joints: int, bodies: int, foot_sensors: int = 0) -> dict[str, tuple[int, ...]]:
     """Shape of each quantity, the world not among the bodies."""
-    return {name: quantity.kind.shape(Parts(joints, bodies)) for name, quantity in QUANTITIES.items()}
+    parts = Parts(joints, bodies, foot_sensors)
+    return {name: quantity.kind.shape(parts) for name, quantity in QUANTITIES.items()}
 
 
-def draw(randomisation: Randomisation, uniform: Callable[[int], Array], joints: int, bodies: int) -> Sample:
+def draw(
+    randomisation: Randomisation,
+    uniform: Callable[[int], Array],
+    joints: int,
+    bodies: int,
+    foot_sensors: int = 0,
+) -> Sample:
     """One robot out of the declared family.
 
     Args:
@@ -29,12 +36,13 @@ def draw(randomisation: Randomisation, uniform: Callable[[int], Array], joints: 
         uniform: gives k independent numbers in [0, 1), shape (k,); called once.
         joints: number of joints.
         bodies: number of bodies of the model, the world left out.
+        foot_sensors: number of force sensors at the feet.
     """
-    parts = Parts(joints, bodies)
+    parts = Parts(joints, bodies, foot_sensors)
     sizes = {name: quantity.kind.size(parts) for name, quantity in QUANTITIES.items()}
     numbers = uniform(sum(sizes.values()))
     drawn, start = {}, 0
-    for name, shape in sample_shapes(joints, bodies).items():
+    for name, shape in sample_shapes(joints, bodies, foot_sensors).items():
         stop = start + sizes[name]
         distribution: Distribution | None = getattr(randomisation, name)
         if distribution is not None:
@@ -61,12 +69,12 @@ def towards_nominal(sample: Sample, share: Array | float, friction: float) -> Sa
 
 def randomised_motor(motor: Motor, sample: Sample) -> Motor:
     """The motors of the sampled robot, from the nominal ones."""
-    return _changed(motor, sample, "motor")
+    return changed(motor, sample, "motor")
 
 
 def randomised_command(command: JointCommand, sample: Sample) -> JointCommand:
     """The command as the sampled robot's motors carry it out: their true stiffness and damping."""
-    return _changed(command, sample, "command")
+    return changed(command, sample, "command")
 
 
 def sensor_bias(sample: Sample, reading: str) -> Array | None:
@@ -91,7 +99,8 @@ def _sum(sample: Sample, names: list[str]) -> Array | None:
     return sum(drawn[1:], start=drawn[0]) if drawn else None
 
 
-def _changed(values: T, sample: Sample, effect_on: str) -> T:
+def changed(values: T, sample: Sample, effect_on: str) -> T:
+    """Values with a sample's effects; `effect_on` names the effect's field of `Quantity`."""
     for name, quantity in QUANTITIES.items():
         effect = getattr(quantity, effect_on)
         if effect is not None and name in sample:

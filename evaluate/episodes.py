@@ -112,8 +112,8 @@ def sample_of(plan: EpisodePlan, robot: Robot, bodies: int) -> Sample | None:
     joints = len(robot.joint_names)
     if plan.randomised:
         rng = np.random.default_rng(plan.seed)
-        sample = draw(randomisation_of(robot), rng.random, joints, bodies)
-    shapes = sample_shapes(joints, bodies)
+        sample = draw(randomisation_of(robot), rng.random, joints, bodies, robot.foot_sensors)
+    shapes = sample_shapes(joints, bodies, robot.foot_sensors)
     fixed = {name: np.full(shapes[name], value) for name, value in plan.levels.items() if name in shapes}
     return sample | fixed or None
 

@@ -84,6 +84,10 @@ class GroundTruth:
             qpos=qpos.copy(),
         )
 
+    def foot_force(self) -> np.ndarray:
+        """Normal force on each foot in the last physics step, N, (feet,)."""
+        return self._contacts()[1]
+
     def fall(self) -> str | None:
         """Reason why the robot counts as fallen; None if it has not fallen."""
         qpos, pos = self._position, self._free_qpos

@@ -18,17 +18,19 @@ from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import QUANTITIES, require_battery
+from footfall.domain_rand.randomisation import QUANTITIES, require_battery, require_foot_sensors
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.engines.choice import open_engine
+from footfall.plant.foot_sensors import SimulatedFootSensors
 from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.holder import Holder, holder
 from footfall.plant.imu_ends import open_imu_end
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
+from footfall.plant.placing import first_pose, put_down
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots import kinds
@@ -39,7 +41,6 @@ from footfall.terrain.ground import Ground
 IMU_PERIOD_S = 0.002
 HELD_UP_S = DeployConfig().held_up_s
 TALK_EVERY_US = 1000  # how often motors may send by themselves
-SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
 
 @dataclass
@@ -126,8 +127,12 @@ class SimulatedRobot:
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
         self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
+        self.foot_sensors: SimulatedFootSensors | None = None  # of a robot that has them
+        if robot.foot_sensors:
+            force = self._ground_truth.foot_force
+            self.foot_sensors = SimulatedFootSensors(wiring, force, sample, step_s, seed)
         self.faults = Faults(self._motors.faults)
-        self._put_down(robot, _first_pose(robot, config.lying))
+        put_down(robot, self.model, self.data, self._layout, first_pose(robot, config.lying))
         self._frame = holder(
             robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped
         )
@@ -203,6 +208,10 @@ class SimulatedRobot:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
         true = sensors.remember(self._torque)
         position, velocity = true[0], true[1]
+        if self.foot_sensors is not None:
+            self.foot_sensors.remember()
+            if self._step % self._imu_every == 0:
+                self._send(self.foot_sensors.sample(), now_us)
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
@@ -258,46 +267,13 @@ class SimulatedRobot:
         if len(frames.id):
             self._wires.send(Side.ROBOT, frames, now_us)
 
-    def _put_down(self, robot: Robot, pose: np.ndarray) -> None:
-        """Place the robot upright in a pose (n,) so that its lowest part touches the ground.
-
-        Lowers it until it touches, then bisects. Raises UserError if there is no ground below.
-        """
-        data, at = self.data, self._layout.base_qpos
-        data.qpos[self._layout.qpos] = pose
-        data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
-        stride = robot.description.standing_height_m / 4
-        heights = np.arange(SEARCH_HEIGHT_M, -SEARCH_HEIGHT_M, -stride)
-        touching = next((height for height in heights if self._touches_ground_at(height)), None)
-        if touching is None:
-            raise UserError(f"the plant has no ground within {SEARCH_HEIGHT_M:g} m of its origin to stand on")
-        low, high = touching, touching + stride
-        for _ in range(25):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self._touches_ground_at(middle) else (low, middle)
-        data.qpos[at + 2] = low
-        mujoco.mj_forward(self.model, data)
-
-    def _touches_ground_at(self, height_m: float) -> bool:
-        self.data.qpos[self._layout.base_qpos + 2] = height_m
-        mujoco.mj_fwdPosition(self.model, self.data)
-        contact = self.data.contact
-        bodies = self.model.geom_bodyid[contact.geom]
-        return bool(((bodies == 0).any(axis=1) & (contact.dist <= 0.0)).any())
-
-
-def _first_pose(robot: Robot, lying: bool) -> np.ndarray:
-    if not lying:
-        return robot.default_pose
-    if robot.lying_pose is None:
-        raise UserError(f"robot '{robot.name}' cannot lie: its joints have no lying_rad in robot.yaml")
-    return robot.lying_pose
-
 
 def _check_sample(sample: Sample, plant: Plant, robot: Robot) -> None:
     if battery_charge(sample) is not None:
         require_battery(robot)
     bodies = plant.model.nbody - 1
     for name, drawn in sample.items():
+        if QUANTITIES[name].force_sensor is not None:
+            require_foot_sensors(name, robot)
         if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:
             raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")

@@ -10,6 +10,7 @@ from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
 
 STANDING_TOLERANCE_M = 0.005
+MOST_FEET = 16  # that force sensors have identifiers for
 LYING_SHARE = 0.1  # of the standing height: how high the base may be above the ground when it lies
 
 
@@ -26,17 +27,23 @@ def inconsistencies(description: Description) -> Iterator[str]:
         if joint.motor not in description.motors:
             known = ", ".join(description.motors)
             yield f"joint {joint.name}: no motor '{joint.motor}' under motors ({known})"
-    buses = {*(joint.bus for joint in description.joints), description.imu_bus}
+    sensors = [foot.force_bus for foot in description.feet if foot.force_bus is not None]
+    buses = {*(joint.bus for joint in description.joints), description.imu_bus, *sensors}
     frame = description.stop_inputs.frame
     if frame is not None and frame.bus not in buses:
         yield f"stop_inputs.frame: no joint and no IMU is on bus '{frame.bus}' ({', '.join(sorted(buses))})"
     without = [joint.name for joint in description.joints if joint.lying_rad is None]
     if without and len(without) < len(names):
         yield f"joint {without[0]} has no lying_rad, though others have"
+    unequipped = [foot.name for foot in description.feet if foot.force_bus is None]
+    if sensors and unequipped:
+        yield f"foot {unequipped[0]} has no force_bus, though others have"
     yield from _wrong_feet(description.feet, names)
 
 
 def _wrong_feet(feet: Sequence[Foot], joints: list[str]) -> Iterator[str]:
+    if len(feet) > MOST_FEET and feet[0].force_bus is not None:
+        yield f"feet: {len(feet)} with force sensors, {MOST_FEET} at most"
     if _repeated([foot.name for foot in feet]):
         yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
     geoms = [name for foot in feet for name in foot.geoms]

@@ -102,6 +102,11 @@ class Robot:
         least, most = np.array(given).T
         return least, most
 
+    @cached_property
+    def foot_sensors(self) -> int:
+        """Number of force sensors: one for each foot, or 0."""
+        return sum(foot.force_bus is not None for foot in self.description.feet)
+
     def joint_index(self, name: str) -> int:
         return self.joint_names.index(name)
 

@@ -77,7 +77,7 @@ def _counted(description: Description) -> Any:
             if motor[name] == MotorType.__dataclass_fields__[name].default:
                 del motor[name]  # a motor without the effect keeps the digest that it had before
     for foot in content["feet"]:
-        del foot["geoms"]  # `_figures` has it
+        del foot["geoms"], foot["force_bus"]  # `_figures` has the geoms
     return content
 
 

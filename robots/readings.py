@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
+import numpy as np
+
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
 from footfall.common.rotations import projected_gravity, shift_gravity
@@ -12,6 +14,10 @@ from footfall.robots.kinds import Kind, Parts
 
 Array = Any  # a NumPy or a JAX array
 Readings = dict[str, Array]  # each reading of READINGS by name, shapes (..., size)
+
+
+NO_FORCES = np.zeros(0)
+NO_FORCES.flags.writeable = False
 
 
 class Sensed(NamedTuple):
@@ -27,6 +33,8 @@ class Sensed(NamedTuple):
     joint_position: Annotated[Array, kinds.JOINTS]  # rad
     joint_velocity: Annotated[Array, kinds.JOINTS]  # rad/s
     joint_torque: Annotated[Array, kinds.JOINTS]  # N m, as reported by the motors
+    # N, that presses on each foot by its sensor, NaN for a silent one; empty for a robot without such sensors
+    foot_force: Annotated[Array, kinds.FOOT_AMOUNTS] = NO_FORCES
 
 
 SENSED: dict[str, Kind] = {
@@ -34,9 +42,9 @@ SENSED: dict[str, Kind] = {
 }
 
 
-def sensed_sizes(joints: int) -> dict[str, int]:
+def sensed_sizes(joints: int, foot_sensors: int = 0) -> dict[str, int]:
     """Number of components of each field of `Sensed`, in field order."""
-    return {name: kind.size(Parts(joints)) for name, kind in SENSED.items()}
+    return {name: kind.size(Parts(joints, feet=foot_sensors)) for name, kind in SENSED.items()}
 
 
 class Reading(NamedTuple):

@@ -96,6 +96,7 @@ class Foot:
     name: str
     geoms: tuple[str, ...]
     joints: tuple[str, ...]
+    force_bus: str | None = None  # of its force sensor; given for all feet or for none
 
     def __post_init__(self) -> None:
         if not self.geoms:

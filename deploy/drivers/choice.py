@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.common.outside import is_place
+from footfall.deploy.drivers import foot_force
 from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_outside
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.driver import CanFilter, Driver, MotorDriver
@@ -106,5 +107,6 @@ def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDrive
 
 
 def filters_of(wiring: Wiring) -> tuple[CanFilter, ...]:
-    """Which frames a robot's motors and its IMU send; errors as for `open_driver`."""
-    return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters)
+    """Which frames a robot's motors and sensors send; errors as for `open_driver`."""
+    of_feet = foot_force.FILTERS if len(wiring.foot_channel) else ()
+    return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters, *of_feet)

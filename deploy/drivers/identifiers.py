@@ -3,13 +3,14 @@
 from collections.abc import Callable, Sequence
 
 from footfall.common.errors import UserError
+from footfall.deploy.drivers import foot_force
 from footfall.deploy.wiring import Wiring
 
 Identifiers = Callable[[int], tuple[int, ...]]  # from a motor id to all 11-bit identifiers of that motor
 
 
 def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu: tuple[int, ...]) -> None:
-    """Raise UserError for a motor that shares an identifier with another motor or with the IMU.
+    """Raise UserError for a motor that shares an identifier with another motor or with a sensor.
 
     Args:
         wiring: places of the motors.
@@ -19,6 +20,11 @@ def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu
     taken: dict[tuple[int, int], str] = {
         (channel, identifier): "the IMU" for channel in range(len(wiring.buses)) for identifier in of_imu
     }
+    of_feet = foot_force.identifiers(len(wiring.foot_channel)).tolist()
+    for channel, identifier in zip(wiring.foot_channel.tolist(), of_feet, strict=True):
+        if identifier in of_imu:
+            raise UserError(f"the IMU and a foot's force sensor would both use identifier {identifier:#05x}")
+        taken[channel, identifier] = "a foot's force sensor"
     for joint, of_motor in enumerate(identifiers):
         channel, place = int(wiring.channel[joint]), wiring.place(joint)
         own = of_motor(int(wiring.motor_id[joint]))

@@ -13,12 +13,16 @@ class ContactConfig:
     force_filter_s: float = 0.006  # time constant of the force estimate
     rise_s: float = 0.03  # time constant with which trust grows: a foot that lands bounces and slips first
     level_m: float = 0.0015  # corners of a sole that differ less in height share its load
+    sensor_error_share: float = 0.5  # mean error by the motors' torques from which a force sensor is ignored
+    sensor_filter_s: float = 0.5  # averaging time of that error
+    sensor_trial_s: float = 1.0  # time from rest until a sensor that is not believed is noted
 
     def __post_init__(self) -> None:
         require_ordered(self, "force_share")
         if self.force_share[0] == self.force_share[1]:
             raise ValueError("force_share must rise from its first number to its second")
-        require_positive(self, "force_filter_s", "rise_s", "level_m")
+        require_positive(self, "force_filter_s", "rise_s", "level_m", "sensor_error_share", "sensor_filter_s")
+        require_not_negative(self, "sensor_trial_s")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Contact of each foot: from the ground's force on it, and from the controller's plan."""
+"""Contact of each foot: from the ground's force on it, and from the controller's plan.
+
+The force is a sensor's where there is one that agrees with the motors' torques, else it follows from these.
+"""
 
 import math
 
@@ -21,11 +24,19 @@ class ContactEstimator:
         even_force = GRAVITY_M_S2 * body.mass / legs.count
         low, high = config.force_share
         self._least_force, self._force_span = low * even_force, (high - low) * even_force
+        self._even_force = even_force
         self.probability = [1.0] * legs.count
+        self._error = np.full(legs.count, even_force)  # N, mean error of each sensor: at first not believed
+
+    @property
+    def believed(self) -> np.ndarray:
+        """Whose force sensor is believed, (legs,) bool; all False without sensors."""
+        return self._error < self._config.sensor_error_share * self._even_force
 
     def reset(self, sensed: Sensed) -> None:
         """Begin with all feet down."""
         self.probability = [1.0] * self._legs.count
+        self._error[:] = self._even_force
         outside = outside_torque(self._legs, sensed, sensed.joint_torque)
         self._observer.reset(outside, self._legs.gather(sensed.joint_velocity))
 
@@ -37,28 +48,28 @@ class ContactEstimator:
         up: np.ndarray,
         plan: np.ndarray | None,
         dt_s: float,
-        force: np.ndarray | None = None,
     ) -> list[float]:
         """Update with one set of readings.
 
         Args:
-            sensed: the readings.
+            sensed: the readings. Where torques are NaN (a recording without them), force sensors are
+                believed unchecked.
             rates: (legs, m) rad/s, of the joints.
             jacobian: (legs, 3, m) of the points of contact.
             up: (3,) vertical, base frame.
             plan: (legs,) planned contact in [0, 1], or None without a plan. A planned contact counts as far
                 as the force on the foot agrees.
             dt_s: time since the readings before.
-            force: (legs,) N, upwards, that force sensors measure; None: from the motors' torque.
 
         Returns:
             The probability of each foot, in [0, 1].
         """
         config = self._config
-        if force is None:
-            outside = outside_torque(self._legs, sensed, sensed.joint_torque)
-            torque = self._observer.update(outside, rates, dt_s)
-            force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
+        outside = outside_torque(self._legs, sensed, sensed.joint_torque)
+        torque = self._observer.update(outside, rates, dt_s)
+        force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
+        if len(sensed.foot_force):
+            force = self._by_sensors(sensed.foot_force, force, dt_s)
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
@@ -69,3 +80,13 @@ class ContactEstimator:
             # Contact is lost at once and gained slowly: a foot that lands bounces and slips first.
             self.probability[leg] = present if present < before else before + share * (present - before)
         return self.probability
+
+    def _by_sensors(self, measured: np.ndarray, expected: np.ndarray, dt_s: float) -> np.ndarray:
+        """Forces of believed sensors, and of the others those that follow from torques, N, (legs,)."""
+        error = np.abs(measured - expected)
+        error[np.isnan(measured)] = 2.0 * self._even_force  # a silent sensor has to prove itself again
+        error[np.isnan(expected)] = 0.0
+        share = 1.0 - math.exp(-dt_s / self._config.sensor_filter_s)
+        self._error += share * (error.clip(max=2.0 * self._even_force) - self._error)
+        use = (self.believed | np.isnan(expected)) & ~np.isnan(measured)
+        return np.nan_to_num(np.where(use, measured, expected))

@@ -17,6 +17,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
+DOUBTED = "the force sensor of {} is silent or contradicts the motors: its contact follows from torques alone"
 _SOME_CONTACT = 0.5  # sum of contacts below which the height is not measured
 
 
@@ -34,6 +35,9 @@ class BaseEstimator:
         self._imu = imu_position(robot)
         self._radius = self._legs.foot_radius
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
+        self._feet = [foot.name for foot in robot.description.feet]
+        self._doubted = np.zeros(len(self._feet), bool)  # force sensors that a note names
+        self.notes: list[str] = []  # each once
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
         self.motion = MotionFilter(self._config.filter)
@@ -52,6 +56,7 @@ class BaseEstimator:
             self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
+        self._since_rest_s = 0.0
         self.start()
 
     def start(self) -> None:
@@ -71,16 +76,13 @@ class BaseEstimator:
         self._drift.fell()
         self.motion.begin_at((place + self._rotation @ self._imu).tolist())
 
-    def update(
-        self, sensed: Sensed, stance: np.ndarray | None, dt_s: float, force: np.ndarray | None = None
-    ) -> tuple[np.ndarray, float]:
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
         """Update with one set of readings.
 
         Args:
             sensed: the readings.
             stance: (legs,) planned contact in [0, 1], or None without a plan.
             dt_s: time since the readings before.
-            force: (legs,) N, upwards, that force sensors at the feet measure; None without such sensors.
 
         Returns:
             The base origin's velocity in the body frame, (3,) m/s, and its height above the centre of
@@ -91,7 +93,10 @@ class BaseEstimator:
         jacobian = self._take(sensed)
         rotation, rows, across = self._rotation, self._rotation.tolist(), skew(self._turning).T
         rates = self._legs.gather(sensed.joint_velocity)
-        contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s, force)
+        contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
+        self._since_rest_s += dt_s
+        if self._since_rest_s > self._config.contact.sensor_trial_s and len(sensed.foot_force):
+            self._note_doubts(~self._contact.believed)
         # Velocity of the points of contact relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
@@ -160,6 +165,12 @@ class BaseEstimator:
         if self._points.round:
             return pose.jacobian + self._legs.rolling_offset(pose.axes, up)
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
+
+    def _note_doubts(self, doubted: np.ndarray) -> None:
+        """Note which force sensors are not believed, (legs,) bool."""
+        for foot in np.flatnonzero(doubted & ~self._doubted):
+            self.notes.append(DOUBTED.format(self._feet[foot]))
+        self._doubted |= doubted
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:
         """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs."""

@@ -14,7 +14,7 @@ from footfall.deploy.log_file import LogFile, read_log
 TEXTS = ("/state", "/notes", "/policy/changes")
 NUMBERS = {  # topics whose messages end in numbers of float64
     "/joint_states", "/joint_commands", "/joint_gains", "/reading_ages", "/imu/data", "/motor_health",
-    "/cmd_vel", "/odom", "/contacts", "/loop_timing",
+    "/cmd_vel", "/odom", "/contacts", "/foot_forces", "/loop_timing",
     "/policy/command",
 }  # fmt: skip
 

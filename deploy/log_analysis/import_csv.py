@@ -73,7 +73,7 @@ def import_recording(
     if quaternion is None:
         quaternion = attitudes(recorded, config.attitude)
     torque = np.zeros_like(recorded.position) if recorded.torque is None else recorded.torque
-    estimator = None
+    unknown, estimator = np.full(torque.shape[1], np.nan), None
     if recorded.torque is not None or recorded.force is not None:
         estimator = BaseEstimator(robot, config)
     log = McapLog(out, robot, _Recording(), {"bus": "recording", "recording": source}, may_wait=True)
@@ -96,9 +96,12 @@ def import_recording(
             log.tick(now_us, sensed, health, None)
             if estimator is None:
                 continue
+            if recorded.force is not None:
+                sensed = sensed._replace(foot_force=recorded.force[row])
+                if recorded.torque is None:
+                    sensed = sensed._replace(joint_torque=unknown)
             if row:
-                force = None if recorded.force is None else recorded.force[row]
-                estimator.update(sensed, None, 1e-6 * (now_us - before_us), force)
+                estimator.update(sensed, None, 1e-6 * (now_us - before_us))
             else:
                 estimator.reset(sensed)
             before_us = now_us

@@ -118,6 +118,8 @@ class Encoder:
         w, xyz = part["quaternion"][:8], part["quaternion"][8:]
         imu = messages.imu().fill(time_ns, xyz, w, part["gyro"], part["acceleration"])
         self._put("/imu/data", time_ns, imu)
+        if part["foot_force"]:
+            self._array("/foot_forces", time_ns, part["foot_force"])
         self._transforms.readings(time_ns, part["joint_position"], part["quaternion"])
         self._scene.readings(time_ns, part)
         self._health.tell(time_ns)

@@ -34,6 +34,7 @@ TOPICS = {
     "/joint_commands": Topic("sensor_msgs/msg/JointState"),  # targets and feed-forward torque that went out
     "/joint_gains": Topic("std_msgs/msg/Float64MultiArray"),  # stiffness and damping that went out
     "/imu/data": Topic("sensor_msgs/msg/Imu"),
+    "/foot_forces": Topic("std_msgs/msg/Float64MultiArray"),  # that press on the feet, N; NaN for unknown
     "/reading_ages": Topic("std_msgs/msg/Float64MultiArray"),  # of each motor's reading and of the IMU's, s
     "/motor_health": Topic("std_msgs/msg/Float64MultiArray", latched=True),  # °C, V, error codes
     "/cmd_vel": Topic("geometry_msgs/msg/TwistStamped"),  # the policy's command

@@ -54,16 +54,33 @@ class TestContact:
             found = contact.update(sensed, rates, jacobian, UP, plan, 0.002)
         return np.array(found)
 
-    def test_force_sensors_count_more_than_torques(self) -> None:
-        """Motors that carry the robot, and feet of which only the first two are loaded."""
-        even = 9.81 * ROBOT.legs.mass / 4
-        sensed = carried(ROBOT, np.outer(np.full(4, even), UP))
+    EVEN = 9.81 * nominal_body(ROBOT).mass / 4
+    SENSED = carried(ROBOT, np.outer(np.full(4, EVEN), UP))
+
+    def test_force_sensors_count_more_than_torques_that_nearly_agree(self) -> None:
+        sensed = self.SENSED._replace(foot_force=self.EVEN * np.array([1.0, 0.75, 0.65, 0.55]))
+        found = self.after(ROBOT, self.begun(ROBOT, sensed), sensed, 1000)
+        np.testing.assert_allclose(found, [1.0, 0.55 / 0.6, 0.75, 0.35 / 0.6], atol=0.01)
+
+    def test_sensors_that_contradict_the_torques_do_not_count(self) -> None:
+        sensed = self.SENSED._replace(foot_force=self.EVEN * np.array([0.0, 0.3, np.nan, -9.0]))
         contact = self.begun(ROBOT, sensed)
-        rates = ROBOT.legs.gather(sensed.joint_velocity)
-        jacobian = ROBOT.legs.pose(sensed.joint_position).jacobian
-        force = np.array([even, 0.5 * even, 0.1 * even, 0.0])
-        for _ in range(200):
-            found = contact.update(sensed, rates, jacobian, UP, None, 0.002, force)
+        np.testing.assert_allclose(self.after(ROBOT, contact, sensed, 1000), 1.0, atol=0.01)
+        assert not contact.believed.any()
+
+    def test_a_sensor_that_falls_silent_has_to_prove_itself_again(self) -> None:
+        sensed = self.SENSED._replace(foot_force=np.full(4, 0.8 * self.EVEN))
+        contact = self.begun(ROBOT, sensed)
+        self.after(ROBOT, contact, sensed, 1000)
+        assert contact.believed.all()
+        self.after(ROBOT, contact, sensed._replace(foot_force=np.full(4, np.nan)), 200)
+        assert not contact.believed.any()
+
+    def test_without_torques_sensors_are_believed(self) -> None:
+        """A recording that has none."""
+        force = self.EVEN * np.array([1.0, 0.5, 0.1, np.nan])
+        sensed = self.SENSED._replace(foot_force=force, joint_torque=np.full(12, np.nan))
+        found = self.after(ROBOT, self.begun(ROBOT, self.SENSED), sensed, 200)
         np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 0.0], atol=0.01)
 
     @pytest.mark.parametrize("name", ["go1", "hexapod"])

@@ -360,6 +360,7 @@ class TestWritten:
             "robot_folder": str(go1.folder),
             "robot_digest": go1.digest,
             "joints": list(go1.joint_names),
+            "foot_sensors": 0,
             "contract": None,
             "seed": 5,
         }

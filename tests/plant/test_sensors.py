@@ -156,8 +156,8 @@ def true_readings(robot: Robot) -> np.ndarray:
 
 
 class TestEveryReading:
-    def test_motors_and_imu_report_all_that_is_sensed(self) -> None:
-        assert sorted((*MOTORS, *IMU)) == sorted(SENSED)
+    def test_motors_imu_and_feet_report_all_that_is_sensed(self) -> None:
+        assert sorted((*MOTORS, *IMU, "foot_force")) == sorted(SENSED)
 
     @pytest.mark.parametrize("name", MORE_READINGS)
     def test_its_noise_acts_in_training_on_the_plant_and_in_the_log(

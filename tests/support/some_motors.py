@@ -44,6 +44,7 @@ def two_motors(
         timeout_s=np.array([0.1, 0.1]),
         watchdog_endpoints=np.zeros((2, 2), int),
         joint_names=("hip", "knee"),
+        foot_channel=np.zeros(0, np.intp),
     )
 
 

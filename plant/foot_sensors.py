@@ -1,0 +1,51 @@
+"""Force sensors at the simulated robot's feet: the ground's force with delay and errors, as CAN frames."""
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from footfall.deploy.drivers import foot_force
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.domain_rand.foot_force import measured, randomised_sensors
+from footfall.domain_rand.sample import Sample, delay_s
+
+SEED = 0xF007  # beside an episode's own: other draws stay what they are
+
+
+class SimulatedFootSensors:
+    """One sensor at each foot. All take their samples at the same times."""
+
+    def __init__(
+        self, wiring: Wiring, force: Callable[[], np.ndarray], sample: Sample, step_s: float, seed: int
+    ) -> None:
+        """`force` returns the normal force on each foot in the last physics step, N, (feet,)."""
+        feet = len(wiring.foot_channel)
+        late_s = delay_s(sample, "readings")
+        self._force, self._sensors = force, randomised_sensors(sample)
+        steps = 0 if late_s is None else round(float(late_s) / step_s)
+        self._past: deque[np.ndarray] = deque(maxlen=steps + 1)
+        self._rng = np.random.default_rng([seed, SEED])
+        self._frames = Frames(
+            wiring.foot_channel,
+            foot_force.identifiers(feet),
+            np.zeros((feet, 8), np.uint8),
+            np.full(feet, foot_force.LENGTH),
+        )
+        self._counter = 0
+        self.silent = np.zeros(feet, bool)  # sensors that send nothing, to be set from outside
+        self.lie: Callable[[np.ndarray], np.ndarray] | None = None  # changes what they report, N, (feet,)
+
+    def remember(self) -> None:
+        """Keep the present forces, to be read after the observation delay. Call at each physics step."""
+        self._past.append(self._force())
+
+    def sample(self) -> Frames:
+        """The frames of the next sample."""
+        found = measured(self._past[0], self._sensors, self._rng.random(len(self.silent)))
+        if self.lie is not None:
+            found = self.lie(found)
+        self._counter += 1
+        frames = self._frames._replace(data=foot_force.encode(found, self._counter))
+        return frames.take(~self.silent) if self.silent.any() else frames

@@ -1,0 +1,168 @@
+"""Force sensors at the feet: frames, simulated robot, log, and the estimator's trust in them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from some_motors import frame
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import foot_force
+from footfall.deploy.drivers.choice import filters_of, open_driver
+from footfall.deploy.drivers.foot_force import FootForceReader
+from footfall.deploy.frames import Frames
+from footfall.deploy.log_analysis.columns import read_columns
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.replay import replay
+from footfall.deploy.wiring import wire
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.trace import Trace
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+
+Lie = Callable[[SimulatedRobot], None]
+FORWARD = np.array([0.3, 0.0, 0.0])
+
+
+def equipped(robot: Robot) -> Robot:
+    """The robot with a force sensor at each foot, on the bus of the foot's leg."""
+    description = robot.description
+    bus_of = {joint.name: joint.bus for joint in description.joints}
+    feet = tuple(replace(foot, force_bus=bus_of[foot.joints[0]]) for foot in description.feet)
+    return replace(robot, description=replace(description, feet=feet))
+
+
+@pytest.fixture(scope="module")
+def sensing() -> Robot:
+    return equipped(load_robot("go1"))
+
+
+class TestFrames:
+    def test_a_frame_worked_out_by_hand(self) -> None:
+        """123.4 N are 1234 = 0x04d2 units; -1 N is 0xfff6; the range ends at 0x7fff; the counter follows."""
+        data = foot_force.encode(np.array([123.4, -1.0, 1e9]), 0x0102)
+        assert [row[:4].tobytes().hex(" ") for row in data] == ["04 d2 01 02", "ff f6 01 02", "7f ff 01 02"]
+
+    def test_a_force_counts_until_its_sensor_repeats_itself(self) -> None:
+        reader = FootForceReader(np.array([0, 1]))
+        assert np.isnan(reader.force(0)).all()
+        reader.absorb(frame(0x311, "04 d2 00 01", channel=1), 1_000)
+        np.testing.assert_allclose(reader.force(20_999), [np.nan, 123.4])
+        reader.absorb(frame(0x311, "04 d2 00 01", channel=1), 20_000)
+        assert np.isnan(reader.force(21_000)).all()
+
+    @pytest.mark.parametrize(
+        "other", [frame(0x310, "04 d2 00 01", channel=1), frame(0x310, "04 d2 00", channel=0)]
+    )
+    def test_frames_of_another_bus_and_short_ones_are_left_out(self, other: Frames) -> None:
+        reader = FootForceReader(np.array([0, 1]))
+        reader.absorb(other, 0)
+        assert np.isnan(reader.force(0)).all()
+
+    def test_interfaces_let_them_through(self, go1: Robot, sensing: Robot) -> None:
+        def passes(robot: Robot, identifier: int) -> bool:
+            filters = filters_of(wire(robot))
+            return any(identifier & each["can_mask"] == each["can_id"] for each in filters)
+
+        assert passes(sensing, 0x313)
+        assert not passes(go1, 0x313)
+
+
+class TestDeclaration:
+    def written(self, folder: Path, **buses: str) -> Path:
+        """Force sensors on these buses, by foot."""
+        path = folder / "robot.yaml"
+        content = yaml.safe_load(path.read_text())
+        for foot in content["feet"]:
+            if foot["name"] in buses:
+                foot["force_bus"] = buses[foot["name"]]
+        path.write_text(yaml.safe_dump(content))
+        return folder
+
+    def test_policies_fit_the_robot_with_sensors(self, own_folder: Path, go1: Robot) -> None:
+        feet = {foot.name: "feet" for foot in go1.description.feet}
+        robot = load_robot(self.written(own_folder, **feet))
+        assert robot.foot_sensors == 4
+        assert robot.digest == go1.digest
+        assert wire(robot).buses[-1] == "feet"
+
+    def test_one_foot_alone_is_refused(self, own_folder: Path, go1: Robot) -> None:
+        with pytest.raises(UserError, match="force_bus"):
+            load_robot(self.written(own_folder, **{go1.description.feet[2].name: "can0"}))
+
+    def test_an_identifier_of_a_motor_is_refused(self, sensing: Robot) -> None:
+        """In MIT mode a motor's id is its identifier: here one of the first foot's sensor."""
+        wiring = wire(sensing)
+        taken = wiring.motor_id.copy()
+        taken[0] = 0x310
+        with pytest.raises(UserError, match="0x310"):
+            open_driver(replace(wiring, motor_id=taken))
+
+    def test_their_errors_need_sensors(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="foot_force_scale"):
+            walk(go1, None, sample={"foot_force_scale": np.ones(4)})
+
+
+def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:
+    """mpc, which walks on the estimate, with sensors that begin to lie 0.4 s later."""
+
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if lie is not None and loop.walking and loop.walking_s > 0.4:
+            lie(body)
+
+    episode = Episode(command_source=lambda _: FORWARD, duration_s=duration_s, **settings)  # type: ignore[arg-type]
+    return run_episode(robot, load_policy("mpc", robot), episode, watch)
+
+
+def silent(body: SimulatedRobot) -> None:
+    assert body.foot_sensors is not None
+    body.foot_sensors.silent[:] = True
+
+
+def says(force_n: float) -> Lie:
+    def lie(body: SimulatedRobot) -> None:
+        assert body.foot_sensors is not None
+        body.foot_sensors.lie = lambda true: np.full_like(true, force_n)
+
+    return lie
+
+
+def exchanged(body: SimulatedRobot) -> None:
+    """Front feet have the plugs of hind ones."""
+    assert body.foot_sensors is not None
+    body.foot_sensors.lie = lambda true: np.roll(true, 2)
+
+
+class TestWalk:
+    @pytest.mark.parametrize("lie", [silent, says(0.0), says(3000.0), says(-50.0), exchanged])
+    def test_no_sensor_fells_the_robot(self, sensing: Robot, lie: Lie) -> None:
+        trace = walk(sensing, lie, 2.0)
+        assert not trace.fell
+        assert not trace.faults
+        assert sum("force sensor" in note for note in trace.notes) == 4
+        assert np.abs(trace.estimated_velocity - trace.base_velocity)[-20:, 0].mean() < 0.005
+
+    def test_forces_are_logged_with_the_errors_of_their_sensors(self, sensing: Robot, tmp_path: Path) -> None:
+        """A log of the run is replayed, too: forces are among what a policy is given."""
+        log = tmp_path / "walk.mcap"
+        sample = {
+            "foot_force_scale": np.array([1.0, 1.2, 1.0, 1.0]),
+            "foot_force_offset_n": np.array([0.0, 0.0, 10.0, 0.0]),
+            "foot_force_noise_n": np.array([0.0, 0.0, 0.0, 5.0]),
+        }
+        trace = walk(sensing, None, 0.4, sample=sample, log=log)
+        assert not trace.notes
+        columns = read_columns(log)
+        time_s, logged = columns.column("/foot_forces", 4)
+        still = (time_s > 0.5) & (time_s < 0.9)
+        mean, spread = logged[still].mean(axis=0), logged[still].std(axis=0)
+        even = 9.81 * sensing.legs.mass / 4
+        np.testing.assert_allclose(
+            mean, even * np.array([1.0, 1.2, 1.0, 1.0]) + [0.0, 0.0, 10.0, 0.0], atol=6.0
+        )
+        assert spread[3] > 2.0 > spread[:3].max()
+        assert replay(log, load_policy("mpc", sensing)).worst_difference == 0.0
