@@ -4,13 +4,17 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+from footfall.common.errors import UserError
 from footfall.common.held import held
 from footfall.deploy.bus import HOST_QUEUE, Bus
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.python_can_bus import MULTICAST, MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
+from footfall.deploy.serial_line import SerialLine, WithSerialLine
 from footfall.deploy.socketcan_bus import SOCKETCAN, SocketCanBus
+from footfall.robots.robot_yaml import SERIAL
 
 VIRTUAL = "virtual"
+SIMULATED = (VIRTUAL, MULTICAST)  # a serial line's frames travel there like all others
 
 
 def open_interfaces(
@@ -27,6 +31,16 @@ def open_interfaces(
     Raises:
         UserError: there is no such kind of interface, or a bus of it cannot be opened.
     """
+    serial = next((name for name in names if name.startswith(SERIAL)), None)
+    if serial is not None and kind not in SIMULATED:
+        channel = names.index(serial)
+        line = SerialLine(serial, channel)
+        try:
+            others = names[:channel] + names[channel + 1 :]
+            return WithSerialLine(open_interfaces(kind, others, filters, queue_frames), line, channel)
+        except UserError:
+            line.close()
+            raise
     if kind == SOCKETCAN:
         return SocketCanBus(names, filters, queue_frames)
     return PythonCanBus(kind, names, filters, queue_frames)

@@ -212,6 +212,11 @@ class JointLayer:
         """Number of the IMU's frames so far that were older than its latest reading."""
         return self._receiver.imu_older
 
+    @property
+    def imu_damaged(self) -> int:
+        """Number of the IMU's messages so far that were left out for a wrong checksum."""
+        return self._receiver.imu_damaged
+
     def last_heard(self) -> LastHeard:
         """Arrival times of the latest readings."""
         return self._receiver.last_heard()

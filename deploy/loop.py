@@ -152,6 +152,11 @@ class ControlLoop:
         return self._joints.battery
 
     @property
+    def imu_damaged(self) -> int:
+        """Number of the IMU's messages so far that were left out for a wrong checksum."""
+        return self._joints.imu_damaged
+
+    @property
     def target(self) -> np.ndarray:
         """Position targets that went out last, rad, (n,)."""
         return self._joints.target

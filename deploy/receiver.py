@@ -118,6 +118,11 @@ class Receiver:
         """Number of the IMU's samples so far that were older than its latest; 0 if its driver has none."""
         return getattr(self._imu, "older", 0)
 
+    @property
+    def imu_damaged(self) -> int:
+        """Number of the IMU's messages so far with a wrong checksum; 0 if its driver checks none."""
+        return getattr(self._imu, "damaged", 0)
+
     def health(self, now_us: int) -> MotorHealth:
         """Age of the latest readings and state of the motors."""
         motor_us, imu_us, error = self.last_heard()

@@ -208,7 +208,7 @@ def run_session(
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
-            notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop)),
+            notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop), *_damaged(loop)),
         )
 
 
@@ -244,6 +244,11 @@ def _unheard(loop: ControlLoop) -> list[str]:
         ),
     )
     return [note.format(", ".join(motors)) for note, motors in notes if motors]
+
+
+def _damaged(loop: ControlLoop) -> list[str]:
+    count = loop.imu_damaged
+    return [f"{count} of the IMU's messages had a wrong checksum and were left out"] if count else []
 
 
 def _estimate(

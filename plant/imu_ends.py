@@ -1,13 +1,15 @@
 """Simulated IMUs: readings to frames."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.common.outside import find
-from footfall.deploy.drivers import imu
+from footfall.deploy.drivers import imu, vectornav, xbus, xsens_can
 from footfall.deploy.drivers.choice import imu_driver_class
+from footfall.deploy.drivers.serial_imu import Sample, to_frames
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
@@ -48,6 +50,44 @@ class InertialImuEnd(FootfallImuEnd):
     """The same without orientation."""
 
     identifiers = imu.IDS[:2]
+
+
+class XsensCanEnd:
+    """An Xsens MTi on CAN."""
+
+    def __init__(self, channel: int) -> None:
+        self._channel, self._id = np.full(len(xsens_can.IDS), channel), np.array(xsens_can.IDS)
+        self._length = np.array([xsens_can.LENGTHS[identifier] for identifier in xsens_can.IDS])
+        self._counter = 0
+
+    def encode(self, reading: imu.Inertial) -> Frames:
+        self._counter += 1
+        return Frames(self._channel, self._id, xsens_can.encode(reading, self._counter), self._length)
+
+
+class SerialEnd:
+    """An IMU on a serial port. Its bytes take the time of CAN frames: the simulated wires know no other."""
+
+    message: Callable[[Sample], bytes]  # of a sample
+
+    def __init__(self, channel: int) -> None:
+        self._channel, self._counter = channel, 0
+
+    def encode(self, reading: imu.Inertial) -> Frames:
+        self._counter += 1
+        return to_frames(self._channel, self.message(Sample(self._counter, reading)))
+
+
+class XbusEnd(SerialEnd):
+    """An Xsens MTi on a serial port."""
+
+    message = staticmethod(xbus.encode)
+
+
+class VectorNavEnd(SerialEnd):
+    """A VectorNav VN-100: one sample each millisecond, by its own clock."""
+
+    message = staticmethod(vectornav.encode)
 
 
 def open_imu_end(wiring: Wiring) -> ImuEnd:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import mujoco
 import numpy as np
 
-from footfall.robots.robot_yaml import Description, Foot
+from footfall.robots.robot_yaml import SERIAL, Description, Foot
 from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
 
@@ -30,6 +30,9 @@ def inconsistencies(description: Description) -> Iterator[str]:
     sensors = [foot.force_bus for foot in description.feet if foot.force_bus is not None]
     buses = {*(joint.bus for joint in description.joints), description.imu_bus, *sensors}
     frame = description.stop_inputs.frame
+    on_can = {*(joint.bus for joint in description.joints), *sensors, *([] if frame is None else [frame.bus])}
+    for bus in sorted(each for each in on_can if each.startswith(SERIAL)):
+        yield f"bus '{bus}': motors, force sensors and stop frames are on CAN; a serial port carries an IMU"
     if frame is not None and frame.bus not in buses:
         yield f"stop_inputs.frame: no joint and no IMU is on bus '{frame.bus}' ({', '.join(sorted(buses))})"
     without = [joint.name for joint in description.joints if joint.lying_rad is None]

@@ -16,6 +16,7 @@ from footfall.robots.battery import Battery
 from footfall.robots.commands import CommandRange
 from footfall.robots.stop_inputs import StopInputs
 
+SERIAL = "serial:"  # begins the name of a bus that is a serial port: serial:/dev/ttyUSB0@921600
 MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
 
 
@@ -118,7 +119,7 @@ class Description:
     motors: dict[str, MotorType]
     joints: tuple[JointEntry, ...]
     feet: tuple[Foot, ...]
-    imu_bus: str
+    imu_bus: str  # a CAN bus, or SERIAL and a port
     commands: CommandRange  # of the scenarios
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)

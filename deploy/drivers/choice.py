@@ -19,13 +19,20 @@ from footfall.deploy.drivers.mixed import MixedDriver
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.drivers.oriented_imu import OrientedImu
 from footfall.deploy.drivers.robstride import RobstrideDriver
+from footfall.deploy.drivers.vectornav import VectorNavImu
+from footfall.deploy.drivers.xbus import XbusImu
+from footfall.deploy.drivers.xsens_can import XsensCanImu
 from footfall.deploy.estimation.config import AttitudeConfig
 from footfall.deploy.wiring import Wiring
+from footfall.robots.robot_yaml import SERIAL
 
 DRIVERS: tuple[type[MotorDriver], ...] = (MitDriver, DamiaoDriver, RobstrideDriver, OdriveDriver)
 IMU_DRIVERS: dict[str, type[ImuDriver]] = {  # by imu_protocol of robot.yaml
     "footfall": ImuReader,
     "footfall-inertial": InertialReader,
+    "vectornav": VectorNavImu,
+    "xsens": XbusImu,
+    "xsens-can": XsensCanImu,
 }
 
 _BY_MODEL = {model: driver for driver in DRIVERS for model in driver.models}
@@ -98,9 +105,13 @@ def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDrive
         attitude: settings of the filter; None for the defaults.
 
     Raises:
-        UserError: as for `imu_driver_class`.
+        UserError: as for `imu_driver_class`, or it is on the wrong kind of bus.
     """
     driver = imu_driver_class(wiring.imu_protocol)(wiring.imu_channel)
+    bus = wiring.buses[wiring.imu_channel]
+    if getattr(driver, "serial", False) != bus.startswith(SERIAL):
+        kind = "a CAN bus" if bus.startswith(SERIAL) else f"a serial port, such as {SERIAL}/dev/ttyUSB0"
+        raise UserError(f"imu_protocol '{wiring.imu_protocol}' needs {kind} as imu_bus, not '{bus}'")
     if getattr(driver, "orientation", True):
         return driver
     return OrientedImu(driver, attitude or AttitudeConfig())

@@ -3,7 +3,8 @@
 A driver of one's own is a class that `imu_protocol` in robot.yaml names as MODULE:NAME. It may have `older`,
 the number of samples so far that were older than the latest: then replays are noticed by their counters, too.
 The driver of an IMU that gives no orientation has `orientation = False`, and any unit quaternion in its
-readings: an attitude filter replaces it (`oriented_imu.py`).
+readings: an attitude filter replaces it (`oriented_imu.py`). One on a serial port has `serial = True`, and
+reads its bytes in frames (`serial_imu.py`); `damaged` counts messages with a wrong checksum.
 """
 
 from typing import Protocol

@@ -36,6 +36,11 @@ class OrientedImu:
         """Number of samples so far that were older than the latest one."""
         return getattr(self._driver, "older", 0)
 
+    @property
+    def damaged(self) -> int:
+        """Number of messages so far with a wrong checksum."""
+        return getattr(self._driver, "damaged", 0)
+
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames; a new sample advances the attitude by the time since the one before."""
         self._driver.absorb(frames, now_us)

@@ -1,0 +1,68 @@
+"""VectorNav VN-100 on a serial port: a binary output message, after the manual UM001.
+
+A message is 0xFA, groups (one byte), fields of each group (two bytes), content, checksum. Content is
+little-endian, the checksum (CRC-16-CCITT over all bytes but the first) big-endian. This driver reads one
+message, group 1 with the fields 0x0131:
+
+| field | content |
+| --- | --- |
+| 0 | time since start, uint64, ns |
+| 4 | quaternion x y z w, x forward and z down, to a world whose z is down |
+| 5 | rate of turn, 3 float32, rad/s |
+| 8 | acceleration, 3 float32, m/s^2, gravity included |
+
+The time in whole milliseconds is the sample counter: the sensor sends 800 messages a second at most. Readings
+and world are turned half about x, to y left and z up.
+"""
+
+import binascii
+import struct
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.drivers.sample_counter import COUNTS
+from footfall.deploy.drivers.serial_imu import SYNC, Sample, SerialImu
+
+HEADER = bytes((SYNC, 0x01, 0x31, 0x01))
+TICK_NS = 1_000_000
+_CONTENT = struct.Struct("<Q4f3f3f")
+LENGTH = len(HEADER) + _CONTENT.size + 2
+
+
+class VectorNavImu(SerialImu):
+    """A VectorNav VN-100, with orientation."""
+
+    imu_end = "footfall.plant.imu_ends:VectorNavEnd"
+
+    @staticmethod
+    def length_of(waiting: bytes) -> int | None:
+        return LENGTH if HEADER.startswith(waiting[: len(HEADER)]) else 0
+
+    @staticmethod
+    def is_intact(message: bytes) -> bool:
+        return checksum(message[1:]) == 0
+
+    @staticmethod
+    def decode(message: bytes) -> Sample | None:
+        time_ns, x, y, z, w, *vectors = _CONTENT.unpack_from(message, len(HEADER))
+        gyro, acceleration = vectors[:3], vectors[3:]
+        reading = Inertial(_turned(gyro), _turned(acceleration), (w, x, -y, -z))
+        return Sample(time_ns // TICK_NS % COUNTS, reading)
+
+
+def checksum(content: bytes) -> int:
+    """CRC-16-CCITT, from 0; 0 over content and checksum together."""
+    return binascii.crc_hqx(content, 0)
+
+
+def _turned(vector: list[float] | tuple[float, ...]) -> tuple[float, float, float]:
+    """A vector after half a turn about x."""
+    x, y, z = vector
+    return x, -y, -z
+
+
+def encode(sample: Sample) -> bytes:
+    """The message of a sample; its time is `sample.counter` milliseconds."""
+    w, x, y, z = sample.reading.quaternion
+    gyro, acceleration = _turned(tuple(sample.reading.gyro)), _turned(tuple(sample.reading.acceleration))
+    content = _CONTENT.pack(sample.counter * TICK_NS, x, -y, -z, w, *gyro, *acceleration)
+    return HEADER + content + checksum(HEADER[1:] + content).to_bytes(2, "big")

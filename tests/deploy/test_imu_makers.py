@@ -1,0 +1,243 @@
+"""IMUs of other makers: messages of their documents, damaged and replayed samples, and a walk with each."""
+
+import os
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+
+from footfall.common.errors import UserError
+from footfall.deploy.bus import BusStatistics
+from footfall.deploy.drivers import vectornav, xbus
+from footfall.deploy.drivers.choice import open_imu
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.drivers.serial_imu import Sample, SerialImu, to_frames
+from footfall.deploy.drivers.vectornav import VectorNavImu
+from footfall.deploy.drivers.xbus import XbusImu
+from footfall.deploy.drivers.xsens_can import IDS, XsensCanImu
+from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
+from footfall.deploy.wiring import wire
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.imu_ends import XbusEnd, open_imu_end
+from footfall.policies.registry import load_policy
+from footfall.robots.checks import inconsistencies
+from footfall.robots.description import Robot
+
+PORT = "serial:/dev/ttyUSB0"
+BUS_OF = {"vectornav": PORT, "xsens": PORT, "xsens-can": "can0"}
+TILTED = Inertial((0.1, -0.25, 2.5), (1.5, -2.25, 9.75), (0.8, 0.0, 0.6, 0.0))
+
+# Movella, "MT low level communication protocol example": counter 57285, no quaternion.
+OF_MOVELLA = bytes.fromhex(
+    "FA FF 36 31 10 20 02 DF C5 10 60 04 00 45 9D A0 40 20 0C BE DC 9A FA 3F 54 9F 37 41 1C BB 70"
+    "80 20 0C BB AA 5C 80 3B 8C 55 01 BB 81 33 00 E0 20 04 00 00 00 81 45"
+)
+# VectorNav UM001, 4.3.7, example case 1: yaw, pitch and roll. (Case 2 has a misprint in its header.)
+OF_VECTORNAV = bytes.fromhex("FA 01 08 00 93 50 2E 42 83 3E F1 3F 48 B5 04 BB 92 88")
+
+
+def with_imu(robot: Robot, protocol: str, bus: str | None = None) -> Robot:
+    description = replace(robot.description, imu_protocol=protocol, imu_bus=bus or BUS_OF[protocol])
+    return replace(robot, description=description)
+
+
+def can_frames(*frames: tuple[int, str]) -> Frames:
+    contents = [bytes.fromhex(content) for _, content in frames]
+    data = np.frombuffer(b"".join(each.ljust(8, b"\0") for each in contents), np.uint8).reshape(-1, 8)
+    lengths = np.array([len(each) for each in contents])
+    return Frames(np.zeros(len(frames), int), np.array([each for each, _ in frames]), data, lengths)
+
+
+class TestDocumented:
+    def test_the_message_in_movellas_example_is_read(self) -> None:
+        assert XbusImu.length_of(OF_MOVELLA) == len(OF_MOVELLA)
+        assert XbusImu.is_intact(OF_MOVELLA)
+        assert XbusImu.decode(OF_MOVELLA) is None  # it holds no quaternion
+
+    def test_with_a_quaternion_that_example_is_a_sample(self) -> None:
+        body = OF_MOVELLA[4:-1] + bytes.fromhex("2010103F7F7DC4BC10107D3BA15770BD7EC656")
+        message = bytes((0xFA, 0xFF, 0x36, len(body))) + body
+        sample = XbusImu.decode(message + bytes((-sum(message[1:]) % 256,)))
+        assert sample is not None
+        assert sample.counter == 57285
+        np.testing.assert_allclose(sample.reading.acceleration, [-0.43087, 0.83055, 9.79576], atol=1e-5)
+        np.testing.assert_allclose(sample.reading.gyro, [-0.0051990, 0.0042826, -0.0039428], atol=1e-7)
+        np.testing.assert_allclose(
+            sample.reading.quaternion, [0.99801278, -0.00879299, 0.00492375, -0.06220087], atol=1e-8
+        )
+
+    def test_the_checksum_is_that_of_vectornavs_example(self) -> None:
+        assert VectorNavImu.is_intact(OF_VECTORNAV)
+        assert not VectorNavImu.is_intact(OF_VECTORNAV[:-1] + b"\x89")
+        assert VectorNavImu.length_of(OF_VECTORNAV) == 0  # another message than the driver's
+
+    def test_a_vectornav_lies_upside_down(self) -> None:
+        """At rest, nose up by 0.2 rad: its own axes are x forward, z down."""
+        half = 0.1
+        own = np.array([0.0, np.sin(half), 0.0, np.cos(half)], "<f4").tobytes()  # x y z w, pitch up
+        own += np.array([0.0, 0.3, 0.0, 9.81 * np.sin(0.2), 0.0, -9.81 * np.cos(0.2)], "<f4").tobytes()
+        head = vectornav.HEADER + (5_000_000).to_bytes(8, "little") + own
+        sample = VectorNavImu.decode(head + vectornav.checksum(head[1:]).to_bytes(2, "big"))
+        assert sample is not None
+        assert sample.counter == 5
+        np.testing.assert_allclose(sample.reading.gyro, [0.0, -0.3, 0.0], atol=1e-6)
+        np.testing.assert_allclose(
+            sample.reading.acceleration, [9.81 * np.sin(0.2), 0.0, 9.81 * np.cos(0.2)], atol=1e-5
+        )
+        np.testing.assert_allclose(
+            sample.reading.quaternion, [np.cos(half), 0.0, -np.sin(half), 0.0], atol=1e-6
+        )
+
+    def test_frames_of_an_mti_on_can_are_read_by_the_documents_units(self) -> None:
+        imu = XsensCanImu(0)
+        imu.absorb(
+            can_frames(
+                (0x006, "1234"),
+                (0x021, "7642 0000 0000 30FC"),  # yaw 45 degrees
+                (0x032, "0033 FF80 0500"),
+                (0x034, "0180 FDC0 09CF"),
+            ),
+            7000,
+        )
+        assert imu.heard_us == 7000
+        np.testing.assert_allclose(imu.reading.gyro, [51 / 512, -0.25, 2.5])
+        np.testing.assert_allclose(imu.reading.acceleration, [1.5, -2.25, 9.80859375])
+        np.testing.assert_allclose(imu.reading.quaternion, [0.92388, 0.0, 0.0, 0.38268], atol=1e-4)
+
+
+@pytest.mark.parametrize("protocol", BUS_OF)
+class TestEveryMaker:
+    def test_what_the_simulated_imu_sends_is_read_back(self, go1: Robot, protocol: str) -> None:
+        wiring = wire(with_imu(go1, protocol))
+        imu, end = open_imu(wiring), open_imu_end(wiring)
+        imu.absorb(end.encode(TILTED), 5000)
+        for part, sent in zip(imu.reading, TILTED, strict=True):
+            np.testing.assert_allclose(part, sent, atol=2e-3)
+        assert imu.heard_us == 5000
+
+    def test_repeated_samples_grow_old_and_older_ones_are_left_out(self, go1: Robot, protocol: str) -> None:
+        wiring = wire(with_imu(go1, protocol))
+        imu, end = open_imu(wiring), open_imu_end(wiring)
+        first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
+        for at, frames in enumerate((first, second, second, first)):
+            imu.absorb(frames, 1000 * at)
+        assert imu.heard_us == 1000
+        np.testing.assert_allclose(imu.reading.gyro, 0.0)
+        assert imu.older == 1  # type: ignore[attr-defined]
+
+    def test_a_policy_walks_with_it(self, go1: Robot, protocol: str) -> None:
+        episode = Episode(command_source=lambda _: np.array([0.6, 0.0, 0.0]), duration_s=2.0)
+        trace = run_episode(with_imu(go1, protocol), load_policy("go1-flat", go1), episode)
+        assert trace.faults == ()
+        assert not trace.fell
+        assert np.median(trace.base_velocity[50:, 0]) == pytest.approx(0.6, abs=0.1)
+
+    def test_it_is_refused_on_the_other_kind_of_bus(self, go1: Robot, protocol: str) -> None:
+        bus = "can0" if BUS_OF[protocol] == PORT else PORT
+        with pytest.raises(UserError, match="imu_bus"):
+            open_imu(wire(with_imu(go1, protocol, bus)))
+
+
+@pytest.mark.parametrize(("driver", "encode"), [(XbusImu, xbus.encode), (VectorNavImu, vectornav.encode)])
+class TestOnASerialLine:
+    def test_a_damaged_message_is_counted_and_the_next_one_is_read(self, driver: type, encode) -> None:
+        imu: SerialImu = driver(0)
+        damaged = bytearray(encode(Sample(1, TILTED._replace(gyro=(9.0, 9.0, 9.0)))))
+        damaged[30] ^= 4
+        imu.absorb(to_frames(0, b"noise" + damaged + encode(Sample(2, TILTED))), 3000)
+        np.testing.assert_allclose(imu.reading.gyro, TILTED.gyro, atol=1e-6)
+        assert imu.damaged >= 1
+        assert imu.heard_us == 3000
+
+    def test_a_message_may_come_byte_by_byte_and_half_of_one_may_be_lost(self, driver: type, encode) -> None:
+        imu: SerialImu = driver(0)
+        content = encode(Sample(1, TILTED))
+        imu.absorb(to_frames(0, content[:20]), 1000)  # the rest of it never comes
+        for at, byte in enumerate(encode(Sample(2, TILTED)) + encode(Sample(3, TILTED))):
+            imu.absorb(to_frames(0, bytes((byte,))), 2000 + at)
+        assert imu.heard_us == 2000 + 2 * len(content) - 1
+
+
+def test_wrong_checksums_are_told_after_a_run(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def encode(sample: Sample) -> bytes:
+        message = xbus.encode(sample)
+        return message if sample.counter % 50 else message[:-1] + b"\x00"
+
+    monkeypatch.setattr(XbusEnd, "message", staticmethod(encode))
+    robot = with_imu(go1, "xsens")
+    trace = run_episode(robot, Hold(robot), short_episode())
+    assert trace.faults == ()
+    assert any("checksum" in note for note in trace.notes)
+
+
+class NoCan:
+    """CAN interfaces on which nothing happens."""
+
+    def __init__(self) -> None:
+        self.sent: list[Frames] = []
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        self.sent.append(frames)
+        return 0
+
+    def receive(self, now_us: int) -> list[Frames]:
+        return []
+
+    def fault(self) -> str:
+        return ""
+
+    def statistics(self) -> list[BusStatistics]:
+        return [BusStatistics("can0"), BusStatistics("can1")]
+
+    def close(self) -> None:
+        pass
+
+
+class TestPort:
+    """A pseudo-terminal in the place of the IMU's cable."""
+
+    def test_bytes_of_a_port_reach_the_driver_beside_can(self) -> None:
+        far, near = os.openpty()
+        can = NoCan()
+        bus = WithSerialLine(can, SerialLine(f"serial:{os.ttyname(near)}@115200", 1), 1)
+        try:
+            os.write(far, xbus.encode(Sample(1, TILTED)))
+            imu, deadline = XbusImu(1), time.monotonic() + 5.0
+            while imu.heard_us is None and time.monotonic() < deadline:
+                for frames in bus.receive(4000):
+                    imu.absorb(frames, 4000)
+            assert imu.heard_us == 4000
+            bus.send(
+                no_frames()._replace(
+                    channel=np.array([0, 1, 2]),
+                    id=np.array(IDS[:3]),
+                    data=np.zeros((3, 8), np.uint8),
+                    length=np.full(3, 8),
+                ),
+                4000,
+            )
+            assert can.sent[0].channel.tolist() == [0, 1]
+            assert [each.name[:6] for each in bus.statistics()] == ["can0", "serial", "can1"]
+            os.close(far)
+            assert bus.receive(5000) == []
+            assert "serial" in bus.fault()
+        finally:
+            bus.close()
+            os.close(near)
+
+    def test_a_port_that_is_not_there_is_refused(self) -> None:
+        with pytest.raises(UserError, match="no_such_port"):
+            SerialLine("serial:/dev/no_such_port", 0)
+
+    @pytest.mark.parametrize("name", ["serial:", "serial:/dev/ttyS0@fast"])
+    def test_a_name_without_a_port_or_with_a_wrong_rate_is_refused(self, name: str) -> None:
+        with pytest.raises(UserError, match="named like"):
+            port_of(name)
+
+
+def test_motors_on_a_serial_port_are_refused(go1: Robot) -> None:
+    joints = (replace(go1.description.joints[0], bus=PORT), *go1.description.joints[1:])
+    assert any(PORT in each for each in inconsistencies(replace(go1.description, joints=joints)))
