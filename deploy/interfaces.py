@@ -8,6 +8,7 @@ from footfall.common.errors import UserError
 from footfall.common.held import held
 from footfall.deploy.bus import HOST_QUEUE, Bus
 from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.frames import takes_fd
 from footfall.deploy.python_can_bus import MULTICAST, MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.serial_line import SerialLine, WithSerialLine
 from footfall.deploy.socketcan_bus import SOCKETCAN, SocketCanBus
@@ -41,7 +42,7 @@ def open_interfaces(
         except UserError:
             line.close()
             raise
-    if kind == SOCKETCAN:
+    if kind == SOCKETCAN and not takes_fd(filters):
         return SocketCanBus(names, filters, queue_frames)
     return PythonCanBus(kind, names, filters, queue_frames)
 

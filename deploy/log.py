@@ -26,7 +26,7 @@ from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.log_numbers import flatten, input_sizes, odometry_numbers
-from footfall.deploy.log_records import FRAME, START, Kind, record
+from footfall.deploy.log_records import FD_FRAME, FRAME, START, Kind, record
 from footfall.deploy.log_store import LogStore, lock_name
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
@@ -39,6 +39,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.readings import sensed_sizes
 
+FD_KINDS = {Kind.RECEIVED: Kind.RECEIVED_FD, Kind.SENT: Kind.SENT_FD}
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
 LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
 
@@ -186,10 +187,16 @@ class McapLog:
 
     def frames(self, now_us: int, kind: Kind, frames: Frames) -> None:
         """CAN frames that arrived (`RECEIVED`) or went out (`SENT`)."""
+        if frames.data.shape[1] > 8:
+            self._put_frames(now_us, FD_KINDS[kind], FD_FRAME, frames.of_fd())
+            frames = frames.of_can()
+        self._put_frames(now_us, kind, FRAME, frames)
+
+    def _put_frames(self, now_us: int, kind: Kind, layout: struct.Struct, frames: Frames) -> None:
         times = repeat(now_us) if frames.time_us is None else frames.time_us.astype(np.int64).tolist()
         heads = zip(times, frames.channel.tolist(), frames.length.tolist(), frames.id.tolist(), strict=False)
         pairs = zip(heads, frames.data, strict=True)
-        content = b"".join(FRAME.pack(*head, data.tobytes()) for head, data in pairs)
+        content = b"".join(layout.pack(*head, data.tobytes()) for head, data in pairs)
         if content:
             self._put(record(kind, now_us, content))
 

@@ -6,6 +6,7 @@ from enum import IntEnum
 
 START = struct.Struct("<q")  # Unix time of time zero, ns: at the head of the first record
 FRAME = struct.Struct("<qBBI8s")  # of a CAN frame: time us, bus, length, identifier of `Frames`, data
+FD_FRAME = struct.Struct("<qBBI64s")  # of a CAN FD frame, likewise
 HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of the loop's clock
 
 
@@ -32,6 +33,8 @@ class Kind(IntEnum):
     BATTERY = 17  # (3,) voltage V, current A (negative: drawn), charge 0 to 1; NaN for unknown
     RECEIVED = 18  # CAN frames: for each, `FRAME`
     SENT = 19  # likewise
+    RECEIVED_FD = 20  # CAN FD frames: for each, `FD_FRAME`
+    SENT_FD = 21  # likewise
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

@@ -15,7 +15,7 @@ from footfall.common.installation import install
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import EXTENDED, Frames, bits_of
+from footfall.deploy.frames import EXTENDED, FD, LONGEST, NUMBER, Frames, bits_of, takes_fd
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
@@ -71,7 +71,7 @@ class PythonCanBus:
 
         @lru_cache(maxsize=MOST_FRAMES_AT_ONCE)
         def passes(identifier: int) -> bool:
-            return any((identifier ^ each) & mask == 0 for each, mask in wanted)
+            return any((identifier & ~FD ^ each) & mask == 0 for each, mask in wanted)
 
         self._passes = passes
         self._faults = [""] * len(names)
@@ -80,7 +80,7 @@ class PythonCanBus:
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
             try:
-                self._buses.append(_open(can, interface, index, name))
+                self._buses.append(_open(can, interface, index, name, takes_fd(filters)))
             except (OSError, can.CanError, ImportError, ValueError, TypeError) as error:
                 self.close()
                 why = " ".join(str(error).split())
@@ -101,8 +101,10 @@ class PythonCanBus:
         ):
             self._pacing.wait(channel, bits)
             message = self._can.Message(
-                arbitration_id=identifier & ~EXTENDED,
+                arbitration_id=identifier & NUMBER,
                 is_extended_id=bool(identifier & EXTENDED),
+                is_fd=bool(identifier & FD),
+                bitrate_switch=bool(identifier & FD),
                 data=data[:length].tobytes(),
                 check=False,
             )
@@ -128,11 +130,12 @@ class PythonCanBus:
         if not rows:
             return []
         channels, identifiers, contents, _ = zip(*rows, strict=True)
+        width = 8 if max(map(len, contents)) <= 8 else LONGEST
         return [
             Frames(
                 np.array(channels),
                 np.array(identifiers),
-                np.frombuffer(b"".join(c.ljust(8, b"\0") for c in contents), np.uint8).reshape(-1, 8),
+                np.frombuffer(b"".join(c.ljust(width, b"\0") for c in contents), np.uint8).reshape(-1, width),
                 np.array([len(content) for content in contents]),
                 time_us,
             )
@@ -197,11 +200,17 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
         return None
     data = bytes(message.data)
     identifier = operator.index(message.arbitration_id) | bool(message.is_extended_id) * EXTENDED
-    return (identifier, data, float(message.timestamp)) if len(data) <= 8 else None
+    fd = bool(message.is_fd)
+    if len(data) > (LONGEST if fd else 8):
+        return None
+    return identifier | fd * FD, data, float(message.timestamp)
 
 
-def _open(can: Any, interface: str, index: int, name: str) -> Any:
-    """Open one bus without python-can's filters: with them, `recv` returns None for a foreign frame, too."""
+def _open(can: Any, interface: str, index: int, name: str, fd: bool) -> Any:
+    """Open one bus, for CAN FD if `fd`.
+
+    It has none of python-can's filters: with them, `recv` returns None for a foreign frame, too.
+    """
     if interface == MULTICAST:
-        return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=False)
-    return can.Bus(interface=interface, channel=name)
+        return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=fd)
+    return can.Bus(interface=interface, channel=name, **({"fd": True} if fd else {}))

@@ -20,6 +20,7 @@ class Wiring:
     gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
     timeout_s: np.ndarray  # (n,) longest time without a command after which a motor must disable itself
     watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
+    drive_gains: np.ndarray  # (n, 2) a moteus' kp, N m per turn, and kd, N m s per turn; 0 for none
     joint_names: tuple[str, ...]
     foot_channel: np.ndarray  # (feet,) intp, of each foot's force sensor; (0,) without such sensors
 
@@ -33,6 +34,7 @@ class Wiring:
             gear_ratio=self.gear_ratio[joints],
             timeout_s=self.timeout_s[joints],
             watchdog_endpoints=self.watchdog_endpoints[joints],
+            drive_gains=self.drive_gains[joints],
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
@@ -60,6 +62,9 @@ def wire(robot: Robot) -> Wiring:
         timeout_s=robot.motor_figures("timeout_s"),
         watchdog_endpoints=np.array(
             [robot.description.motors[joint.motor].watchdog_endpoints or (0, 0) for joint in joints]
+        ),
+        drive_gains=np.array(
+            [robot.description.motors[joint.motor].drive_gains or (0.0, 0.0) for joint in joints]
         ),
         joint_names=robot.joint_names,
         foot_channel=np.array([buses.index(bus) for bus in of_feet], np.intp),

@@ -77,7 +77,7 @@ class SimulatedMotors:
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
         self.supply = SUPPLY  # V, and A of each motor, as they report it
-        self.commanded = False  # whether a command has reached enabled motors
+        self.commanded = False  # whether a command with gains or torque has reached enabled motors
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
@@ -94,7 +94,7 @@ class SimulatedMotors:
         while self._due and self._due[0][0] <= step:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
-            self.commanded |= self._any_enabled
+            self.commanded = self.commanded or (self._any_enabled and bool(values[2:].any()))
         late = self._watchdog.late(step, self.enabled) if self._any_enabled else None
         if late is not None:
             self.enabled &= ~late
@@ -171,6 +171,7 @@ class SimulatedMotors:
             self._due.append((step + self._delay_steps, motor, values))
         else:
             self._follow_each(step, requests._replace(values=values), readings)
+            self._watchdog.read_timeouts()
         self._watchdog.address(motor, step)
         return self._reply(motor, readings)
 
@@ -187,15 +188,22 @@ class SimulatedMotors:
                 self.enabled[motor] = True
                 self._watchdog.timed_out[motor] = False
             elif kind == Request.CLEAR:
-                self._watchdog.timed_out[motor], self.faults.latched[motor] = False, 0
+                self._clear(motor)
             elif kind == Request.DISABLE:
                 self.enabled[motor] = False
+            elif kind == Request.STOP:
+                self.enabled[motor] = False
+                self._clear(motor)
             elif kind == Request.ZERO:
                 self.encoder_bias[motor] -= readings[0, motor]
-            else:
+            elif kind == Request.COMMAND or not self._locked()[motor]:
+                self.enabled[motor] |= kind == Request.RUN
                 values = requests.values[:, row : row + 1]
                 self._due.append((step + self._delay_steps, np.array([motor]), values))
         self._note_enabled()
+
+    def _clear(self, motor: int) -> None:
+        self._watchdog.timed_out[motor], self.faults.latched[motor] = False, 0
 
     def _locked(self) -> np.ndarray:
         """Which motors cannot be enabled until their errors are cleared."""

@@ -27,7 +27,7 @@ class Plan:
 
 def precedence(identifier: np.ndarray) -> np.ndarray:
     """Precedence in arbitration, (k,): of two frames the one with the lower number wins."""
-    plain = identifier << 19  # 11 bits, then the IDE bit: 0 of a plain identifier, 1 of a long one
+    plain = (identifier & 0x7FF) << 19  # 11 bits, then the IDE bit: 0 of a plain identifier, 1 of a long one
     extended = identifier & 0x1FFF_FFFF
     long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
     return np.where(identifier >= EXTENDED, long, plain)

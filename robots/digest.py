@@ -71,7 +71,14 @@ def _counted(description: Description) -> Any:
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]
     for motor in content["motors"].values():
-        for name in ("protocol", "temperature_limit_c", "voltage_v", "timeout_s", "watchdog_endpoints"):
+        for name in (
+            "protocol",
+            "temperature_limit_c",
+            "voltage_v",
+            "timeout_s",
+            "watchdog_endpoints",
+            "drive_gains",
+        ):
             del motor[name]
         for name in NOMINALLY_ABSENT:
             if motor[name] == MotorType.__dataclass_fields__[name].default:

@@ -47,6 +47,7 @@ class MotorType:
     temperature_limit_c: float = 85.0  # windings and magnets are damaged from 100 on
     voltage_v: tuple[float, float] | None = None  # least and most at its supply; None for no limit
     watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
+    drive_gains: tuple[float, float] | None = None  # kp, kd that a moteus scales: N m, N m s per turn
     torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None for no lag
     stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
     stribeck_speed_rad_s: float | None = None  # half of it is left; None for 5 times friction_speed_rad_s

@@ -11,7 +11,7 @@ from footfall.common.outside import find, in_a_line
 from footfall.deploy.drivers.driver import Driver, MotorDriver, Replies
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import FD, LONGEST, Frames, no_frames
 from footfall.deploy.wiring import Wiring
 
 MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
@@ -120,7 +120,8 @@ def _check_frames(place: str, name: str, frames: Any) -> None:
     if not isinstance(frames, Frames):
         _refuse(place, name, f"{type(frames).__name__}, not Frames")
     k = len(frames.id)
-    for part, shape in (("channel", (k,)), ("id", (k,)), ("length", (k,)), ("data", (k, 8))):
+    width = LONGEST if (frames.id & FD != 0).any() else 8
+    for part, shape in (("channel", (k,)), ("id", (k,)), ("length", (k,)), ("data", (k, width))):
         _check_shape(place, f"{name} ({part})", getattr(frames, part), shape)
 
 

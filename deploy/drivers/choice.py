@@ -16,6 +16,7 @@ from footfall.deploy.drivers.imu import ImuReader, InertialReader
 from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.drivers.mixed import MixedDriver
+from footfall.deploy.drivers.moteus_driver import MoteusDriver
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.drivers.oriented_imu import OrientedImu
 from footfall.deploy.drivers.robstride import RobstrideDriver
@@ -26,7 +27,13 @@ from footfall.deploy.estimation.config import AttitudeConfig
 from footfall.deploy.wiring import Wiring
 from footfall.robots.robot_yaml import SERIAL
 
-DRIVERS: tuple[type[MotorDriver], ...] = (MitDriver, DamiaoDriver, RobstrideDriver, OdriveDriver)
+DRIVERS: tuple[type[MotorDriver], ...] = (
+    MitDriver,
+    DamiaoDriver,
+    RobstrideDriver,
+    OdriveDriver,
+    MoteusDriver,
+)
 IMU_DRIVERS: dict[str, type[ImuDriver]] = {  # by imu_protocol of robot.yaml
     "footfall": ImuReader,
     "footfall-inertial": InertialReader,

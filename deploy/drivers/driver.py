@@ -16,7 +16,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
 Motors = np.ndarray | slice  # joint indices (k,), or a slice of all joints
-CanFilter = dict[str, Any]  # as python-can takes it: can_id, can_mask, extended
+CanFilter = dict[str, Any]  # as python-can takes it: can_id, can_mask, extended; `fd` for CAN FD frames
 
 
 class Replies(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Driver, Replies
-from footfall.deploy.frames import Frames, joined
+from footfall.deploy.frames import Frames, joined, takes_fd
 
 Joints = np.ndarray  # indices
 
@@ -78,7 +78,11 @@ class MixedDriver:
         return tuple(joined([each[turn % len(each)] for each in batches]) for turn in range(turns))
 
     def replies(self, frames: Frames) -> Replies:
-        parts = [(driver.replies(frames), joints) for driver, joints in self._parts]
+        plain = frames.of_can()
+        parts = [
+            (driver.replies(frames if takes_fd(driver.filters) else plain), joints)
+            for driver, joints in self._parts
+        ]
         times = [replies.time_us for replies, _ in parts if replies.time_us is not None]
         return Replies(
             motor=np.concatenate([joints[replies.motor] for replies, joints in parts]),

@@ -131,6 +131,12 @@ bool is_extended
 bool is_error
 uint8 dlc
 uint8[8] data""",
+    "ros2_socketcan_msgs/FdFrame": """std_msgs/Header header
+uint32 id
+bool is_extended
+bool is_error
+uint8 len
+uint8[<=64] data""",
 }
 
 

@@ -4,7 +4,8 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from footfall.deploy.log_records import FRAME, Kind
+from footfall.deploy.frames import EXTENDED, NUMBER
+from footfall.deploy.log_records import FD_FRAME, FRAME, Kind
 from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.health import STOPPED, Health
 from footfall.deploy.telemetry.scene_feeder import SceneFeeder
@@ -23,8 +24,13 @@ ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
     Kind.TIMING: ("/loop_timing", 8),
 }
 TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes", Kind.CHANGE: "/policy/changes"}
-FRAMES = {Kind.RECEIVED: "/from_can_bus", Kind.SENT: "/to_can_bus"}
-EXTENDED = 1 << 31  # of an identifier with 29 bits
+FrameTemplate = Callable[[str, bool, int], messages.Template]
+FRAMES: dict[Kind, tuple[str, struct.Struct, FrameTemplate]] = {
+    Kind.RECEIVED: ("/from_can_bus", FRAME, messages.can_frame),
+    Kind.SENT: ("/to_can_bus", FRAME, messages.can_frame),
+    Kind.RECEIVED_FD: ("/from_can_bus_fd", FD_FRAME, messages.can_fd_frame),
+    Kind.SENT_FD: ("/to_can_bus_fd", FD_FRAME, messages.can_fd_frame),
+}
 GONE = "the process of the run ended before the run"
 
 
@@ -68,7 +74,7 @@ class Encoder:
         elif kind in TEXTS:
             self._text(kind, time_ns, content.decode())
         elif kind in FRAMES:
-            self._frames(FRAMES[kind], content)
+            self._frames(*FRAMES[kind], content)
         elif kind is Kind.READINGS:
             self._sensed(time_ns, _parts(content, self._readings))
         elif kind is Kind.COMMANDED:
@@ -104,11 +110,17 @@ class Encoder:
         self._put(TEXTS[kind], time_ns, messages.text(text))
         self._put("/rosout", time_ns, messages.event(time_ns, level, text))
 
-    def _frames(self, topic: str, content: bytes) -> None:
-        for at_us, bus, length, identifier, data in FRAME.iter_unpack(content):
+    def _frames(
+        self,
+        topic: str,
+        layout: struct.Struct,
+        template_of: FrameTemplate,
+        content: bytes,
+    ) -> None:
+        for at_us, bus, length, identifier, data in layout.iter_unpack(content):
             time_ns = self._start_ns + at_us * 1000
-            template = messages.can_frame(self._buses[bus], identifier >= EXTENDED, length)
-            number = (identifier & ~EXTENDED).to_bytes(4, "little")
+            template = template_of(self._buses[bus], identifier >= EXTENDED, length)
+            number = (identifier & NUMBER).to_bytes(4, "little")
             self._put(topic, time_ns, template.fill(time_ns, number, data))
 
     def _sensed(self, time_ns: int, part: dict[str, bytes]) -> None:

@@ -168,6 +168,11 @@ def can_frame(bus: str, extended: bool, length: int) -> Template:
     return Template().stamp(bus).gap(1, 4).put("B", 0, extended, 0, length).gap(8, 1)
 
 
+def can_fd_frame(bus: str, extended: bool, length: int) -> Template:
+    """A ros2_socketcan_msgs/FdFrame; gaps: identifier (4 bytes), data (64 bytes, zeros past the length)."""
+    return Template().stamp(bus).gap(1, 4).put("B", extended, 0, length).count(64).gap(64, 1)
+
+
 def diagnostics(time_ns: int, hardware: str, parts: Iterable[Diagnosis]) -> bytes:
     """A diagnostic_msgs/DiagnosticArray."""
     found = list(parts)

@@ -50,6 +50,8 @@ TOPICS = {
     "/loop_timing": Topic("std_msgs/msg/Float64MultiArray"),  # work of a tick and its lateness, us
     "/from_can_bus": Topic("can_msgs/msg/Frame", depth=1000),  # frame_id: the bus
     "/to_can_bus": Topic("can_msgs/msg/Frame", depth=1000),
+    "/from_can_bus_fd": Topic("ros2_socketcan_msgs/msg/FdFrame", depth=1000),  # frames of CAN FD
+    "/to_can_bus_fd": Topic("ros2_socketcan_msgs/msg/FdFrame", depth=1000),
     "/state": Topic("std_msgs/msg/String", latched=True),
     "/notes": Topic("std_msgs/msg/String"),  # what was changed of what was asked for
     "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings

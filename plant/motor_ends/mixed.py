@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Motors
-from footfall.deploy.frames import Frames, joined
+from footfall.deploy.frames import Frames, joined, takes_fd
 from footfall.plant.motor_ends.motor_end import MotorEnd, Report, Request, Requests
 
 Joints = np.ndarray  # indices
@@ -38,7 +38,7 @@ class MixedMotorEnd:
         return own
 
     def requests(self, frames: Frames) -> Requests:
-        parts = [(end.requests(frames), joints) for end, joints in self._parts]
+        parts = [(end.requests(_for(end, frames)), joints) for end, joints in self._parts]
         kinds = [
             np.full(requests.values.shape[1], Request.COMMAND) if requests.kind is None else requests.kind
             for requests, _ in parts
@@ -50,7 +50,7 @@ class MixedMotorEnd:
         )
 
     def settings_replies(self, frames: Frames) -> Frames | None:
-        return _joined([end.settings_replies(frames) for end, _ in self._parts])
+        return _joined([end.settings_replies(_for(end, frames)) for end, _ in self._parts])
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         """See `MotorEnd.reply`. Frames are grouped by protocol."""
@@ -69,6 +69,11 @@ class MixedMotorEnd:
                 if end.broadcasts
             ]
         )
+
+
+def _for(end: MotorEnd, frames: Frames) -> Frames:
+    """The frames that motors can take: those of CAN FD only with a controller for it."""
+    return frames if takes_fd(end.filters) else frames.of_can()
 
 
 def _joined(batches: Sequence[Frames | None]) -> Frames | None:

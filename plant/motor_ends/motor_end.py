@@ -25,6 +25,8 @@ class Request(IntEnum):
     DISABLE = 2
     ZERO = 3  # take the present position for zero
     CLEAR = 4  # clear latched errors
+    STOP = 5  # disable, and clear latched errors
+    RUN = 6  # enable, unless an error is latched, and follow the command
 
 
 class Requests(NamedTuple):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from foot_sensors import equipped
 from some_motors import frame
 
 from footfall.common.errors import UserError
@@ -26,14 +27,6 @@ from footfall.robots.description import Robot, load_robot
 
 Lie = Callable[[SimulatedRobot], None]
 FORWARD = np.array([0.3, 0.0, 0.0])
-
-
-def equipped(robot: Robot) -> Robot:
-    """The robot with a force sensor at each foot, on the bus of the foot's leg."""
-    description = robot.description
-    bus_of = {joint.name: joint.bus for joint in description.joints}
-    feet = tuple(replace(foot, force_bus=bus_of[foot.joints[0]]) for foot in description.feet)
-    return replace(robot, description=replace(description, feet=feet))
 
 
 @pytest.fixture(scope="module")

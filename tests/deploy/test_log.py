@@ -79,6 +79,7 @@ class TestContent:
         absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # nor does it ask for an estimate
         absent |= {"/foot_forces"}  # go1 has no such sensors
         absent |= {"/battery_state", "/loop_timing", "/from_can_bus", "/to_can_bus"}
+        absent |= {"/from_can_bus_fd", "/to_can_bus_fd"}
         assert found == {topic: how.kind for topic, how in TOPICS.items() if topic not in absent}
 
     def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold
+from foot_sensors import equipped
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -13,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
-from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.frames import EXTENDED, FD, Frames
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
 from footfall.deploy.log_records import Kind
@@ -27,7 +28,7 @@ from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-CAN_FRAME = "can_msgs/msg/Frame"  # not of ROS itself
+CAN_FRAMES = "can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"  # not of ROS itself
 
 
 class Learned(Hold):
@@ -39,26 +40,30 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     """The messages of a log with every topic, by topic. Each is encoded again, which gives its bytes."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     policy = Learned(go1)
-    log = McapLog(path, go1, policy, {}, may_wait=True)
+    log = McapLog(path, equipped(go1), policy, {}, may_wait=True)
     log.begin(1_700_000_000_000_000_000)
     still, joints = np.zeros(3), np.zeros((3, 12))
-    sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *joints[1:])
+    sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *joints[1:], np.ones(4))
     command = JointCommand(*np.zeros((5, 12)))
     health = MotorHealth(np.full(13, 0.001), np.full(12, 41.0), np.full(12, 24.0), np.zeros(12))
     health.error[3] = 7.0
     footholds = np.full((4, 3), np.nan)
     footholds[1] = 0.2, 0.1, -0.3
     data = np.arange(16, dtype=np.uint8).reshape(2, 8)
+    long = np.arange(64, dtype=np.uint8)[None]
+    fd = Frames(np.array([0]), np.array([0x17D | FD]), long, np.array([48]))
     frames = Frames(np.array([0, 1]), np.array([0x12, 0x1ABCDEF | EXTENDED]), data, np.array([8, 5]))
     log.state(0, State(Mode.WALKING, 0.0))
     log.note(0, "a note")
     log.change(0, Change(gait="walk"))
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
+        log.frames(now_us, Kind.RECEIVED, fd.at(np.array([now_us])))
         log.policy_step(
             now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command, policy
         )
         log.frames(now_us, Kind.SENT, frames)
+        log.frames(now_us, Kind.SENT, fd)
         log.tick(now_us, sensed, health, np.zeros((5, 12)))
         log.odometry(
             now_us,
@@ -70,7 +75,8 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     log.state(1_200_000, State(Mode.ESTOP, 1.2, ("no reply",)))
     assert log.close() == ""
     store = get_typestore(Stores.ROS2_JAZZY)
-    store.register(get_types_from_msg(definition(CAN_FRAME).split("\n=")[0], CAN_FRAME))
+    for kind in CAN_FRAMES:
+        store.register(get_types_from_msg(definition(kind).split("\n=")[0], kind))
     found: dict[str, list[Any]] = {}
     with AnyReader([path], default_typestore=store) as reader:
         for connection, _, content in reader.messages():

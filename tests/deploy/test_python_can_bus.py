@@ -60,7 +60,9 @@ class FakeCan:
 
 
 def received(identifier: int, data: bytes | None, timestamp: float = 0.0, **special: bool) -> Any:
-    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False) | {"is_rx": True}
+    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id", "is_fd"), False) | {
+        "is_rx": True
+    }
     return SimpleNamespace(arbitration_id=identifier, data=data, timestamp=timestamp, **(flags | special))
 
 

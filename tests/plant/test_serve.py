@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import wire
 from footfall.plant import serve as module
 from footfall.plant.robot import PlantConfig
@@ -146,7 +146,7 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
 
     class Bus(FakeBus):
         def __init__(self, interface: str, names: tuple[str, ...], filters: Any) -> None:
-            super().__init__(Frames(*np.zeros((4, 0), dtype=int)))
+            super().__init__(no_frames())
             made.append((interface, names))
             self.closed_with = -1
 

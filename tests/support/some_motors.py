@@ -14,6 +14,7 @@ MAKERS: dict[str, dict[str, str]] = {
     "Damiao": {"hip": "DM8006", "knee": "DM8009"},
     "RobStride": {"hip": "RS06", "knee": "RS03"},
     "ODrive": {"hip": "ODrive", "knee": "ODrive"},
+    "moteus": {"hip": "moteus", "knee": "moteus"},
     "mixed": {"hip": "RS03", "knee": "DM8009"},
 }
 
@@ -22,7 +23,12 @@ def with_motors(robot: Robot, first_id: int = 1, **protocols: str) -> Robot:
     """The robot with other motors for some of its kinds, whose ids begin at a number, and watchdogs."""
     description = robot.description
     motors = {
-        name: replace(motor, protocol=protocols.get(name, motor.protocol), watchdog_endpoints=(410, 409))
+        name: replace(
+            motor,
+            protocol=protocols.get(name, motor.protocol),
+            watchdog_endpoints=(410, 409),
+            drive_gains=(2000.0, 60.0),
+        )
         for name, motor in description.motors.items()
     }
     joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
@@ -43,6 +49,7 @@ def two_motors(
         gear_ratio=np.array(gear_ratio),
         timeout_s=np.array([0.1, 0.1]),
         watchdog_endpoints=np.zeros((2, 2), int),
+        drive_gains=np.full((2, 2), [1000.0, 60.0]),
         joint_names=("hip", "knee"),
         foot_channel=np.zeros(0, np.intp),
     )

@@ -1,0 +1,113 @@
+"""moteus controllers in position mode, on CAN FD."""
+
+import math
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import moteus
+from footfall.deploy.drivers.driver import CanFilter, Replies
+from footfall.deploy.drivers.polled import Orders, PolledDriver
+from footfall.deploy.frames import Frames, fd_bits
+from footfall.deploy.wiring import Wiring
+
+TURN = 2.0 * math.pi
+TIME_OUT, WENT_OFF = 200, 201  # codes beside the maker's own
+ERRORS = moteus.FAULTS | {TIME_OUT: "that it has timed out", WENT_OFF: "that it is switched off"}
+
+
+class MoteusDriver(PolledDriver):
+    """The controller's end. Each command carries the motor's time-out, and asks for a reply."""
+
+    maker = "moteus"
+    models: tuple[str, ...] = (moteus.MODEL,)
+    motor_end = "footfall.plant.motor_ends.moteus:MoteusMotorEnd"
+    filters: tuple[CanFilter, ...] = tuple(
+        {"can_id": moteus.HOST, "can_mask": 0xFF, "extended": extended, "fd": True}
+        for extended in (False, True)
+    )
+
+    def __init__(self, wiring: Wiring) -> None:
+        """Raises UserError for a motor id that a frame cannot carry, or without `drive_gains`."""
+        n = len(wiring.motor_id)
+        for joint, gains in zip(wiring.joint_names, wiring.drive_gains.tolist(), strict=True):
+            if not all(gains):
+                raise UserError(
+                    f"joint {joint}: a moteus needs drive_gains, its servo.pid_position kp and kd"
+                )
+        self._identifier = moteus.to_motor(wiring.motor_id)
+        rows, length = moteus.command_rows(wiring.timeout_s)
+        self._outgoing = Frames(wiring.channel, self._identifier, rows, np.full(n, length))
+        stop, zero = (self._fixed(wiring, content) for content in (moteus.STOP, moteus.ZERO))
+        super().__init__(wiring, Orders(self._outgoing, stop, zero, stop))
+        gains = wiring.drive_gains.T / TURN  # N m/rad, N m s/rad
+        self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
+        self.highest[2:4] = gains
+        self.lowest = -self.highest
+        self.lowest[2:4] = 0.0
+        self.gain_rounding = 1e-7 * gains
+        self.exchange_bits = np.full(
+            n, fd_bits(length, True, stuffed=False) + fd_bits(moteus.REPLY_LENGTH, stuffed=False)
+        )
+        self._mode, self._was_on = np.full(n, -1), np.zeros(n, bool)
+
+    def _fixed(self, wiring: Wiring, content: bytes) -> Frames:
+        data, length = moteus.padded(content, len(wiring.motor_id))
+        return Frames(wiring.channel, self._identifier, data, np.full(len(data), length))
+
+    @staticmethod
+    def identifiers(motor_id: int) -> tuple[int, ...]:
+        """All 11-bit identifiers: two nodes may not share one, whatever the kind of their frames."""
+        reply = motor_id << 8 | moteus.HOST
+        return (reply,) if reply < 0x800 else ()
+
+    def not_enabled(self) -> str:
+        off = self._mode != moteus.POSITION
+        return f"motor {self._wiring.place(int(off.argmax()))} does not switch on" if off.any() else ""
+
+    def disable(self) -> Frames:
+        self._was_on[:] = False
+        return self._orders.disable
+
+    def not_confirmed_off(self) -> np.ndarray:
+        return np.asarray((self._mode != moteus.STOPPED) & (self._mode != moteus.FAULT))
+
+    def command(self, values: np.ndarray) -> Frames:
+        if not math.isfinite(np.add.reduce(values, axis=None)):
+            raise ValueError("a command that is not finite cannot be sent")
+        position, velocity, kp, kd, torque = np.minimum(np.maximum(values, self.lowest), self.highest)
+        floats = np.stack(
+            [position / TURN, velocity / TURN, torque, kp / self.highest[2], kd / self.highest[3]], axis=1
+        )
+        data = self._outgoing.data.copy()
+        data[:, moteus.FLOATS] = np.ascontiguousarray(floats.astype("<f4")).view(np.uint8)
+        return self._outgoing._replace(data=data)
+
+    def replies(self, frames: Frames) -> Replies:
+        frames = frames.of_fd()
+        motor = self._lookup[frames.channel, frames.id >> 8 & 0x7F]
+        usable = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
+        for place, byte in moteus.REPLY_HEADS.items():
+            usable &= frames.data[:, place] == byte
+        motor, frames = motor[usable], frames.take(usable)
+        floats = np.ascontiguousarray(frames.data[:, 5:17]).view("<f4").astype(float).T
+        usable = np.isfinite(floats).all(axis=0)
+        motor, frames, (position, velocity, torque) = motor[usable], frames.take(usable), floats[:, usable]
+        mode, fault = frames.data[:, 2].astype(int), frames.data[:, 21]
+        error = np.where(mode == moteus.FAULT, np.maximum(fault, 1), 0)
+        error[mode == moteus.TIMED_OUT] = TIME_OUT
+        error[(mode == moteus.STOPPED) & self._was_on[motor]] = WENT_OFF
+        self._mode[motor] = mode
+        self._was_on[motor] |= mode == moteus.POSITION
+        voltage, temperature = frames.data[:, 19:21].view(np.int8).astype(float).T
+        return Replies(
+            motor,
+            np.stack([position * TURN, velocity * TURN, torque]),
+            error.astype(np.uint8),
+            temperature,
+            voltage * moteus.VOLTAGE_UNIT,
+            frames.time_us,
+        )
+
+    def error_name(self, code: int, joint: int = 0) -> str:
+        return ERRORS.get(code, f"fault {code}")

@@ -1,0 +1,105 @@
+"""moteus controllers in position mode, on CAN FD."""
+
+import numpy as np
+
+from footfall.deploy.drivers import moteus
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.drivers.moteus_driver import TIME_OUT, TURN
+from footfall.deploy.drivers.polled import motor_lookup
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests
+
+_COMMANDED = range(moteus.POSITION_COMMAND, moteus.POSITION_COMMAND + 5)
+_DEFAULTS = 0.0, 0.0, 0.0, 1.0, 1.0  # of registers that a command leaves out
+
+
+class MoteusMotorEnd(PolledMotorEnd):
+    """The motors' end. A motor that timed out, or has a fault, stays off until it is stopped."""
+
+    filters: tuple[CanFilter, ...] = ({"can_id": 0x8000, "can_mask": 0x8080, "extended": True, "fd": True},)
+    time_out_error = TIME_OUT
+    time_out_latches = True
+
+    def __init__(self, wiring: Wiring) -> None:
+        super().__init__(wiring)
+        n = len(wiring.motor_id)
+        self._lookup, self._identifier = motor_lookup(wiring), moteus.from_motor(wiring.motor_id)
+        self._gains = wiring.drive_gains.T / TURN
+        self._data, length = moteus.padded(bytes(moteus.REPLY_BYTES), n)
+        for place, byte in moteus.REPLY_HEADS.items():
+            self._data[:, place] = byte
+        self._length = np.full(n, length)
+        self._timeout_s = np.full(n, 0.1)
+
+    @property
+    def timeout_s(self) -> np.ndarray:
+        return self._timeout_s
+
+    def requests(self, frames: Frames) -> Requests:
+        """Modes other than stop and position are left out."""
+        frames = frames.of_fd()
+        motor = self._lookup[frames.channel, frames.id & 0x7F]
+        rows: list[int] = []
+        values: list[list[float]] = []
+        kinds: list[Request] = []
+        usable = (motor >= 0) & (frames.id & 0x8080 == 0x8000)
+        for row in np.flatnonzero(usable).tolist():
+            try:
+                written = _written(frames.data[row, : frames.length[row]].tobytes())
+            except ValueError:
+                continue
+            kind = self._kind(motor[row], written)
+            if kind is not None:
+                rows.append(row)
+                kinds.append(kind)
+                values.append([written.get(each, _DEFAULTS[k]) for k, each in enumerate(_COMMANDED)])
+        joints = motor[np.array(rows, np.intp)]
+        position, velocity, torque, kp, kd = np.array(values, float).reshape(-1, 5).T
+        gains = self._gains[:, joints]
+        command = np.array([position * TURN, velocity * TURN, kp * gains[0], kd * gains[1], torque])
+        return Requests(joints, command, np.array(kinds, int))
+
+    def _kind(self, joint: int, written: dict[int, float]) -> Request | None:
+        """What a frame requests; notes its time-out."""
+        if moteus.OUTPUT_EXACT in written:
+            return Request.ZERO
+        mode = written.get(moteus.MODE)
+        if mode == moteus.STOPPED:
+            return Request.STOP
+        if mode != moteus.POSITION:
+            return None
+        if moteus.TIME_OUT in written:
+            self._timeout_s[joint] = written[moteus.TIME_OUT] * moteus.TIME_OUT_UNIT_S
+        return Request.RUN
+
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        joints = np.arange(len(self._length))[motor]
+        position, velocity, torque = report.values
+        data = self._data[joints].copy()
+        floats = np.stack([position / TURN, velocity / TURN, torque], axis=1).astype("<f4")
+        data[:, 5:17] = np.ascontiguousarray(floats).view(np.uint8)
+        fault = (report.error > 0) & (report.error != TIME_OUT)
+        off = np.where(report.error == TIME_OUT, moteus.TIMED_OUT, moteus.STOPPED)
+        data[:, 2] = np.where(fault, moteus.FAULT, np.where(report.on, moteus.POSITION, off))
+        data[:, 19] = min(round(report.supply[0] / moteus.VOLTAGE_UNIT), 127)
+        data[:, 20] = report.temperature_c
+        data[:, 21] = np.where(fault, report.error, 0)
+        return Frames(self._wiring.channel[joints], self._identifier[joints], data, self._length[joints])
+
+
+def _written(data: bytes) -> dict[int, float]:
+    """Numbers that a frame writes, by register.
+
+    Raises:
+        ValueError: another protocol, or a command in integers, which no driver here sends.
+    """
+    written: dict[int, float] = {}
+    for subframe in moteus.subframes(data):
+        registers = range(subframe.first, subframe.first + subframe.registers)
+        if subframe.kind != moteus.WRITE:
+            continue
+        if subframe.form != "f" and subframe.first in _COMMANDED:
+            raise ValueError("a command in integers")
+        written.update(zip(registers, subframe.values, strict=True))
+    return written

@@ -1,0 +1,224 @@
+"""moteus' register protocol on CAN FD: frames by its documents, faults, time-outs, buses."""
+
+import struct
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+from some_motors import hexed, two_motors, with_motors
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import moteus
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.moteus import Subframe, subframes
+from footfall.deploy.drivers.moteus_driver import TURN
+from footfall.deploy.frames import EXTENDED, FD, Frames, bits_of, fd_bits, joined
+from footfall.deploy.interfaces import open_interfaces
+from footfall.deploy.log_analysis.candump import write_candump
+from footfall.deploy.loop import ControlLoop
+from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import Report, Request
+from footfall.plant.motors import SimulatedMotors
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot
+
+TWO = two_motors("moteus", "moteus")
+PER_RAD = np.array([1000.0, 60.0]) / TURN  # its configured gains, N m/rad and N m s/rad
+READINGS = np.array([[0.25 * TURN, -1.0], [-0.5 * TURN, 2.0], [1.5, -3.0]])
+
+
+def reply(content: str, motor: int = 0) -> Frames:
+    """A reply of a motor with this content, padded."""
+    data, length = moteus.padded(bytes.fromhex(content), 1)
+    identifier = moteus.from_motor(TWO.motor_id[motor : motor + 1])
+    return Frames(np.array([motor]), identifier, data, np.array([length]))
+
+
+class TestSubframes:
+    """Frames in the maker's own documents."""
+
+    def test_a_command_and_a_query(self) -> None:
+        assert list(subframes(bytes.fromhex("01000a07206000200150ff140400130d"))) == [
+            Subframe(0x00, 0x000, 1, "b", (10,)),
+            Subframe(0x00, 0x020, 3, "h", (96, 288, -176)),
+            Subframe(0x10, 0x000, 4, "h", ()),
+            Subframe(0x10, 0x00D, 3, "b", ()),
+        ]
+
+    def test_a_reply(self) -> None:
+        assert list(subframes(bytes.fromhex("2404000a005000000170ff230d181400"))) == [
+            Subframe(0x20, 0x000, 4, "h", (10, 80, 256, -144)),
+            Subframe(0x20, 0x00D, 3, "b", (24, 20, 0)),
+        ]
+
+    def test_floats_and_registers_beyond_127(self) -> None:
+        content = bytes.fromhex("01000a0e200000803f0000004011001f01130d")
+        assert [each.values for each in subframes(content)][:2] == [(10,), (1.0, 2.0)]
+        assert next(subframes(moteus.ZERO)) == Subframe(0x00, 0x131, 1, "f", (0.0,))
+
+    @pytest.mark.parametrize("content", ["01 00", "0e 20 00 00 80 3f", "7f 00", "04 ff"])
+    def test_what_is_cut_short_or_foreign_is_refused(self, content: str) -> None:
+        with pytest.raises(ValueError, match="subframe"):
+            list(subframes(bytes.fromhex(content)))
+
+
+class TestFrames:
+    def test_a_command_worked_out_by_hand(self) -> None:
+        """To id 3 from 0x7d with a reply: 0.25, 0.5 turns (/s), 1.5 N m, half kp, a quarter kd, 100 ms."""
+        driver = open_driver(TWO)
+        one = [0.25 * TURN, 0.5 * TURN, 0.5 * PER_RAD[0], 0.25 * PER_RAD[1], 1.5]
+        sent = driver.command(np.array([one, np.zeros(5)]).T)
+        assert sent.id.tolist() == [EXTENDED | FD | 0xFD03] * 2
+        assert sent.length.tolist() == [48, 48]
+        assert hexed(sent)[0] == (
+            "01 00 0a 0c 05 20 00 00 80 3e 00 00 00 3f 00 00 c0 3f 00 00 00 3f 00 00 80 3e"
+            " 05 27 64 00 02 28 ff ff 01 2b 00 11 00 1f 01 13 0d 50 50 50 50 50"
+        )
+        assert not sent.data[:, 48:].any()
+
+    def test_a_stop(self) -> None:
+        driver = open_driver(TWO)
+        assert hexed(driver.disable())[0] == "01 00 00 11 00 1f 01 13 0d 50 50 50"
+        assert hexed(driver.clear()) == hexed(driver.disable())
+
+    def test_a_reply_worked_out_by_hand(self) -> None:
+        end = open_motor_end(TWO)
+        report = Report(READINGS, np.zeros(2, np.uint64), np.array([True, False]), 20, (12.0, 1.0))
+        sent = end.reply(slice(None), report)
+        assert sent.id.tolist() == [FD | 0x37D] * 2
+        assert hexed(sent)[0] == "21 00 0a 2f 01 00 00 80 3e 00 00 00 bf 00 00 c0 3f 23 0d 18 14 00 50 50"
+
+    def test_both_ends_agree(self) -> None:
+        driver, end = open_driver(TWO), open_motor_end(TWO)
+        values = np.array([[0.3, -1.2], [2.0, -4.0], [30.0, 159.0], [2.0, 0.0], [-7.0, 40.0]])
+        requests = end.requests(driver.command(values))
+        np.testing.assert_allclose(requests.values, values, rtol=1e-6)
+        found = driver.replies(
+            end.reply(slice(None), Report(READINGS, np.zeros(2, np.uint64), np.ones(2, bool), 41))
+        )
+        np.testing.assert_allclose(found.values, READINGS, rtol=1e-6)
+        assert (found.temperature_c.tolist(), found.voltage.tolist()) == ([41.0] * 2, [24.0] * 2)
+
+    def test_gains_end_at_the_drives_own(self) -> None:
+        driver, end = open_driver(TWO), open_motor_end(TWO)
+        requests = end.requests(driver.command(np.full((5, 2), 1e4)))
+        np.testing.assert_allclose(requests.values[2:4], np.tile(PER_RAD, (2, 1)).T, rtol=1e-6)
+
+    def test_a_moteus_needs_its_gains(self) -> None:
+        with pytest.raises(UserError, match=r"hip.*drive_gains"):
+            open_driver(replace(TWO, drive_gains=np.zeros((2, 2))))
+
+    @pytest.mark.parametrize(
+        ("mode", "fault", "name"),
+        [("01", "26", "over-temperature"), ("01", "63", "fault 99"), ("0b", "00", "that it has timed out")],
+    )
+    def test_faults_have_names(self, mode: str, fault: str, name: str) -> None:
+        driver = open_driver(TWO)
+        floats = struct.pack("<3f", 0.0, 0.0, 0.0).hex()
+        found = driver.replies(reply(f"2100{mode}2f01{floats}230d1814{fault}"))
+        assert driver.error_name(int(found.error[0])) == name
+
+    def test_what_limits_a_motor_that_runs_is_no_fault(self) -> None:
+        floats = struct.pack("<3f", 0.0, 0.0, 0.0).hex()
+        found = open_driver(TWO).replies(reply(f"21000a2f01{floats}230d181463"))
+        assert found.error.tolist() == [0]
+
+    @pytest.mark.parametrize("content", ["21 00 0a", "2404000a005000000170ff230d181400"])
+    def test_other_replies_are_left_out(self, content: str) -> None:
+        assert not open_driver(TWO).replies(reply(content)).values.size
+
+    def test_a_position_that_is_no_number_is_left_out(self) -> None:
+        floats = struct.pack("<3f", np.nan, 0.0, 0.0).hex()
+        assert not open_driver(TWO).replies(reply(f"21000a2f01{floats}230d181400")).values.size
+
+
+class TestMotors:
+    def test_a_silent_host_stops_them_until_they_are_stopped(self, go1: Robot) -> None:
+        """Commands carry 100 ms; neither commands nor time switch a motor on again that has timed out."""
+        driver, end = open_driver(TWO), open_motor_end(TWO)
+        motor = go1.motor._replace(
+            **{name: value[:2] for name, value in go1.motor._asdict().items() if value is not None}
+        )
+        motors = SimulatedMotors(end, motor, 2, {}, step_s=0.001, timeout_s=60.0)
+        still, on = np.zeros(2), []
+        motors.answer(0, driver.enable(), np.zeros((3, 2)))
+        for step in range(1, 121):
+            motors.torque(step, still, still)
+            on.append(bool(motors.enabled.all()))
+        assert (on[:100], on[105:]) == ([True] * 100, [False] * 15)
+        answer = motors.answer(121, driver.enable(), np.zeros((3, 2)))
+        assert answer is not None
+        assert not motors.enabled.any()
+        assert driver.error_name(int(driver.replies(answer).error[0])) == "that it has timed out"
+        motors.answer(122, driver.disable(), np.zeros((3, 2)))
+        motors.answer(123, driver.enable(), np.zeros((3, 2)))
+        assert motors.enabled.all()
+
+    def test_requests_have_their_kinds(self) -> None:
+        driver, end = open_driver(TWO), open_motor_end(TWO)
+        for frames, kind in (
+            (driver.enable(), Request.RUN),
+            (driver.disable(), Request.STOP),
+            (driver.zero(), Request.ZERO),
+        ):
+            requests = end.requests(frames)
+            assert requests.kind is not None
+            assert requests.kind.tolist() == [kind] * 2
+
+    def test_a_robot_of_them_stops_where_one_reboots(self, go1: Robot) -> None:
+        robot = with_motors(go1, hip="moteus", knee="moteus")
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and 0.3 < loop.walking_s < 0.3021:
+                body.faults.motors.latched[8] = 38
+
+        trace = run_episode(robot, Hold(robot), short_episode(), watch)
+        assert len(trace.faults) == 1
+        assert "over-temperature" in trace.faults[0]
+
+
+class TestBuses:
+    def test_the_time_of_a_frame(self) -> None:
+        """8 bytes, 11 bits: 17 + 13 at 1 Mbit/s; 5 + 64 + 4 + 17 + 6 at 5 Mbit/s are 19.2 us."""
+        assert fd_bits(8, stuffed=False) == 17 + 13 + 20
+        assert fd_bits(64, True) == 36 + 8 + 13 + -(-(517 + 129 + 4 + 28) // 5)
+        both = joined(
+            [
+                open_driver(TWO).disable(),
+                Frames(np.array([0]), np.array([1]), np.zeros((1, 8), np.uint8), np.array([8])),
+            ]
+        )
+        assert bits_of(both).tolist() == [fd_bits(12, True)] * 2 + [135]
+
+    def test_python_can_carries_them_beside_plain_ones(self) -> None:
+        filters = (*open_driver(TWO).filters, {"can_id": 0, "can_mask": 0, "extended": True, "fd": True})
+        names = ("moteus0", "moteus1")
+        here, there = (open_interfaces("virtual", names, filters) for _ in range(2))
+        sent = open_driver(TWO).command(np.ones((5, 2)))
+        plain = Frames(
+            np.array([0]), np.array([0x17D]), np.arange(8, dtype=np.uint8).reshape(1, 8), np.array([8])
+        )
+        assert here.send(joined([sent, plain]), 0) == 0
+        (found,) = there.receive(0)
+        np.testing.assert_array_equal(found.of_fd().data, sent.data)
+        assert found.of_fd().id.tolist() == sent.id.tolist()
+        assert found.of_fd().length.tolist() == sent.length.tolist()
+        np.testing.assert_array_equal(found.of_can().data, plain.data)
+        here.close()
+        there.close()
+
+    def test_a_log_has_them_as_candump_writes_them(self, go1: Robot, tmp_path: Path) -> None:
+        robot: Any = with_motors(go1, hip="moteus", knee="moteus")
+        run_episode(robot, Hold(robot), replace(short_episode(), log=tmp_path / "a.mcap", log_frames=True))
+        text = StringIO()
+        count = write_candump(tmp_path / "a.mcap", text)
+        lines = text.getvalue().splitlines()
+        assert count == len(lines)
+        assert sum("0000FD01##" in line for line in lines) > 100
+        assert any(" 300#" in line for line in lines)
+        assert any(" 17D##" in line for line in lines)
