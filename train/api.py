@@ -19,6 +19,7 @@ from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import load_preset, with_settings
 from footfall.train.loop import learn
+from footfall.train.origin import check_source, find_source
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
 from footfall.train.runs.display import Display
@@ -32,6 +33,7 @@ from footfall.train.runs.folder import (
     trained_robot,
 )
 from footfall.train.runs.provenance import PACKAGES, source_revision
+from footfall.train.trainer import Trainer
 from footfall.train.trainers import DEFAULT_TRAINER, find_trainer
 
 
@@ -47,6 +49,7 @@ class TrainRequest:
     checkpoint_interval_s: float | None = None  # instead of the preset's
     trainer: str = DEFAULT_TRAINER  # or "rsl_rl", or MODULE:NAME of your own
     settings: Mapping[str, Any] = field(default_factory=dict)  # by dotted keys, instead of the preset's
+    start_from: Path | None = None  # run folder or .onnx file, whose networks it starts from
 
 
 def train(request: TrainRequest) -> Path:
@@ -91,6 +94,11 @@ def _make_run(request: TrainRequest) -> Path:
     if request.checkpoint_interval_s is not None:
         config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
     trainer = find_trainer(request.trainer)
+    source = None
+    if request.start_from is not None:
+        if not trainer.can_start_from:
+            raise UserError(f"--trainer {request.trainer} cannot start from other networks: leave --from out")
+        source = find_source(request.start_from, request.trainer)
     now = datetime.now(UTC)
     name = f"{robot.name}-{Path(request.preset).stem}-{request.seed}-{now:%Y%m%d-%H%M%S}"
     provenance = Provenance(
@@ -107,7 +115,10 @@ def _make_run(request: TrainRequest) -> Path:
     run = Run(request.out or Path("runs") / name, provenance, config)
     use_compilation_cache()
     trainer.prefetch(run, robot)
-    check_robot(config, robot, request.preset)
+    contract = check_robot(config, robot, request.preset)
+    if source is not None:
+        origin = replace(source.origin, changed=tuple(check_source(source, contract, config.ppo)))
+        provenance = replace(provenance, started_from=origin)
     check_devices(config.ppo, len(cluster.devices()[: trainer.max_devices]))
     return create_run(run.folder, provenance, config).folder
 
@@ -219,6 +230,8 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
                 trainer.restore(newest)
             display.doing("compiling")
             trainer.prepare(display.say)
+            if newest is None and run.start is not None:
+                _start_from(run, trainer, display)
         display.say(f"ready after {time.monotonic() - began:.1f} s")
         learn(run, trainer, display)
         with cluster.all_or_none():
@@ -227,6 +240,18 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
         f"exported {run.policy} after {time.monotonic() - began:.1f} s;"
         f" ONNX Runtime and the trainer differ by at most {difference:.1e}"
     )
+
+
+def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
+    """Take over the networks that this training starts from, and tell what is taken over and what changed."""
+    origin, start = run.provenance.started_from, run.start
+    assert origin is not None
+    assert start is not None
+    display.say(f"starting from {origin.file}")
+    for line in trainer.start_from(start):
+        display.say(line)
+    if origin.changed:
+        display.say(f"new since the networks were trained: {', '.join(origin.changed)}")
 
 
 def _changes(began: Provenance, device: str) -> list[str]:

@@ -3,13 +3,15 @@
 from footfall.common.collector import collector_paused
 from footfall.common.errors import UserError
 from footfall.envs.make import make_environment
+from footfall.policies.contract import Contract
 from footfall.robots.description import Robot
 from footfall.train.config import PpoConfig, TrainConfig
 
 
 @collector_paused()
-def check_robot(config: TrainConfig, robot: Robot, preset: str) -> None:
-    """
+def check_robot(config: TrainConfig, robot: Robot, preset: str) -> Contract:
+    """The contract of the policy that these settings train.
+
     Raises:
         UserError: the environment's settings do not fit the robot, or it must be symmetric and is not. A
             message about an entry of a list of terms begins with the preset.
@@ -21,6 +23,7 @@ def check_robot(config: TrainConfig, robot: Robot, preset: str) -> None:
         raise UserError(f"{preset}: {error}" if of_an_entry else str(error)) from None
     if config.ppo.symmetry:
         environment.mirror()
+    return environment.contract
 
 
 def check_devices(config: PpoConfig, count: int) -> None:

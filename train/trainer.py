@@ -26,6 +26,7 @@ class Trainer(Protocol):
     max_devices: ClassVar[int | None] = 1  # devices it can use; None: all devices of all processes
     packages: ClassVar[tuple[str, ...]] = ()  # whose versions run.yaml records besides those of every run
     can_diagnose: ClassVar[bool] = False  # whether `diagnose` is implemented
+    can_start_from: ClassVar[bool] = False  # whether `start_from` is implemented
 
     iteration: int = 0  # iterations done; the device may still compute the last one
 
@@ -46,6 +47,20 @@ class Trainer(Protocol):
         Raises:
             UserError: the file is damaged or belongs to another configuration.
         """
+
+    def start_from(self, path: Path) -> list[str]:
+        """Begin from the networks of another training, once prepared (`train/origin.py`).
+
+        Args:
+            path: a checkpoint of this trainer, or an exported policy.
+
+        Returns:
+            What was taken over, and what begins anew, one line each.
+
+        Raises:
+            UserError: the file is damaged, or its networks have other sizes.
+        """
+        raise NotImplementedError
 
     def prepare(self, say: Callable[[str], None]) -> None:
         """Compile, and start from the restored state, or from the run's seed if there is none.

@@ -130,13 +130,43 @@ def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:
 
 def dense_layers(policy: Any) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
     """Kernels and biases of the actor's hidden and mean layers, in order."""
-    tree = policy["params"]
-    dense: dict[str, dict[str, np.ndarray]] = {}
-    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        names = [str(getattr(part, "key", part)) for part in path]
-        if names[-1] in {"kernel", "bias"}:
-            dense.setdefault("/".join(names[:-1]), {})[names[-1]] = np.asarray(leaf, np.float32)
-    layers = [(name, part["kernel"], part["bias"]) for name, part in dense.items()]
-    hidden = sorted((x for x in layers if "hidden" in x[0]), key=lambda x: int(x[0].rsplit("_", 1)[1]))
-    final = [x for x in layers if "hidden" not in x[0]]
-    return tuple((kernel, bias) for _, kernel, bias in [*hidden, *final])
+    leaves = _dense_leaves(policy)
+    return tuple((leaves[f"{name}/kernel"], leaves[f"{name}/bias"]) for name in _layer_names(leaves))
+
+
+def with_dense_layers(policy: Any, layers: tuple[tuple[np.ndarray, np.ndarray], ...]) -> Any:
+    """An actor's parameters with these kernels and biases, in the order of `dense_layers`.
+
+    Raises:
+        ValueError: they have other shapes.
+    """
+    old = _dense_leaves(policy)
+    new = {
+        f"{name}/{part}": array
+        for name, layer in zip(_layer_names(old), layers, strict=True)
+        for part, array in zip(("kernel", "bias"), layer, strict=True)
+    }
+    if any(old[name].shape != array.shape for name, array in new.items()):
+        raise ValueError("its actor has other sizes")
+    return jax.tree_util.tree_map_with_path(
+        lambda path, leaf: new.get(_name_of(path[1:]), leaf),
+        policy,
+    )
+
+
+def _dense_leaves(policy: Any) -> dict[str, np.ndarray]:
+    """Kernels and biases of the dense layers by name, such as MLP_0/hidden_0/kernel."""
+    leaves = jax.tree_util.tree_leaves_with_path(policy["params"])
+    named = {_name_of(path): np.asarray(leaf, np.float32) for path, leaf in leaves}
+    return {name: leaf for name, leaf in named.items() if name.endswith(("/kernel", "/bias"))}
+
+
+def _layer_names(leaves: Mapping[str, np.ndarray]) -> list[str]:
+    """The hidden layers in order, then the mean's."""
+    names = {name.rpartition("/")[0] for name in leaves}
+    hidden = sorted((n for n in names if "hidden" in n), key=lambda name: int(name.rsplit("_", 1)[1]))
+    return [*hidden, *(name for name in names if "hidden" not in name)]
+
+
+def _name_of(path: tuple[Any, ...]) -> str:
+    return "/".join(str(getattr(part, "key", part)) for part in path)

@@ -9,11 +9,12 @@ import numpy as np
 
 from footfall.robots.description import Robot
 from footfall.train import cluster
-from footfall.train.brax.devices import device_mesh
+from footfall.train.brax.devices import device_mesh, place, shardings
 from footfall.train.brax.iteration import Iteration
 from footfall.train.brax.networks import trained_actor
 from footfall.train.brax.parts import assemble, prefetch_programs
-from footfall.train.brax.state import TrainState
+from footfall.train.brax.start import taken_over
+from footfall.train.brax.state import STATE_SPECS, TrainState
 from footfall.train.config import TrainConfig
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
@@ -28,6 +29,7 @@ class BraxTrainer(Trainer):
     device_errors: ClassVar[tuple[type[Exception], ...]] = (jax.errors.JaxRuntimeError,)
     max_devices: ClassVar[int | None] = None
     can_diagnose: ClassVar[bool] = True
+    can_start_from: ClassVar[bool] = True
 
     def __init__(self, run: Run, robot: Robot) -> None:
         self.iteration = 0
@@ -52,6 +54,17 @@ class BraxTrainer(Trainer):
         mesh = device_mesh(self._run.config.ppo)
         start = self._run.provenance.seed if self._state is None else self._state
         self._state, self._compiled = self._parts.prepare(mesh, start, say)
+
+    def start_from(self, path: Path) -> list[str]:
+        """Take over networks and normaliser; see `footfall.train.trainer.Trainer`."""
+        assert self._state is not None, "prepare first"
+        fresh = jax.tree.map(np.asarray, cluster.gather((self._state.params, self._state.normalizer)))
+        params, normalizer, said = taken_over(path, fresh[0], fresh[1], self._run.config.ppo)
+        where = shardings(STATE_SPECS, device_mesh(self._run.config.ppo))
+        self._state = self._state._replace(
+            params=place(params, where.params), normalizer=place(normalizer, where.normalizer)
+        )
+        return said
 
     def iterate(self) -> Metrics:
         """Launch the next iteration, which the devices compute asynchronously."""

@@ -12,12 +12,24 @@ from footfall.robots.description import Robot, load_robot
 from footfall.train.config import TrainConfig, read_config
 
 LOCK = ".lock"
-TEMPORARY = (".config.yaml.", ".run.yaml.")  # prefixes of files that are being written
+START = "start"  # stem of the copied file of networks
+TEMPORARY = (".config.yaml.", ".run.yaml.", f".{START}.")  # prefixes of files that are being written
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Networks that a training started from."""
+
+    file: str  # the checkpoint or policy
+    sha256: str  # of that file
+    robot: str
+    robot_digest: str  # of the description that they were trained on
+    changed: tuple[str, ...] = ()  # fields of the contract that are new
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """The content of run.yaml: robot, seed, preset, trainer, device and versions."""
+    """The content of run.yaml: robot, seed, preset, trainer, device, versions, and what it started from."""
 
     robot: str
     seed: int
@@ -28,6 +40,7 @@ class Provenance:
     created: str
     versions: dict[str, str]
     robot_digest: str = ""  # of the description that is trained on; older runs have none
+    started_from: Origin | None = None  # another run's or policy's networks; None: from the seed
 
 
 @dataclass(frozen=True)
@@ -46,9 +59,15 @@ class Run:
     def policy(self) -> Path:
         return self.folder / "policy.onnx"
 
+    @property
+    def start(self) -> Path | None:
+        """The copied file of the networks that it starts from; None: from the seed."""
+        origin = self.provenance.started_from
+        return None if origin is None else self.folder / f"{START}{Path(origin.file).suffix}"
+
 
 def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run:
-    """Make a run folder.
+    """Make a run folder, with a copy of the networks that it starts from.
 
     Raises:
         UserError: it holds a run already or other files, or cannot be written.
@@ -64,17 +83,20 @@ def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run
         folder.mkdir(parents=True, exist_ok=True)
         for leftover in folder.iterdir():
             leftover.unlink()
+        run = Run(folder, provenance, config)
+        if run.start is not None and provenance.started_from is not None:
+            write_atomically(run.start, Path(provenance.started_from.file).read_bytes())
         write_atomically(folder / "config.yaml", dump(config).encode())
         # Last: a folder with run.yaml is complete.
         write_atomically(folder / "run.yaml", dump(provenance).encode())
     except OSError as error:
         raise UserError(f"cannot write to {folder}: {error.strerror}") from None
-    return Run(folder, provenance, config)
+    return run
 
 
 def _is_leftover(path: Path) -> bool:
     """Whether this file is of a run that was killed before its folder was complete."""
-    return path.name == "config.yaml" or path.name.startswith(TEMPORARY)
+    return path.name == "config.yaml" or path.name.startswith((*TEMPORARY, f"{START}."))
 
 
 def open_run(folder: Path) -> Run:

@@ -26,6 +26,7 @@ from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # the scenario that evaluates every finished run
+OTHERWISE_NAMED = {"settings": "set", "start": "from"}  # options by their fields
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
 ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
@@ -53,6 +54,8 @@ class TrainOptions:
     """brax (the default), rsl_rl (an extra), or MODULE:NAME of your own trainer."""
     resume: OptionalPath = None
     """Run folder to continue from its last checkpoint; it brings its own settings."""
+    start: Annotated[str | None, AS_TYPED, Parameter(name="--from", show_default=False)] = None
+    """Fine-tune: start from the networks of a run folder or a learned policy (go1-flat, an .onnx file)."""
     evaluate: bool = True
     """Evaluate the finished policy over the simulated bus, into RUN/evaluation.json."""
     watch: bool = False
@@ -156,8 +159,16 @@ def _requested(options: TrainOptions) -> dict[str, Any]:
         "checkpoint_interval_s": options.checkpoint_interval,
         "trainer": options.trainer,
         "settings": _by_key(options.settings) or None,
+        "start_from": None if options.start is None else _start(options.start),
     }
     return {name: value for name, value in asked.items() if value is not None}
+
+
+def _start(spec: str) -> Path:
+    """The folder or file that --from names."""
+    from footfall.policies.registry import ZOO, zoo_names
+
+    return ZOO / spec if spec in zoo_names() else Path(spec)
 
 
 def _by_key(settings: tuple[str, ...]) -> dict[str, Any]:
@@ -185,5 +196,5 @@ def _refuse_other_options(options: TrainOptions) -> None:
     nominal = TrainOptions()
     for field in fields(options):
         if field.name not in OF_ANY_RUN and getattr(options, field.name) != getattr(nominal, field.name):
-            option = "set" if field.name == "settings" else field.name.replace("_", "-")
+            option = OTHERWISE_NAMED.get(field.name, field.name.replace("_", "-"))
             raise UserError(f"--resume brings the run's own settings: leave --{option} out")

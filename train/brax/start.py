@@ -1,0 +1,112 @@
+"""Networks of another training as the start of a new one."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from brax.training.agents.ppo.losses import PPONetworkParams
+from brax.training.types import UInt64
+from flax import serialization
+
+from footfall.common.errors import UserError
+from footfall.train.brax.networks import ACTOR, CRITIC, with_dense_layers
+from footfall.train.config import PpoConfig
+from footfall.train.origin import EXPORTED, read_exported
+
+ANEW = "the optimiser, the schedules and the curriculum begin anew"
+CRITIC_ANEW = "the critic begins anew, from the seed: "
+
+
+def taken_over(
+    path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
+) -> tuple[PPONetworkParams, Any, list[str]]:
+    """Networks and normaliser of a checkpoint or of an exported policy.
+
+    Args:
+        path: the file.
+        params: of the new training, on the host; what is not taken over stays.
+        normalizer: likewise.
+        ppo: the new training's settings.
+
+    Returns:
+        Parameters, normaliser, and what was taken over and what was not, one line each.
+
+    Raises:
+        UserError: the file is damaged, or its actor has other sizes.
+    """
+    try:
+        if path.suffix == EXPORTED:
+            return _of_policy(path, params, normalizer, ppo)
+        return _of_checkpoint(path, params, normalizer)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"cannot start from {path}: {reason}") from None
+
+
+def _of_checkpoint(
+    path: Path, params: PPONetworkParams, normalizer: Any
+) -> tuple[PPONetworkParams, Any, list[str]]:
+    saved = serialization.msgpack_restore(path.read_bytes())["state"]
+    policy = _of_same_shape(params.policy, saved["params"]["policy"])
+    if policy is None:
+        raise ValueError("its actor has other sizes")
+    value = _of_same_shape(params.value, saved["params"]["value"])
+    whole = _of_same_shape(normalizer, saved["normalizer"])
+    if value is not None and whole is not None:
+        said = "actor, its noise, critic and normaliser are taken over"
+        return params.replace(policy=policy, value=value), whole, [said, ANEW]
+    old = saved["normalizer"]
+    kept = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], _count(old["count"]))
+    said = "actor, its noise and normaliser are taken over"
+    return params.replace(policy=policy), kept, [said, f"{CRITIC_ANEW}it observes something else", ANEW]
+
+
+def _of_policy(
+    path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
+) -> tuple[PPONetworkParams, Any, list[str]]:
+    actor = read_exported(path)
+    # One iteration's samples: what the critic observes has no statistics yet, and shares their count.
+    count = ppo.steps_per_iteration
+    return (
+        params.replace(policy=with_dense_layers(params.policy, actor.layers)),
+        _with_actor(normalizer, actor.mean, actor.std, count),
+        [
+            "actor and normaliser are taken over; its noise is the preset's",
+            f"{CRITIC_ANEW}an exported policy has none",
+            ANEW,
+        ],
+    )
+
+
+def _of_same_shape(fresh: Any, saved: Any) -> Any:
+    """A saved tree in the form of a fresh one; None if shapes or names differ."""
+    try:
+        restored = serialization.from_state_dict(fresh, saved)
+        same = jax.tree.map(lambda a, b: np.shape(a) == np.shape(b), fresh, restored)
+    except (ValueError, KeyError):
+        return None
+    return restored if all(jax.tree.leaves(same)) else None
+
+
+def _count(saved: Any) -> int:
+    return (int(saved["hi"]) << 32) + int(saved["lo"])
+
+
+def _with_actor(normalizer: Any, mean: np.ndarray, std: np.ndarray, count: int) -> Any:
+    """A fresh normaliser with the statistics of the actor's observation, as if of `count` samples.
+
+    Those of the critic's have mean 0 and deviation 1 with the same count, which they soon outgrow.
+
+    Raises:
+        ValueError: the observation has another size.
+    """
+    if mean.shape != normalizer.mean[ACTOR].shape:
+        raise ValueError("its actor observes another number of values")
+    deviations = {CRITIC: normalizer.std[CRITIC], ACTOR: np.asarray(std, np.float32)}
+    return normalizer.replace(
+        count=UInt64(hi=np.uint32(count >> 32), lo=np.uint32(count & 0xFFFFFFFF)),
+        mean=normalizer.mean | {ACTOR: np.asarray(mean, np.float32)},
+        std=deviations,
+        summed_variance={name: np.float32(count) * np.square(each) for name, each in deviations.items()},
+    )

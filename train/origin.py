@@ -1,0 +1,149 @@
+"""Where a fine-tuning starts: the networks of another run's checkpoint, or of an exported policy.
+
+The file is copied into the run folder (`Run.start`), so that the run stands by itself.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.envs.make import make_environment
+from footfall.policies.contract import Contract, Gait
+from footfall.policies.learned import open_network
+from footfall.robots.description import load_robot
+from footfall.train.config import PpoConfig
+from footfall.train.runs import checkpoint
+from footfall.train.runs.folder import Origin, Run, open_run
+
+EXPORTED = ".onnx"
+# Fields of a contract that give the networks' numbers their meaning, and those that may change under them.
+SAME = ("joints", "control_rate_hz", "observation", "gait", "version")
+MAY_CHANGE = (
+    "robot",
+    "digest",
+    "default_pose_rad",
+    "action_scale_rad",
+    "kp",
+    "kd",
+    "commands",
+    "standing_command",
+)
+
+
+class Source(NamedTuple):
+    """Networks to start from."""
+
+    file: Path
+    contract: Contract
+    hidden_dims: tuple[int, ...]  # of the actor
+
+    @property
+    def origin(self) -> Origin:
+        """For run.yaml."""
+        sha = hashlib.sha256(self.file.read_bytes()).hexdigest()
+        return Origin(str(self.file.resolve()), sha, self.contract.robot, self.contract.digest)
+
+
+class Exported(NamedTuple):
+    """The actor in an exported policy, float32."""
+
+    mean: np.ndarray  # (observation,)
+    std: np.ndarray  # (observation,)
+    layers: tuple[tuple[np.ndarray, np.ndarray], ...]  # kernel (inputs, outputs) and bias, in order
+
+
+def find_source(path: Path, trainer: str) -> Source:
+    """The networks in a run folder, or in an ONNX file.
+
+    Args:
+        path: of either.
+        trainer: that shall start from it. For another trainer's checkpoint its policy is taken.
+
+    Raises:
+        UserError: there are none.
+    """
+    if (path / "run.yaml").is_file():
+        run = open_run(path)
+        newest = checkpoint.latest(run.checkpoints)
+        if newest is not None and run.provenance.trainer == trainer:
+            return Source(newest, _contract(run), tuple(run.config.ppo.actor_hidden_dims))
+        path = run.policy
+    if not path.is_file():
+        raise UserError(f"--from {path}: no such run folder, .onnx file or policy of the zoo")
+    _, contract = open_network(path)
+    return Source(path, contract, tuple(len(bias) for _, bias in read_exported(path).layers[:-1]))
+
+
+def _contract(run: Run) -> Contract:
+    """That of the exported policy, or of what the run's settings make of the robot as it is now."""
+    if run.policy.is_file():
+        return open_network(run.policy)[1]
+    return make_environment(load_robot(run.provenance.robot), run.config.env).contract
+
+
+def read_exported(path: Path) -> Exported:
+    """The actor in a policy that footfall exported.
+
+    Raises:
+        UserError: it is another network.
+    """
+    import onnx
+    from onnx import numpy_helper
+
+    parts = {each.name: numpy_helper.to_array(each) for each in onnx.load(path).graph.initializer}
+    try:
+        count = sum(name.startswith("kernel_") for name in parts)
+        layers = tuple((parts[f"kernel_{i}"], parts[f"bias_{i}"]) for i in range(count))
+        return Exported(parts["mean"], parts["std"], layers)
+    except KeyError as error:
+        raise UserError(f"{path} was not exported by footfall: it has no {error.args[0]}") from None
+
+
+def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str]:
+    """Names of the contract's fields that change, which the networks can learn to bear.
+
+    Args:
+        source: the networks.
+        contract: of the training that starts from them.
+        ppo: its settings.
+
+    Raises:
+        UserError: an observation or an action would mean something else, or the networks have other sizes.
+    """
+    differing = [name for name in SAME if getattr(source.contract, name) != getattr(contract, name)]
+    details = [f"{name} ({', '.join(_differences(name, source.contract, contract))})" for name in differing]
+    if source.hidden_dims != tuple(ppo.actor_hidden_dims):
+        details.append(
+            f"ppo.actor_hidden_dims ({list(source.hidden_dims)} there, {list(ppo.actor_hidden_dims)} here)"
+        )
+    if details:
+        raise UserError(f"cannot start from {source.file}: {'; '.join(details)} differ")
+    return [name for name in MAY_CHANGE if getattr(source.contract, name) != getattr(contract, name)]
+
+
+def _differences(name: str, there: Contract, here: Contract) -> Iterator[str]:
+    """What differs of a field: the entries that one side alone has, or both values."""
+    old, new = getattr(there, name), getattr(here, name)
+    if isinstance(old, Gait) and isinstance(new, Gait):
+        yield from (f"its {part}" for part in vars(old) if getattr(old, part) != getattr(new, part))
+        return
+    if not isinstance(old, tuple):
+        there_is, here_is = ("a clock" if isinstance(each, Gait) else each for each in (old, new))
+        yield f"{there_is} there, {here_is} here"
+        return
+    only_old = [_name(each) for each in old if each not in new]
+    only_new = [_name(each) for each in new if each not in old]
+    yield from (f"{each} there" for each in only_old)
+    yield from (f"{each} here" for each in only_new)
+    if not only_old and not only_new:
+        yield "another order"
+
+
+def _name(entry: object) -> str:
+    history = getattr(entry, "history", 1)
+    name = str(getattr(entry, "name", entry))
+    return f"{name} with {history} frames" if history > 1 else name
