@@ -1,5 +1,7 @@
 """moteus controllers in position mode, on CAN FD."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from footfall.deploy.drivers import moteus
@@ -12,6 +14,14 @@ from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request,
 
 _COMMANDED = range(moteus.POSITION_COMMAND, moteus.POSITION_COMMAND + 5)
 _DEFAULTS = 0.0, 0.0, 0.0, 1.0, 1.0  # of registers that a command leaves out
+
+
+class _Usual(NamedTuple):
+    """The last batch of commands."""
+
+    fixed: tuple[bytes, ...]  # identifiers, buses, and data without the numbers
+    motor: np.ndarray  # (k,) indices
+    kind: np.ndarray  # (k,) of `Request`
 
 
 class MoteusMotorEnd(PolledMotorEnd):
@@ -31,12 +41,7 @@ class MoteusMotorEnd(PolledMotorEnd):
             self._data[:, place] = byte
         self._length = np.full(n, length)
         self._timeout_s = np.full(n, 0.1)
-        nobody = np.zeros(0, int)
-        self._usual = (
-            (b"", b"", b""),
-            nobody,
-            nobody,
-        )  # of the last commands: their fixed bytes, motors, kinds
+        self._usual = _Usual((), np.zeros(0, int), np.zeros(0, int))
 
     @property
     def timeout_s(self) -> np.ndarray:
@@ -45,14 +50,11 @@ class MoteusMotorEnd(PolledMotorEnd):
     def requests(self, frames: Frames) -> Requests:
         """Modes other than stop and position are left out."""
         frames = frames.of_fd()
-        fixed = (
-            frames.id.tobytes(),
-            frames.channel.tobytes(),
-            np.delete(frames.data, moteus.FLOATS, 1).tobytes(),
-        )
-        if fixed == self._usual[0]:  # other numbers alone: parsing takes 20 us a frame
+        rest = np.delete(frames.data, moteus.FLOATS, 1).tobytes()
+        fixed, usual = (frames.id.tobytes(), frames.channel.tobytes(), rest), self._usual
+        if fixed == usual.fixed:  # other numbers alone: parsing takes 20 us a frame
             floats = np.ascontiguousarray(frames.data[:, moteus.FLOATS]).view("<f4").T
-            return self._commands(self._usual[1], floats.astype(float), self._usual[2])
+            return self._commands(usual.motor, floats.astype(float), usual.kind)
         motor = self._lookup[frames.channel, frames.id & 0x7F]
         rows: list[int] = []
         values: list[list[float]] = []
@@ -63,16 +65,16 @@ class MoteusMotorEnd(PolledMotorEnd):
                 written = _written(frames.data[row, : frames.length[row]].tobytes())
             except ValueError:
                 continue
-            kind = self._kind(motor[row], written)
-            if kind is not None:
+            asked = self._kind(motor[row], written)
+            if asked is not None:
                 rows.append(row)
-                kinds.append(kind)
+                kinds.append(asked)
                 values.append([written.get(each, _DEFAULTS[k]) for k, each in enumerate(_COMMANDED)])
         joints = motor[np.array(rows, np.intp)]
         numbers, kind = np.array(values, float).reshape(-1, 5).T, np.array(kinds, int)
         heads = frames.data[:, : len(moteus.COMMAND_HEAD)] == np.frombuffer(moteus.COMMAND_HEAD, np.uint8)
         if len(rows) == len(motor) and heads.all():
-            self._usual = fixed, joints, kind
+            self._usual = _Usual(fixed, joints, kind)
         return self._commands(joints, numbers, kind)
 
     def _commands(self, joints: np.ndarray, numbers: np.ndarray, kind: np.ndarray) -> Requests:
