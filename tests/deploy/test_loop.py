@@ -177,6 +177,7 @@ class TestFaults:
             return act
 
         class Estimator:
+            notes = ()
             reset = start = lambda *_: None
 
             def update(self, *_: Any) -> tuple[np.ndarray, float]:

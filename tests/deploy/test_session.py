@@ -231,6 +231,8 @@ class TestSession:
         estimated = []
 
         class Estimator:
+            notes = ()
+
             def __init__(self, robot: Robot, config: Any) -> None:
                 estimated.append(config)
 
