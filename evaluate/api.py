@@ -18,7 +18,8 @@ from footfall.evaluate.own_metrics import check_metrics
 from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
 from footfall.evaluate.suite import run_course, run_suite
-from footfall.evaluate.table import print_results
+from footfall.evaluate.table import print_results, weakest_table
+from footfall.evaluate.weakest import weakest
 from footfall.policies.policy import Policy
 from footfall.policies.registry import changed_settings, load_policy, load_settings
 from footfall.robots.description import Robot, load_robot
@@ -52,6 +53,33 @@ def evaluate_policy(
     check_outputs(json_path)
     (result,) = _score(robot, file, policies, config, console).values()
     print_results({result["policy"]: result}, console)
+    write_json(json_path, result)
+    return result
+
+
+def weakest_of(
+    policy_spec: str,
+    names: Sequence[str],
+    config: EvaluationConfig = DEFAULT_EVALUATION,
+    *,
+    json_path: Path | None = None,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Find the smallest disturbances that fell a policy, print them, write the JSON.
+
+    Args as for `evaluate_policy`; `names` are those of `footfall.evaluate.weakest.DISTURBANCES`.
+
+    Raises:
+        UserError: as `evaluate_policy` and `footfall.evaluate.weakest.weakest`.
+    """
+    console = console or Console()
+    robot, file, policies = _load(config, [policy_spec])
+    check_outputs(json_path)
+    with console.status("searching"):
+        found = weakest(policy_spec, config, file, names)
+    (name,) = policy_names(policies).values()
+    result = {"policy": name, "robot": robot.name, "seed": config.seed, "weakest": found}
+    console.print(weakest_table(name, found))
     write_json(json_path, result)
     return result
 

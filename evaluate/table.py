@@ -56,6 +56,27 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
     return table
 
 
+def weakest_table(policy: str, found: Mapping[str, Any]) -> Table:
+    """What fells a policy, a row for each disturbance (`footfall.evaluate.weakest.weakest`)."""
+    table = Table(title=f"what fells {policy}", title_justify="left", title_style="bold")
+    for heading in ("", "smallest", "median", "95 % interval", "walked on"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, each in found.items():
+        if name == "together":
+            parts = ", ".join(f"{part} {value:.3g}" for part, value in each["values"].items())
+            table.add_row(f"together, {each['size']:.2f} of each alone", parts)
+            continue
+        low, high = (_fells(end) for end in each["interval"])
+        title = f"{name}, {each['unit']}" if each["unit"] else name
+        walked_on = f"{each['never_fell']} of {each['episodes']}"
+        table.add_row(title, _fells(each["smallest"]), _fells(each["median"]), f"{low} to {high}", walked_on)
+    return table
+
+
+def _fells(value: float | None) -> str:
+    return "nothing" if value is None else f"{value:.3g}"
+
+
 def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """One line for each scenario with episodes that failed, and for each thing changed or lacking."""
     lines = []

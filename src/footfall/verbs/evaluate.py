@@ -1,5 +1,10 @@
 """`footfall evaluate`."""
 
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from footfall.common.errors import UserError
 from footfall.evaluation_options import (
     NOMINAL,
     EvaluationOptions,
@@ -7,15 +12,36 @@ from footfall.evaluation_options import (
     exit_status,
     requirements_of,
 )
-from footfall.options import PolicyName
+from footfall.options import Names, PolicyName
 
 
-def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> int:
-    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if one cannot be run."""
-    from footfall.evaluate.api import evaluate_policy
+def evaluate(
+    policy: PolicyName,
+    /,
+    *,
+    options: EvaluationOptions = NOMINAL,
+    weakest: Annotated[Names, Parameter(show_default=False)] = (),
+) -> int:
+    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if one cannot be run.
+
+    Args:
+        weakest: Find the smallest disturbances that fell it instead: push, latency, friction, strength.
+    """
+    from footfall.evaluate.api import evaluate_policy, weakest_of
     from footfall.policies.spec import add_settings
 
     (spec,) = add_settings([policy], options.settings)
+    if weakest:
+        _refuse_scenarios(options)
+        weakest_of(spec, weakest, evaluation_config(options), json_path=options.json)
+        return 0
     requirements = requirements_of(options)
     result = evaluate_policy(spec, evaluation_config(options), json_path=options.json)
     return exit_status({spec: result}, requirements, options.junit)
+
+
+def _refuse_scenarios(options: EvaluationOptions) -> None:
+    """Refuse options that mean nothing where disturbances are searched."""
+    for name in ("scenarios", "metrics", "require", "junit", "ground_truth"):
+        if getattr(options, name) != getattr(NOMINAL, name):
+            raise UserError(f"--weakest runs no scenario: leave --{name.replace('_', '-')} out")

@@ -1,0 +1,197 @@
+"""The smallest push, latency, lack of friction or loss of motor strength that fells a policy.
+
+In each episode a bisection finds where the policy begins to fall: below it may be other falls, which no
+bisection sees. Of several disturbances together, CMA-ES looks for the direction in which the fewest suffice.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.episodes import EpisodeTask, run_task
+from footfall.evaluate.plan import EpisodePlan, plan_episodes
+from footfall.evaluate.pool import run_all
+from footfall.evaluate.scenarios import ScenarioFile
+from footfall.evaluate.statistics import CONFIDENCE
+from footfall.plant.episode import Push
+
+SCENARIO = "push"  # whose walks are disturbed; its pushes' times and directions are kept
+HALVINGS = 8  # the result is as fine as 1/256 of a disturbance's range
+EPISODES = 12
+GENERATIONS, POPULATION, START_STEP = 8, 6, 0.3  # of CMA-ES
+RESAMPLES = 1000
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A quantity that grows worse from `mild` to `worst`."""
+
+    unit: str
+    mild: float
+    worst: float
+    quantity: str = ""  # of `domain_rand/randomisation.py`; empty for a push
+
+    def at(self, severity: float) -> float:
+        """Its value at a severity from 0 to 1."""
+        return self.mild + severity * (self.worst - self.mild)
+
+
+DISTURBANCES = {
+    "push": Disturbance("m/s", 0.0, 8.0),
+    "latency": Disturbance("s", 0.0, 0.25, "action_delay_s"),
+    "friction": Disturbance("", 1.0, 0.0, "friction"),
+    "strength": Disturbance("of the torque", 1.0, 0.0, "motor_strength"),
+}
+Severities = dict[str, float]  # of disturbances by name, each from 0 to 1
+
+
+@dataclass(frozen=True)
+class Ray:
+    """One bisection: severities grow together, in one episode."""
+
+    task: EpisodeTask
+    direction: Severities  # at the ray's end, 1
+
+
+def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
+    """An episode of the scenario with these disturbances in the place of its push."""
+    (push,) = plan.pushes
+    norm = math.hypot(*push.delta_v_m_s)
+    size = DISTURBANCES["push"].at(severities.get("push", 0.0)) / norm
+    x, y, z = (size * each for each in push.delta_v_m_s)
+    levels = {
+        DISTURBANCES[name].quantity: DISTURBANCES[name].at(severity)
+        for name, severity in severities.items()
+        if DISTURBANCES[name].quantity
+    }
+    return replace(plan, pushes=(Push(push.time_s, (x, y, z)),) if size else (), levels=levels)
+
+
+def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
+    """Smallest share, from 0 to 1, at which something falls; infinite if it does not at 1."""
+    if not falls(1.0):
+        return math.inf
+    low, high = 0.0, 1.0
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if falls(middle) else (middle, high)
+    return high
+
+
+def bisect(ray: Ray) -> float:
+    """Share of a ray at which its policy falls; infinite if it walks on at the end."""
+
+    def falls(share: float) -> bool:
+        severities = {name: min(1.0, share * end) for name, end in ray.direction.items()}
+        outcome = run_task(replace(ray.task, plan=disturbed(ray.task.plan, severities)))
+        return bool(outcome.trouble)
+
+    return smallest(falls)
+
+
+def weakest(
+    policy: str, config: EvaluationConfig, file: ScenarioFile, names: Sequence[str]
+) -> dict[str, Any]:
+    """What fells a policy, for each disturbance alone, and for all of them together if there are several.
+
+    Args:
+        policy: as `load_policy` takes it.
+        config: robot, seed, episodes, plant, workers.
+        file: the scenarios' definitions.
+        names: of `DISTURBANCES`.
+
+    Returns:
+        {name: figures}, and under "together" the smallest combination, in one episode.
+
+    Raises:
+        UserError: there is no such disturbance, or the extra for several of them is not installed.
+    """
+    unknown = [name for name in names if name not in DISTURBANCES]
+    if unknown:
+        raise UserError(f"--weakest {unknown[0]}: give some of {', '.join(DISTURBANCES)}")
+    if len(names) > 1:
+        _library()
+    plans = plan_episodes(SCENARIO, file.scenarios[SCENARIO], config.seed, config.episodes or EPISODES)
+    tasks = [
+        EpisodeTask(
+            policy, config.robot, plan, file.noise, file.height_scan_errors, config.plant, config.engine
+        )
+        for plan in plans
+    ]
+    rays = [Ray(task, {name: 1.0}) for name in names for task in tasks]
+    shares = np.array(_run(rays, config.workers)).reshape(len(names), len(tasks))
+    found = {name: _figures(name, row, config.seed) for name, row in zip(names, shares, strict=True)}
+    if len(names) > 1:
+        alone = dict(zip(names, np.minimum(shares[:, 0], 1.0).tolist(), strict=True))
+        found["together"] = _together(tasks[0], alone, config)
+    return found
+
+
+def _run(rays: Sequence[Ray], workers: int | None) -> list[float]:
+    outcomes = run_all(bisect, rays, workers)
+    failed = next((outcome.error for outcome in outcomes if outcome.value is None), None)
+    if failed is not None:
+        raise UserError(f"an episode cannot be run: {failed}")
+    return [outcome.value for outcome in outcomes if outcome.value is not None]
+
+
+def _figures(name: str, shares: np.ndarray, seed: int) -> dict[str, Any]:
+    """Smallest and median disturbance that fells, in its own unit; None where nothing does."""
+    resamples = np.random.default_rng(seed).choice(shares, (RESAMPLES, len(shares)))
+    middles = np.sort(np.quantile(resamples, 0.5, axis=1, method="lower"))
+    tail = (1 - CONFIDENCE) / 2
+    ends = middles[int(tail * (RESAMPLES - 1))], middles[int((1 - tail) * (RESAMPLES - 1))]
+    return {
+        "unit": DISTURBANCES[name].unit,
+        "smallest": _value(name, shares.min()),
+        "median": _value(name, np.quantile(shares, 0.5, method="lower")),
+        "interval": [_value(name, end) for end in ends],
+        "episodes": len(shares),
+        "never_fell": int(np.isinf(shares).sum()),
+    }
+
+
+def _value(name: str, share: float) -> float | None:
+    return None if math.isinf(share) else DISTURBANCES[name].at(float(share))
+
+
+def _together(task: EpisodeTask, alone: Severities, config: EvaluationConfig) -> dict[str, Any]:
+    """The smallest combination that fells in one episode.
+
+    Its size is a norm: each disturbance counts as a share of what fells alone, so that 1 is no better.
+    """
+    names, scale = list(alone), math.sqrt(len(alone))
+    search = _library()(
+        np.full(len(names), 1.0 / scale).tolist(),
+        START_STEP,
+        {"popsize": POPULATION, "seed": config.seed + 1, "verbose": -9},
+    )
+    best = (1.0, np.eye(len(names))[0])
+    for _ in range(GENERATIONS):
+        points = search.ask()
+        directions = [np.abs(point) / max(np.linalg.norm(point), 1e-9) for point in points]
+        rays = [
+            Ray(task, {name: alone[name] * part for name, part in zip(names, direction, strict=True)})
+            for direction in directions
+        ]
+        sizes = _run(rays, config.workers)
+        search.tell(points, [size if math.isfinite(size) else 2.0 for size in sizes])
+        best = min([best, *zip(sizes, directions, strict=True)], key=lambda each: each[0])
+    size, direction = best
+    values = {
+        name: DISTURBANCES[name].at(size * alone[name] * part)
+        for name, part in zip(names, direction.tolist(), strict=True)
+    }
+    return {"size": float(size), "values": values}
+
+
+def _library() -> Any:
+    with needs_extra("sweep", "a search over several disturbances needs"):
+        import cma
+    return cma.CMAEvolutionStrategy

@@ -1,0 +1,120 @@
+"""The search for the smallest disturbance that fells a policy."""
+
+import json
+import math
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+from footfall.common.errors import UserError
+from footfall.evaluate import weakest as search
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.episodes import EpisodeTask
+from footfall.evaluate.plan import EpisodePlan, plan_episodes
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.weakest import Ray, bisect, disturbed, smallest, weakest
+from footfall.robots.description import Robot
+
+NAMES = ("push", "latency")
+
+
+@pytest.fixture
+def plan(go1: Robot) -> EpisodePlan:
+    return plan_episodes("push", load_scenarios(go1).scenarios["push"], 3, 1)[0]
+
+
+@pytest.mark.parametrize("limit", [0.001, 0.3, 0.77, 1.0])
+def test_a_bisection_finds_where_it_begins_to_fall(limit: float) -> None:
+    assert smallest(lambda share: share >= limit) == pytest.approx(limit, abs=1 / 256)
+
+
+def test_what_never_falls_is_infinite() -> None:
+    assert math.isinf(smallest(lambda share: False))
+
+
+def test_a_push_keeps_time_and_direction_of_the_scenarios(plan: EpisodePlan) -> None:
+    (before,), (after,) = plan.pushes, disturbed(plan, {"push": 0.5}).pushes
+    assert after.time_s == before.time_s
+    assert np.linalg.norm(after.delta_v_m_s) == pytest.approx(4.0)
+    assert np.dot(after.delta_v_m_s, before.delta_v_m_s) > 0.0
+    np.testing.assert_allclose(np.cross(after.delta_v_m_s, before.delta_v_m_s), 0.0, atol=1e-9)
+
+
+def test_other_disturbances_take_the_pushs_place(plan: EpisodePlan) -> None:
+    changed = disturbed(plan, {"friction": 0.75, "strength": 0.4, "latency": 0.2})
+    assert changed.pushes == ()
+    assert changed.levels == pytest.approx({"friction": 0.25, "motor_strength": 0.6, "action_delay_s": 0.05})
+
+
+class MadeUp:
+    """Episodes whose policy falls by a rule of severities, in the place of simulated ones."""
+
+    def __init__(self, rule) -> None:
+        self._rule = rule
+
+    def run(self, rays: list[Ray], workers: int | None) -> list[float]:
+        return [
+            smallest(lambda share, end=ray.direction: self._rule(*(share * end.get(n, 0.0) for n in NAMES)))
+            for ray in rays
+        ]
+
+
+def found(go1: Robot, monkeypatch: pytest.MonkeyPatch, rule, names: tuple[str, ...] = NAMES) -> dict:
+    monkeypatch.setattr(search, "_run", MadeUp(rule).run)
+    return weakest("go1-flat", EvaluationConfig(episodes=6), load_scenarios(go1), names)
+
+
+def test_each_disturbance_has_its_figures_in_its_unit(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("cma")
+    figures = found(go1, monkeypatch, lambda push, latency: push >= 0.5)
+    assert figures["push"]["smallest"] == pytest.approx(4.0, abs=0.04)
+    assert figures["push"]["interval"] == pytest.approx([4.0, 4.0], abs=0.04)
+    assert figures["latency"]["smallest"] is None
+    assert figures["latency"]["never_fell"] == 6
+
+
+def test_together_less_of_each_is_enough(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A product fells: a fifth of what each alone would take."""
+    pytest.importorskip("cma")
+
+    def rule(push: float, latency: float) -> bool:
+        return push >= 0.5 or latency >= 0.5 or push * latency >= 0.01
+
+    together = found(go1, monkeypatch, rule)["together"]
+    assert together["size"] <= 0.3  # of the norm; the smallest is 0.2 * sqrt(2)
+    push, latency = together["values"]["push"] / 8.0, together["values"]["latency"] / 0.25
+    assert push * latency == pytest.approx(0.01, rel=0.1)
+
+
+def test_an_unknown_disturbance_is_refused(go1: Robot) -> None:
+    with pytest.raises(UserError, match="--weakest wind"):
+        weakest("go1-flat", EvaluationConfig(), load_scenarios(go1), ["wind"])
+
+
+def test_a_push_fells_a_policy_on_the_simulated_robot(
+    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(search, "smallest", partial(smallest, halvings=1))
+    early = replace(plan, duration_s=1.2, pushes=(replace(plan.pushes[0], time_s=0.1),))
+    task = EpisodeTask("stand", "go1", early, load_scenarios(go1).noise)
+    assert bisect(Ray(task, {"push": 1.0})) in (0.5, 1.0)
+    assert math.isinf(bisect(Ray(task, {"push": 0.01})))
+
+
+def test_the_command_prints_and_writes_what_it_found(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(search, "_run", MadeUp(lambda push, latency: push >= 0.5).run)
+    file = tmp_path / "weakest.json"
+    outcome = shell("evaluate", "stand", "--weakest", "push", "--episodes", "3", "--json", file)
+    assert outcome.status == 0
+    assert "push, m/s" in outcome.out
+    assert json.loads(file.read_text())["weakest"]["push"]["median"] == pytest.approx(4.0, abs=0.04)
+
+
+def test_scenarios_beside_it_are_refused(shell: Shell) -> None:
+    assert "--scenarios" in shell.refuses("evaluate", "stand", "--weakest", "push", "--scenarios", "walk")
