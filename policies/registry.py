@@ -44,6 +44,14 @@ def _gait(name: str) -> Controller:
     )
 
 
+def _flight(name: str) -> Controller:
+    """A gait in which no foot stands for a part of the cycle: forces have to be planned for it."""
+    about = f"a {name}: model-predictive control that plans over the flight, too"
+    return Controller(f"{_HERE}.mpc:Mpc", f"{_HERE}.mpc.config:MpcConfig", about)
+
+
+FLIGHT = ("gallop", "pronk")  # gaits of the MPC; the generator has all others
+
 CONTROLLERS = {
     "stand": Controller(
         f"{_HERE}.stand:Stand",
@@ -72,7 +80,7 @@ CONTROLLERS = {
         f"{_HERE}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
-    **{name: _gait(name) for name in gait_names()},
+    **{name: _flight(name) if name in FLIGHT else _gait(name) for name in gait_names()},
 }
 
 
@@ -96,7 +104,7 @@ def walking_controllers(robot: Robot) -> list[str]:
 
 
 def first_of_each_kind(names: Iterable[str]) -> list[str]:
-    """One hand-written controller of each kind: of the gait generator's, the first."""
+    """One hand-written controller of each kind: of the gait generator's and of the MPC's, the first."""
     found: dict[str, str] = {}
     for name in names:
         found.setdefault(CONTROLLERS[name].place, name)

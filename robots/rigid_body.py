@@ -20,6 +20,8 @@ class RigidBody:
     centre: np.ndarray  # (3,) m, centre of mass from the base's origin
     inertia: np.ndarray  # (3, 3) kg m^2 about the centre of mass
     leg_inertia: np.ndarray  # (legs, m, m) kg m^2, joint space as in `Legs`, reflected inertia included
+    # (legs, 3, m) kg m^2: angular momentum about the centre of mass that each joint's rate adds, base frame
+    leg_momentum: np.ndarray
 
     @cached_property
     def inverse_inertia(self) -> np.ndarray:
@@ -41,9 +43,11 @@ def nominal_body(robot: Robot) -> RigidBody:
     mass = model.body_subtreemass[base.id]
     centre = data.subtree_com[base.id]
     arm = skew(centre)
+    coupling = inertia[six][:, joints].transpose(1, 0, 2) * legs.present[:, None]  # base and joints
     return RigidBody(
         mass=float(mass),
         centre=centre,
         inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # parallel axis theorem
         leg_inertia=inertia[joints[:, :, None], joints[:, None, :]] * present,
+        leg_momentum=coupling[:, 3:] - arm @ coupling[:, :3],
     )

@@ -12,6 +12,7 @@ class ContactConfig:
     force_share: tuple[float, float] = (0.2, 0.8)  # no contact below the first, certain above the second
     force_filter_s: float = 0.006  # time constant of the force estimate
     rise_s: float = 0.03  # time constant with which trust grows: a foot that lands bounces and slips first
+    carried_share: float = 0.3  # of gravity, upwards: the accelerometer of a robot on its feet reads more
     level_m: float = 0.0015  # corners of a sole that differ less in height share its load
     sensor_error_share: float = 0.5  # mean error by the motors' torques from which a force sensor is ignored
     sensor_filter_s: float = 0.5  # averaging time of that error
@@ -21,7 +22,8 @@ class ContactConfig:
         require_ordered(self, "force_share")
         if self.force_share[0] == self.force_share[1]:
             raise ValueError("force_share must rise from its first number to its second")
-        require_positive(self, "force_filter_s", "rise_s", "level_m", "sensor_error_share", "sensor_filter_s")
+        require_positive(self, "force_filter_s", "rise_s", "carried_share", "level_m")
+        require_positive(self, "sensor_error_share", "sensor_filter_s")
         require_not_negative(self, "sensor_trial_s")
 
 

@@ -25,6 +25,7 @@ class ContactEstimator:
         low, high = config.force_share
         self._least_force, self._force_span = low * even_force, (high - low) * even_force
         self._even_force = even_force
+        self._carried = config.carried_share * GRAVITY_M_S2
         self.probability = [1.0] * legs.count
         self._error = np.full(legs.count, even_force)  # N, mean error of each sensor: at first not believed
 
@@ -73,9 +74,11 @@ class ContactEstimator:
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
+        # A foot that leaves the ground is fast at once, its force is filtered: the accelerometer is quicker.
+        carried = min(max(float(up.dot(sensed.acceleration)) / self._carried, 0.0), 1.0)
         for leg, pressed in enumerate(force.tolist()):
             load = (pressed - low) / span
-            present = planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
+            present = carried * planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
             # Contact is lost at once and gained slowly: a foot that lands bounces and slips first.
             self.probability[leg] = present if present < before else before + share * (present - before)

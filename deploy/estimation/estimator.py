@@ -57,6 +57,7 @@ class BaseEstimator:
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
         self._since_rest_s = 0.0
+        self._height_deviation = 0.0  # m, standard deviation beyond that above standing feet
         self.start()
 
     def start(self) -> None:
@@ -130,7 +131,7 @@ class BaseEstimator:
         if config.level_ground:
             position[2] = self._base_height() - self._start_height
             covariance[2] = covariance[:, 2] = 0.0
-            covariance[2, 2] = config.height_noise**2
+            covariance[2, 2] = config.height_noise**2 + self._height_deviation**2
         turn = np.eye(7)
         turn[POSITION, POSITION] = heading_matrix(-self._start_yaw)
         turn[VELOCITY, VELOCITY] = self._rotation.T
@@ -173,13 +174,19 @@ class BaseEstimator:
         self._doubted |= doubted
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:
-        """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs."""
+        """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs.
+
+        In flight nothing corrects it: it becomes uncertain by the deviation of the velocity.
+        """
         self._height += self.motion.velocity[2] * dt_s
         total = sum(contact)
         if total > _SOME_CONTACT:
             measured = -float((self._place.dot(self._up) + self._radius).dot(contact)) / total
             share = 1.0 - math.exp(-dt_s / self._config.odometry.height_filter_s)
             self._height += share * (measured - self._height)
+            self._height_deviation -= share * self._height_deviation
+        else:
+            self._height_deviation += math.sqrt(self.motion.vv) * dt_s
 
     def _base_height(self) -> float:
         return self._height - float(self._up.dot(self._imu))

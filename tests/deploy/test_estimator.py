@@ -18,6 +18,7 @@ from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, YAW, Odometry
 from footfall.policies.controllers.walk import Walk as Generator
 from footfall.policies.policy import Sensed
+from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
@@ -74,6 +75,45 @@ def walks() -> dict[str, Follower]:
         return follower
 
     return {"planned": follow(Generator), "unplanned": follow(Unplanned)}
+
+
+@pytest.fixture(scope="module", params=["planned", "unplanned"])
+def flight(request: pytest.FixtureRequest) -> tuple[Follower, np.ndarray]:
+    """Two seconds of a pronk, and whether anything touches the ground, (ticks,)."""
+    plant = DirectPlant(ROBOT, seed=1)
+    follower, touches = Follower(plant), []
+    policy = load_policy("pronk", ROBOT)
+    if request.param == "unplanned":
+        update = follower.update
+        follower.update = lambda sensed, _, dt_s: update(sensed, None, dt_s)  # type: ignore[method-assign]
+
+    def look(time_s: float, plant: DirectPlant) -> None:
+        touches.append(plant.data.ncon > 0)
+
+    walk(policy, plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=look)
+    return follower, np.array(touches)
+
+
+class TestFlight:
+    def test_it_knows_that_no_foot_stands(self, flight: tuple[Follower, np.ndarray]) -> None:
+        follower, touches = flight
+        in_flight = np.flatnonzero(~touches[: len(follower.poses)])
+        assert len(in_flight) > 200
+        assert max(follower.poses[tick].contact.max() for tick in in_flight) < 0.1
+
+    def test_it_goes_on_with_the_imu(self, flight: tuple[Follower, np.ndarray]) -> None:
+        error = flight[0].errors()
+        assert np.abs(error[:, :3]).max() < 0.03
+        assert np.sqrt((error[400:, 3:] ** 2).mean(axis=0)).max() < 0.05
+
+    def test_the_height_is_less_certain_the_longer_it_lasts(
+        self, flight: tuple[Follower, np.ndarray]
+    ) -> None:
+        follower, touches = flight
+        deviation = np.array([each.covariance[2, 2] for each in follower.poses]) ** 0.5
+        off = np.flatnonzero(touches[600:-40] & ~touches[601:-39])[0] + 600
+        assert (np.diff(deviation[off + 10 : off + 40]) > 0.0).all()
+        assert deviation[off + 40] > 1.01 * deviation[off - 20]
 
 
 class TestAgainstTheTruth:

@@ -314,8 +314,8 @@ class TestStepData:
         }  # fmt: skip
         for name, value in expected.items():
             np.testing.assert_allclose(getattr(found, name), value, rtol=1e-4, atol=1e-5, err_msg=name)
-        # A gallop, duty 0.4: the feet are at 0.55, 0.65, 0.15 and 0.25 of the cycle, and swings last 0.6.
-        lifted = np.sin(np.pi * np.array([0.55, 0.6, 0.15, 0.25]) / 0.6)
+        # A gallop, duty 0.35: the feet are at 0.15, 0.25, 0.35 and 0.45 of the cycle, and swings last 0.65.
+        lifted = np.sin(np.pi * np.array([0.15, 0.25, 0.35, 0.45]) / 0.65)
         np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
 
 
@@ -388,9 +388,9 @@ def test_the_contract_says_what_was_configured() -> None:
         np.testing.assert_array_equal(getattr(contract, name), values)
     assert contract.gait is not None
     assert contract.gait.frequency_hz == 2.0
-    assert contract.gait.duty == 0.4
+    assert contract.gait.duty == 0.35
     phases = np.array(contract.gait.phase)[np.array(ROBOT.foot_joints)]
-    np.testing.assert_array_equal(phases, np.repeat([[0.4], [0.5], [0.0], [0.1]], 3, axis=1))
+    np.testing.assert_array_equal(phases, np.repeat([[0.0], [0.1], [0.2], [0.3]], 3, axis=1))
     assert not any(make_gait(ROBOT, GaitConfig("trot", 1.3)).amplitude_rad)
     assert make_contract(ROBOT, replace(CONFIG, gait=None)).gait is None
     assert float(moving(np.array([0.1, 0.1, 0.1]), contract)[0]) == 1.0

@@ -119,7 +119,7 @@ PLACES = (CONFIG.stance.height_m, CONFIG.stance.outward_m, CONFIG.stance.shift_m
 class TestMpc:
     def test_the_state_is_that_of_the_centre_of_mass_in_the_heading_frame(self, mpc: Mpc) -> None:
         base = base_of()
-        state = body_state(base, BODY.centre, heading_matrix(base.yaw))
+        state = body_state(base, BODY.centre, heading_matrix(base.yaw), np.zeros(3))
         arm = TILTED.apply(BODY.centre)
         spin = TILTED.apply(base.gyro)
         heading = Rotation.from_euler("z", -base.yaw)

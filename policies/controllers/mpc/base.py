@@ -86,16 +86,21 @@ class Disturbance:
         return self._left_s > 0.0
 
 
-def body_state(base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray) -> BodyState:
+def body_state(
+    base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray, legs_turn: np.ndarray
+) -> BodyState:
     """State of the centre of mass in the heading frame on the ground below the base.
 
     Args:
         base: its state.
         centre_of_mass: (3,) m, in the base's frame.
         to_heading: (3, 3), from the heading frame to the world.
+        legs_turn: (3,) rad/s, base frame, by which the whole robot turns faster than its base.
     """
     centre = base.rotation @ centre_of_mass
     rate = base.rotation @ base.gyro
-    vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]).dot(to_heading)
+    vectors = np.array([centre, rate + base.rotation @ legs_turn, base.velocity + cross(rate, centre)]).dot(
+        to_heading
+    )
     x, y, z = vectors[0].tolist()
     return BodyState(np.array([base.roll, base.pitch, 0.0, x, y, z + base.height]), vectors[1:].ravel())

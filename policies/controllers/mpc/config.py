@@ -144,6 +144,7 @@ class MpcConfig:
     gaits: tuple[str, ...] = ()  # that it can change to while it walks, its own among them
     most_attitude_rad: float = 0.1  # largest roll and pitch that can be asked for
     slope: SlopeConfig | None = None  # None: ground counts as level
+    legs_turn_base: bool = False  # swinging legs turn the base the other way: matters where no foot stands
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "settle_s")

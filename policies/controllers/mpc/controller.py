@@ -118,6 +118,7 @@ class Mpc:
         self.wrenches = Wrenches(np.tile(weight, (count, 1)), np.zeros((count, 3)))
         self.stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
+        self._legs_turn = np.zeros(3)
         self._ticks_to_solve = 0
 
     def set_live(self, values: Mapping[str, float]) -> None:
@@ -134,6 +135,7 @@ class Mpc:
         pose = self._legs.pose(inputs.sensed.joint_position)
         inputs = self.slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
         base = self.follower.follow(inputs, dt_s)
+        self._legs_turn = self._turn_of_legs(inputs)
         self._step_clock(inputs, base, dt_s)
         planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
@@ -166,6 +168,17 @@ class Mpc:
         command = self._joints(inputs, base, pose, swing)
         self._lookahead.sent(command, self._acceleration(base, pose), planned)
         return command
+
+    def _turn_of_legs(self, inputs: PolicyInput) -> np.ndarray:
+        """Rate (3,) rad/s, base frame, that the legs' motion adds to the turn of the robot as a whole.
+
+        What swings forward in flight turns the base backwards: nothing else holds the robot.
+        """
+        if not self._config.legs_turn_base:
+            return np.zeros(3)
+        rates = self._legs.gather(inputs.sensed.joint_velocity)
+        momentum = (self._body.leg_momentum @ rates[:, :, None]).sum(axis=0)[:, 0]
+        return self._body.inverse_inertia @ momentum
 
     def _acceleration(self, base: Base, pose: LegPose) -> np.ndarray:
         """Of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2, world."""
@@ -223,7 +236,7 @@ class Mpc:
         contacts = self.clock.planned_stance(self.reference.middle_of_step)
         contacts[0] = self.stands
         to_heading = heading_matrix(base.yaw)
-        state = body_state(base, self._body.centre, to_heading)
+        state = body_state(base, self._body.centre, to_heading, self._legs_turn)
         reference = self.reference.over_horizon(base, self.command.value)
         points = np.array([feet, self.swing_feet.target]) - base.position
         points[:, :, 2] = 0.0  # on the ground

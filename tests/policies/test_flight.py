@@ -1,0 +1,77 @@
+"""Gaits in which no foot touches the ground for a part of each cycle."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.domain_rand.randomisation import randomisation_of
+from footfall.domain_rand.sample import draw
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+from footfall.robots.mjcf import load_spec
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("go1")
+
+
+def run(policy: Policy, command: tuple[float, float, float], duration_s: float = 2.0) -> Trace:
+    """On a robot drawn from the declared family."""
+    rng = np.random.default_rng(2)
+    sample = draw(randomisation_of(ROBOT), rng.random, 12, load_spec(ROBOT.xml_path).compile().nbody - 1)
+    episode = Episode(
+        command_source=lambda _: np.array(command),
+        duration_s=duration_s,
+        sample=sample,
+        noise=load_scenarios(ROBOT).noise,
+        record_rate_hz=250.0,
+    )
+    return run_episode(ROBOT, policy, episode)
+
+
+@pytest.mark.parametrize(("gait", "share"), [("pronk", 0.35), ("gallop", 0.1)])
+def test_no_foot_touches_for_a_part_of_each_cycle(gait: str, share: float) -> None:
+    trace = run(load_policy(gait, ROBOT), (0.6, 0.0, 0.4))
+    assert not trace.fell
+    assert trace.faults == ()
+    walking = trace.time_s > 1.0
+    assert (~trace.foot_contact[walking].any(axis=1)).mean() > share
+    assert trace.base_velocity[walking, 0].mean() == pytest.approx(0.6, abs=0.12)
+    assert (np.abs(trace.motor_torque) <= ROBOT.motor.peak_torque * 1.001).all()
+
+
+def test_a_pronk_sideways_stays_upright_since_it_counts_with_the_legs_that_turn_the_base() -> None:
+    """All legs swing to the same side while no foot holds the base: it turns the other way."""
+    config = controller_settings(ROBOT, "pronk", MpcConfig)
+
+    def most_roll(counts: bool) -> float:
+        trace = run(Mpc(ROBOT, replace(config, legs_turn_base=counts)), (0.0, 0.3, 0.0))
+        w, x, y, z = trace.base_quaternion.T
+        return float(np.abs(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))).max())
+
+    assert most_roll(True) < 0.8 * most_roll(False)
+
+
+def test_the_momentum_of_legs_is_that_of_the_model() -> None:
+    """The base at rest: MuJoCo's own angular momentum about the centre of mass."""
+    model = load_spec(ROBOT.xml_path).compile()
+    data = mujoco.MjData(model)
+    body, legs = nominal_body(ROBOT), ROBOT.legs
+    rates = np.random.default_rng(0).standard_normal(12)
+    joints = [model.joint(name) for name in ROBOT.joint_names]
+    data.qpos[3] = 1.0
+    for joint, angle, rate in zip(joints, ROBOT.default_pose, rates, strict=True):
+        data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = angle, rate
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    expected = data.subtree_angmom[model.body(ROBOT.description.base).id]
+    found = (body.leg_momentum @ legs.gather(rates)[:, :, None]).sum(axis=0)[:, 0]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
