@@ -44,6 +44,7 @@ class Quantity(NamedTuple):
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
     command: Effect | None = None  # on a JointCommand, as the motors carry it out
     force_sensor: Effect | None = None  # on the fields of domain_rand.foot_force.ForceSensors
+    accelerometer: Effect | None = None  # on the fields of domain_rand.accelerometer.Accelerometer
     bias_of: str | None = None  # reading that it is added to
     delay_of: Literal["actions", "readings"] | None = None  # s by which these arrive later
     charge: bool = False  # it is the battery's charge at first, 0 to 1
@@ -56,11 +57,17 @@ def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
 
 def check_quantity(name: str, declared: Quantity) -> None:
     """Raises ValueError for a declaration that would act on nothing."""
-    effects = declared.model, declared.motor, declared.command, declared.force_sensor
+    effects = (
+        declared.model,
+        declared.motor,
+        declared.command,
+        declared.force_sensor,
+        declared.accelerometer,
+    )
     if not declared.charge and not any((*effects, declared.bias_of, declared.delay_of)):
         raise ValueError(
-            f"quantity '{name}' has no effect: give model, motor, command, force_sensor, bias_of, delay_of or"
-            " charge"
+            f"quantity '{name}' has no effect: give model, motor, command, force_sensor, accelerometer,"
+            " bias_of, delay_of or charge"
         )
     if declared.bias_of is not None and declared.bias_of not in READINGS:
         raise ValueError(f"quantity '{name}': no reading '{declared.bias_of}', only {', '.join(READINGS)}")

@@ -126,6 +126,14 @@ class Randomisation:
         kinds.FOOT_AMOUNTS, OFFSET, least=0.0, most=1000.0, force_sensor=adds_to("noise")
     )
 
+    # the IMU's accelerometer; for the simulated robot alone, since no learned policy reads it
+    accelerometer_bias_m_s2: Distribution | None = quantity(  # along each axis
+        kinds.VECTOR, OFFSET, least=-10.0, most=10.0, accelerometer=adds_to("bias")
+    )
+    accelerometer_noise_m_s2: Distribution | None = quantity(  # half-width, of each sample
+        kinds.SCALAR, OFFSET, least=0.0, most=100.0, accelerometer=adds_to("noise")
+    )
+
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]
@@ -179,12 +187,13 @@ def require_foot_sensors(name: str, robot: Robot) -> None:
         raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no force_bus in robot.yaml")
 
 
-def refuse_force_sensors(randomisation: Randomisation) -> None:
-    """Raises UserError if errors of force sensors are drawn in training, where nothing reads such sensors."""
+def refuse_unread_sensors(randomisation: Randomisation) -> None:
+    """Raises UserError if errors of sensors are drawn in training, where nothing reads them."""
     for name, declared in QUANTITIES.items():
-        if declared.force_sensor is not None and getattr(randomisation, name) is not None:
+        unread = declared.force_sensor or declared.accelerometer
+        if unread is not None and getattr(randomisation, name) is not None:
             raise UserError(
-                f"randomisation.{name}: no learned policy reads force sensors; declare it in"
+                f"randomisation.{name}: no learned policy reads this sensor; declare it in"
                 f" {OWN_FILE} of the robot's folder, for the simulated robot"
             )
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mujoco
 
 from footfall.domain_rand.noise import biased, noisy
-from footfall.domain_rand.randomisation import refuse_force_sensors, require_delays
+from footfall.domain_rand.randomisation import refuse_unread_sensors, require_delays
 from footfall.domain_rand.sample import delay_s
 from footfall.envs.base import Base
 from footfall.envs.config import EnvConfig
@@ -35,7 +35,7 @@ class Observer:
     def __init__(self, model: mujoco.MjModel, robot: Robot, config: EnvConfig, contract: Contract) -> None:
         """Raises UserError if readings may be delayed for too long, or do not exist in training."""
         require_delays(config.randomisation, "readings", 1.0 / config.control_rate_hz)
-        refuse_force_sensors(config.randomisation)
+        refuse_unread_sensors(config.randomisation)
         self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
         self._base, self._contract = Base(model, robot), contract
         self._noise, self._timestep_s = config.noise, config.timestep_s

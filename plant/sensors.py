@@ -10,6 +10,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu
+from footfall.domain_rand.accelerometer import randomised_accelerometer
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample, delay_s, sensor_bias
 from footfall.robots.kinds import Parts
@@ -18,6 +19,7 @@ from footfall.robots.readings import READINGS
 MOTORS = ("joint_position", "joint_velocity", "joint_torque")  # fields of `Sensed` that motors report
 IMU = imu.Inertial._fields  # fields of `Sensed` that the IMU reports
 OF_MOTOR = "joint_position"  # a motor adds this bias itself, since it controls its own encoder's position
+ACCELEROMETER = 1  # beside the seed: its noise leaves that of the other readings as it is
 _NOISE_BLOCK = 256  # readings whose noise is drawn at once
 
 Indices = np.ndarray | slice
@@ -81,6 +83,10 @@ class SimulatedSensors:
         self._noise = None if noise is None else _Noise(noise, joints, seed)
         self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
         self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
+        accelerometer = randomised_accelerometer(sample)
+        self._acceleration_bias = np.broadcast_to(accelerometer.bias, 3).tolist()
+        self._acceleration_noise = float(accelerometer.noise)
+        self._acceleration_random = np.random.default_rng((seed, ACCELEROMETER))
 
     def remember(self, torque: np.ndarray) -> np.ndarray:
         """Keep the present state, to be read after the observation delay. Call at each physics step.
@@ -109,6 +115,10 @@ class SimulatedSensors:
         """The IMU's reading."""
         readings = list(self._past[0].inertial)
         self._add_errors(readings, self._of_imu)
+        width, bias = self._acceleration_noise, self._acceleration_bias
+        if width or any(bias):
+            drawn = self._acceleration_random.uniform(-width, width, 3).tolist()
+            readings[1] = [a + b + n for a, b, n in zip(readings[1], bias, drawn, strict=True)]
         return imu.Inertial(*readings)
 
     def _add_errors(self, values: Any, errors: list[_Error]) -> None:

@@ -144,7 +144,13 @@ def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_kinds_of_quantities_are_those_of_the_robot() -> None:
     shapes = sample_shapes(joints=12, bodies=13)
     assert {name for name in NAMES if shapes[name] == (13,)} == {"link_mass", "inertia"}
-    assert {name for name in NAMES if shapes[name] == (3,)} == {"com_offset_m", "gyro_bias", "gravity_bias"}
+    assert {name for name in NAMES if shapes[name] == (3,)} == {
+        "com_offset_m",
+        "gyro_bias",
+        "gravity_bias",
+        "accelerometer_bias_m_s2",
+    }
     assert {name for name in NAMES if shapes[name] == ()} == {
         "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s", "battery_charge",
+        "accelerometer_noise_m_s2",
     }  # fmt: skip

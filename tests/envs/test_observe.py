@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
@@ -56,6 +57,11 @@ class TestObserver:
         read = observer.readings(jnp.asarray(data.qpos), jnp.asarray(data.qvel), jnp.zeros(N))
         expected = [*data.qvel[3:6], *gravity, *data.qpos[7:], *data.qvel[6:]]
         np.testing.assert_allclose(read, expected, atol=1e-6)
+
+    @pytest.mark.parametrize("name", ["accelerometer_bias_m_s2", "accelerometer_noise_m_s2"])
+    def test_errors_of_a_sensor_that_nothing_reads_are_refused_by_name(self, name: str) -> None:
+        with pytest.raises(UserError, match=name):
+            self.make(Noise(), **{name: 0.1})
 
     def test_noise_comes_after_bias_and_gravity_is_a_unit_vector_before_and_after(self) -> None:
         """A bias of 0.75 on (0, 0, -1) is the direction of (3, 3, -1); noise shifts that, not the raw one."""

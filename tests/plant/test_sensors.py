@@ -287,6 +287,25 @@ class TestSensors:
             turn = Rotation.from_euler("xyz", [0.1 * k, 0.2, -0.3])
             np.testing.assert_allclose(inertial.quaternion, turn.as_quat(scalar_first=True), atol=1e-12)
 
+    def test_the_accelerometer_has_its_bias_and_noise_and_the_rest_of_the_imu_has_none(self) -> None:
+        bias = np.array([0.3, -0.2, 0.1])
+        past = Past(accelerometer_bias_m_s2=bias, accelerometer_noise_m_s2=np.array(0.5))
+        past.step(1)
+        readings = [past.sensors.inertial() for _ in range(400)]
+        errors = np.array([each.acceleration for each in readings]) - [1, 5, 7] - bias
+        assert 0.45 < np.abs(errors).max() <= 0.5
+        np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=0.06)
+        np.testing.assert_allclose(errors.std(axis=0), 0.5 / np.sqrt(3.0), rtol=0.1)
+        np.testing.assert_allclose([each.gyro for each in readings], [[1, 2, 3]] * 400)
+
+    def test_the_accelerometers_noise_leaves_that_of_other_readings_as_it_is(self) -> None:
+        gyros = []
+        for sample in ({}, {"accelerometer_noise_m_s2": np.array(0.5)}):
+            past = Past(MoreNoise(gyro=0.1), **sample)
+            past.step(1)
+            gyros.append(past.sensors.inertial().gyro)
+        np.testing.assert_array_equal(*gyros)
+
     def test_biases_are_the_same_at_every_reading(self) -> None:
         gyro, gravity = np.array([0.1, -0.2, 0.3]), np.array([0.03, -0.05, 0.02])
         past = Past(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
