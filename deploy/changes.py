@@ -12,6 +12,7 @@ class Change(NamedTuple):
     gait: str = ""  # that the present policy takes up
     settings: Mapping[str, float] = {}  # live settings of the present policy
     at_once: bool = False  # the policy decides from now on, whatever the robot does
+    by: str = ""  # who asked for it; empty for the run itself
 
     def to_json(self) -> str:
         """As text; numbers keep all their digits."""
@@ -27,6 +28,6 @@ class Change(NamedTuple):
         try:
             change = cls(**json.loads(text))
             settings = {str(name): float(value) for name, value in change.settings.items()}
-            return cls(str(change.policy), str(change.gait), settings, bool(change.at_once))
+            return cls(str(change.policy), str(change.gait), settings, bool(change.at_once), str(change.by))
         except (TypeError, AttributeError) as error:
             raise ValueError(f"no change of a run: {error}") from None

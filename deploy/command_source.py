@@ -53,6 +53,8 @@ class Request(NamedTuple):
     settings: Mapping[str, float] = NO_SETTINGS  # live settings to change, by name
     note: str = ""  # why, in one line, for the run's notes and its log; empty for nothing to tell
     autonomous: bool = False  # whether a program steers, not a person
+    owner: str = ""  # who steers; empty for nobody, or the run itself
+    settings_by: str = ""  # who asked for the newest setting, if not the owner
 
 
 class Stop(NamedTuple):
@@ -60,6 +62,7 @@ class Stop(NamedTuple):
 
     reason: str  # in one line, with who asked
     damp: bool = False  # damp the joints at once; otherwise the robot lies down first, where it can
+    by: str = ""  # who asked: an operator, a device
 
 
 class Offer(NamedTuple):

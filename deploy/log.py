@@ -28,6 +28,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.log_numbers import flatten, input_sizes, odometry_numbers
 from footfall.deploy.log_records import FD_FRAME, FRAME, START, Kind, record
 from footfall.deploy.log_store import LogStore, lock_name
+from footfall.deploy.orders import Order
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed import listen
@@ -163,6 +164,10 @@ class McapLog:
     def change(self, now_us: int, change: Change) -> None:
         """What changes of the policy, its gait or its settings, from the policy step at this time on."""
         self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
+
+    def order(self, now_us: int, order: Order) -> None:
+        """What somebody ordered the run to do."""
+        self._put(record(Kind.ORDER, now_us, order.to_json().encode()))
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
         """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""

@@ -35,6 +35,7 @@ class Kind(IntEnum):
     SENT = 19  # likewise
     RECEIVED_FD = 20  # CAN FD frames: for each, `FD_FRAME`
     SENT_FD = 21  # likewise
+    ORDER = 22  # JSON: see `orders.Order`
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

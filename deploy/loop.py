@@ -245,6 +245,7 @@ class ControlLoop:
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
         log.tick(now_us, self.sensed, joints.health(now_us), None if nothing_commanded else joints.sent)
         log.battery(now_us, self.battery)
+        self._runner.tell_orders(now_us, log)
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
             log.odometry(now_us, odometry, self._runner.footholds())
 
@@ -274,10 +275,7 @@ class ControlLoop:
         self._end.finish(self.state.mode, skip_lie_down)
 
     def fail(self, error: BaseException) -> None:
-        """What is left after an exception: damping frames that need no reading, then motors off.
-
-        Raises nothing, whatever the bus or the log raise.
-        """
+        """After an exception: damping frames that need no reading, then motors off. Raises nothing."""
         now_s, state = self.now_us * 1e-6, self.state
         self.recovery.revoke()
         if state.mode in DAMPED:

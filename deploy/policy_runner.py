@@ -112,6 +112,11 @@ class PolicyRunner:
             log.note(now_us, note)
         self._told = len(notes)
 
+    def tell_orders(self, now_us: int, log: RunLog) -> None:
+        """Log orders that were not logged before."""
+        for order in self.steering.take_orders():
+            log.order(now_us, order)
+
     def status(
         self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
     ) -> Status:

@@ -7,6 +7,7 @@ import numpy as np
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.orders import Order
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.policies.policy import Policy, PolicyInput, Sensed
@@ -24,6 +25,9 @@ class RunLog(Protocol):
 
     def change(self, now_us: int, change: Change) -> None:
         """What changes of the policy, its gait or its settings, from the policy step at this time on."""
+
+    def order(self, now_us: int, order: Order) -> None:
+        """What somebody ordered the run to do."""
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
         """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""

@@ -19,6 +19,7 @@ from footfall.deploy.command_source import (
     Wish,
 )
 from footfall.deploy.commands import CommandLimits
+from footfall.deploy.orders import Order, OrderKind
 from footfall.policies.live_settings import DECLARED, Span, Steerable
 from footfall.policies.policy import Policy
 from footfall.robots.commands import CommandRange
@@ -76,6 +77,7 @@ class Steering:
         }
         self._request, self._checked = Request(STILL, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []
+        self._orders: list[Order] = []
         self.asked_command = STILL  # of the newest request, before it was clipped
         self.command = STILL  # (3,) within the present policy's ranges
         self._stop: Stop | None = None
@@ -112,6 +114,8 @@ class Steering:
                 stop = source.stopped
                 if stop is not None and (self._stop is None or stop.damp):
                     self._stop = stop
+                    kind = OrderKind.DAMP if stop.damp else OrderKind.STOP
+                    self._orders.append(Order(kind, stop.by, stop.reason))
         return self._stop
 
     def due(self, now_us: int) -> bool:
@@ -133,6 +137,7 @@ class Steering:
             return
         request = self._source.poll(run.status)
         if request is not self._request:
+            self._note_orders(request)
             self._request, self._checked = request, False
             if request.note:
                 self.note(request.note)
@@ -162,6 +167,18 @@ class Steering:
         changes, self._changes = self._changes, []
         return changes
 
+    def take_orders(self) -> list[Order]:
+        """Orders since the last call."""
+        orders, self._orders = self._orders, []
+        return orders
+
+    def _note_orders(self, request: Request) -> None:
+        before, owner = self._request, request.owner
+        if owner != before.owner:
+            self._orders.append(Order(OrderKind.STEER, owner))
+        if request.wish is not before.wish:
+            self._orders.append(Order(OrderKind(request.wish), owner))
+
     def _check(self, request: Request) -> None:
         """Find what a request changes; refuse what this run does not have."""
         wanted = request.policy or self._wanted
@@ -170,18 +187,18 @@ class Steering:
             wanted = self._wanted
         if wanted != self._wanted:
             self._wanted = wanted
-            self._changes.append(Change(policy=wanted))
+            self._changes.append(Change(policy=wanted, by=request.owner))
         if wanted != self._policy:
             return  # gait and settings are for the policy that comes
         if request.gait and request.gait != self._gait:
             self._gait = request.gait
             if request.gait in self.offer.gaits:
-                self._changes.append(Change(gait=request.gait))
+                self._changes.append(Change(gait=request.gait, by=request.owner))
             else:
                 has = ", ".join(self.offer.gaits) or "no choice"
                 self.note(f"there is no gait '{request.gait}' of {self._policy}: it has {has}")
         if settings := self._new_settings(request.settings):
-            self._changes.append(Change(settings=settings))
+            self._changes.append(Change(settings=settings, by=request.settings_by or request.owner))
 
     def _new_settings(self, asked: Mapping[str, float]) -> dict[str, float]:
         """The values that differ from those before, each within its range."""

@@ -91,7 +91,8 @@ class Inbox:
             if self._owner != operator:
                 self._owner, self._silent = operator, None
                 now_s = self._clock()
-                self._held = _Held(self._held.request._replace(velocity=STILL), now_s, now_s)
+                request = self._held.request._replace(velocity=STILL, owner=operator)
+                self._held = _Held(request, now_s, now_s)
         return ""
 
     def release(self, operator: str) -> str:
@@ -100,7 +101,8 @@ class Inbox:
             if self._owner != operator:
                 return self._not_owner(operator)
             self._owner, self._silent = "", None
-            self._held = self._held._replace(request=self._held.request._replace(velocity=STILL))
+            request = self._held.request._replace(velocity=STILL, owner="")
+            self._held = self._held._replace(request=request)
         return ""
 
     def put(
@@ -159,9 +161,10 @@ class Inbox:
             if self._owner in ("", operator):
                 self._owner = operator
                 moved_s = now_s if "velocity" in changes else self._held.moved_s
+                request = request._replace(owner=operator, settings_by="")
                 self._held = _Held(request, now_s, moved_s)
             else:
-                self._held = self._held._replace(request=request)
+                self._held = self._held._replace(request=request._replace(settings_by=operator))
             self._silent = None
         return ""
 
@@ -179,7 +182,7 @@ class Inbox:
         why = f": {str(reason)[:LONGEST_NAME]}" if reason else ""
         with self._lock:
             again = self._stop is not None
-            self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again)
+            self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again, by)
 
     def note(self, text: Any) -> None:
         """Add a line to the run's notes."""
@@ -212,7 +215,7 @@ class Inbox:
             if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
                 who = f"'{self._owner}', who steers," if self._owner else "everybody"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
-                self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why)
+                self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why, owner="")
                 return self._end
             if now_s - moved_s < self._config.still_after_s:
                 return request

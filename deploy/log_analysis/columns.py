@@ -11,7 +11,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.log_file import LogFile, read_log
 
-TEXTS = ("/state", "/notes", "/policy/changes")
+TEXTS = ("/state", "/notes", "/orders", "/policy/changes")
 NUMBERS = {  # topics whose messages end in numbers of float64
     "/joint_states", "/joint_commands", "/joint_gains", "/reading_ages", "/imu/data", "/motor_health",
     "/cmd_vel", "/odom", "/contacts", "/foot_forces", "/loop_timing",

@@ -49,7 +49,7 @@ class StopFrameBus:
             self._stop(f"stopped by {self._place}")
 
     def _stop(self, reason: str) -> None:
-        self.stopped = self.stopped or Stop(reason, self._frame.damp)
+        self.stopped = self.stopped or Stop(reason, self._frame.damp, self._place)
 
     def send(self, frames: Frames, now_us: int) -> int:
         return self._inner.send(frames, now_us)

@@ -55,10 +55,13 @@ class StopKeyInput:
             content = b""
         whole = len(content) // EVENT.size * EVENT.size
         if not whole:
-            self._stop = Stop(f"the stop key {self._key.device} is gone", self._key.damp)
+            self._stop = self._stopped_by(f"the stop key {self._key.device} is gone")
         for _, _, kind, code, value in EVENT.iter_unpack(content[:whole]):
             if kind == EV_KEY and value != RELEASED and self._key.code in (None, code):
-                self._stop = Stop(f"stopped by key {code} of {self._key.device}", self._key.damp)
+                self._stop = self._stopped_by(f"stopped by key {code} of {self._key.device}")
+
+    def _stopped_by(self, reason: str) -> Stop:
+        return Stop(reason, self._key.damp, f"the stop key {self._key.device}")
 
     def _is_down(self) -> bool:
         bits = bytearray(KEYS // 8)

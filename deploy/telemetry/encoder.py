@@ -23,7 +23,7 @@ ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
     Kind.FOOTHOLDS: ("/footholds", 8),
     Kind.TIMING: ("/loop_timing", 8),
 }
-TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes", Kind.CHANGE: "/policy/changes"}
+TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes", Kind.CHANGE: "/policy/changes", Kind.ORDER: "/orders"}
 FrameTemplate = Callable[[str, bool, int], messages.Template]
 FRAMES: dict[Kind, tuple[str, struct.Struct, FrameTemplate]] = {
     Kind.RECEIVED: ("/from_can_bus", FRAME, messages.can_frame),
@@ -101,7 +101,7 @@ class Encoder:
             self._text(Kind.NOTE, self._last_ns, GONE)
 
     def _text(self, kind: Kind, time_ns: int, text: str) -> None:
-        """A change of state or policy, or a note, also as an event with its severity."""
+        """A change of state or policy, an order, or a note, also as an event with its severity."""
         level = messages.WARN if kind is Kind.NOTE else messages.INFO
         if kind is Kind.STATE:
             self.state = self._health.state = text

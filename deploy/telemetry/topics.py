@@ -54,7 +54,8 @@ TOPICS = {
     "/to_can_bus_fd": Topic("ros2_socketcan_msgs/msg/FdFrame", depth=1000),
     "/state": Topic("std_msgs/msg/String", latched=True),
     "/notes": Topic("std_msgs/msg/String"),  # what was changed of what was asked for
-    "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings
+    "/orders": Topic("std_msgs/msg/String"),  # JSON: who steers, who wants it to walk, to stand, to stop
+    "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings, and by whom
     "/policy/observation": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/action": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/inputs": Topic(

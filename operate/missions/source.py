@@ -62,7 +62,7 @@ class MissionSource:
         self._origin: Pose | None = None
         self._yaw = 0.0  # in the mission's frame, not wrapped
         self._began_s = self._best_s = self._progress_s = 0.0
-        self._request = Request(STILL, autonomous=True)
+        self._request = Request(STILL, autonomous=True, owner=f"mission {mission.source}")
         self._low = False
         self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
 
@@ -116,6 +116,7 @@ class MissionSource:
             settings=new.settings or ({} if new.policy else before.settings),
             note=new.note or before.note,
             autonomous=True,
+            owner=before.owner,
         )
         self.progress = Progress(
             self._index + 1,

@@ -12,9 +12,11 @@ from loops import loop_of, simulated_loop, until, walk_for
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import Mode
+from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.operate.inbox import Inbox
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -310,6 +312,20 @@ class TestLog:
         assert [each[1] for each in steps] == policy.seen
         np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
         assert log.of("note") == [(140_000, "a forward command of nan m/s counted as 0")]
+
+    def test_an_order_is_logged_at_once_with_who_gave_it_whatever_the_mode(self, go1: Robot) -> None:
+        log, inbox = Notebook(), Inbox()
+        loop, _ = loop_of(go1, Hold(go1), command_source=inbox, log=log, lie_down=True)
+        until(loop, Mode.STANDING)
+        inbox.take_over("page 1")
+        until(loop, Mode.WALKING)
+        assert [order for _, order in log.of("order")] == [Order(OrderKind.STEER, "page 1")]
+        loop.finish()
+        until(loop, Mode.LOWERING)
+        inbox.stop("page 2")
+        loop.tick()
+        at_us, order = log.of("order")[-1]
+        assert (at_us, order.kind, order.by) == (loop.now_us, OrderKind.STOP, "page 2")
 
     def test_nothing_is_logged_as_commanded_before_motors_are_enabled(self, go1: Robot) -> None:
         log = Notebook()

@@ -21,6 +21,7 @@ from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
 from footfall.deploy.log_numbers import flatten
 from footfall.deploy.log_records import Kind, record
+from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.definitions import definition
@@ -299,11 +300,12 @@ class TestWritten:
         seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
         log.policy_step(1_500_000, seen, command, Seeing(go1))
         log.note(1_600_000, "a note")
+        log.order(1_700_000, Order(OrderKind.STOP, "page 2", "stopped by page 2"))
         log.close()
         found = written(tmp_path / "run.mcap")
         assert set(found) == {
             *("/cmd_vel", "/policy/inputs", "/policy/command", "/policy/observation", "/policy/action"),
-            *("/notes", "/rosout", "/robot_description", "/tf_static"),
+            *("/notes", "/orders", "/rosout", "/robot_description", "/tf_static"),
         }
         at_ns = START_NS + 1_500_000_000
         steps = [topic for topic in found if topic.startswith("/policy/")]
@@ -343,6 +345,9 @@ class TestWritten:
         assert (twist.twist.linear.x, twist.twist.linear.y, twist.twist.angular.z) == (0.1, 0.2, 0.3)
         assert found["/notes"][0][0] == START_NS + 1_600_000_000
         assert found["/notes"][0][1].data == "a note"
+        stop = {"order": "stop", "by": "page 2", "why": "stopped by page 2"}
+        assert json.loads(found["/orders"][0][1].data) == stop
+        assert json.loads(found["/rosout"][-1][1].msg) == stop
 
     def test_who_and_how_is_in_the_file_before_anything_happens(
         self, log: McapLog, go1: Robot, tmp_path: Path

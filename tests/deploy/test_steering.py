@@ -11,6 +11,7 @@ from deploy_policies import Hold
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Request, Status, Stop, Wish
 from footfall.deploy.modes import Mode
+from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.steering import Steering
 from footfall.policies.live_settings import Span
 from footfall.robots.description import Robot
@@ -120,3 +121,26 @@ def test_a_stop_is_latched_and_one_that_damps_outranks_it(steering: Steering, so
     assert steering.stop == Stop("by hand")
     source.stopped = Stop("again", damp=True)
     assert steering.stop == Stop("again", damp=True)
+
+
+def test_orders_and_changes_carry_who_gave_them(steering: Steering, source: Asks) -> None:
+    source.request = Request(FORWARD, owner="page 1", gait="walk", settings={"step_height_m": 0.03})
+    assert [change.by for change in changes_of(steering)] == ["page 1", "page 1"]
+    source.request = source.request._replace(settings={"step_height_m": 0.02}, settings_by="page 2")
+    assert [change.by for change in changes_of(steering)] == ["page 2"]
+    assert steering.take_orders() == [Order(OrderKind.STEER, "page 1")]
+    source.request = Request(FORWARD, Wish.STAND, policy="b", owner="page 2")
+    assert changes_of(steering) == [Change(policy="b", by="page 2")]
+    source.stopped = Stop("stopped by key", by="key")
+    assert steering.stop is not None
+    assert steering.take_orders() == [
+        Order(OrderKind.STEER, "page 2"),
+        Order(OrderKind.STAND, "page 2"),
+        Order(OrderKind.STOP, "key", "stopped by key"),
+    ]
+    assert steering.stop is not None
+    assert steering.take_orders() == []
+
+
+def test_every_wish_is_an_order() -> None:
+    assert set(Wish) <= {kind.value for kind in OrderKind}

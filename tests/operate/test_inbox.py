@@ -95,10 +95,11 @@ def test_one_steers_at_a_time_and_another_one_has_to_take_over(inbox: Inbox) -> 
     assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner asks
     assert inbox.put("keys", velocity=[0.3, 0, 0])
     assert inbox.put("page", velocity=[0.9, 0, 0]) == ""
-    assert inbox.poll(WALKING).velocity[0] == 0.9
+    request = inbox.poll(WALKING)
+    assert (request.owner, request.velocity[0]) == ("page", 0.9)
     assert inbox.release("keys")
     assert inbox.release("page") == ""
-    assert (inbox.owner, inbox.poll(WALKING).velocity[0]) == ("", 0.0)
+    assert (inbox.owner, inbox.poll(WALKING).owner, inbox.poll(WALKING).velocity[0]) == ("", "", 0.0)
 
 
 def test_silence_of_the_owner_means_stand_and_later_lie_down_for_good(inbox: Inbox, watch: Watch) -> None:
@@ -111,7 +112,7 @@ def test_silence_of_the_owner_means_stand_and_later_lie_down_for_good(inbox: Inb
     assert inbox.poll(WALKING).velocity[0] == 0.2
     watch.now_s += 3.01
     end = inbox.poll(WALKING)
-    assert (end.wish, end.velocity[0]) == (Wish.LIE_DOWN, 0.0)
+    assert (end.wish, end.velocity[0], end.owner) == (Wish.LIE_DOWN, 0.0, "")  # the run itself wants that
     assert "page" in end.note
     inbox.put("page", velocity=[0.2, 0, 0])
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
@@ -140,6 +141,7 @@ def test_anyone_stops_the_robot_and_stopping_again_damps_it(inbox: Inbox) -> Non
     inbox.stop("watcher", "child ahead\nrun")
     stop = inbox.stopped
     assert stop is not None
+    assert stop.by == "watcher"
     assert (stop.damp, "watcher" in stop.reason, "\n" in stop.reason) == (False, True, False)
     inbox.stop("watcher")
     assert inbox.stopped is not None

@@ -120,6 +120,9 @@ class Notebook:
     def change(self, now_us: int, change: Any) -> None:
         self.told.append(("change", now_us, change))
 
+    def order(self, now_us: int, order: Any) -> None:
+        self.told.append(("order", now_us, order))
+
     def note(self, now_us: int, note: str) -> None:
         self.told.append(("note", now_us, note))
 
