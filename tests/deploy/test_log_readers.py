@@ -19,6 +19,7 @@ from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
 from footfall.deploy.log_records import Kind
 from footfall.deploy.modes import Mode
+from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.definitions import definition
@@ -56,6 +57,7 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     log.state(0, State(Mode.WALKING, 0.0))
     log.note(0, "a note")
     log.change(0, Change(gait="walk"))
+    log.order(0, Order(OrderKind.STEER, "page 1"))
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
         log.frames(now_us, Kind.RECEIVED, fd.at(np.array([now_us])))
