@@ -106,6 +106,10 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
         fault = check.find(signals, config)
         if fault:
             leads_to = check.leads_to
+            if leads_to is Mode.LOWERING and state.mode is Mode.LOWERING:  # it lies down already
+                if fault in state.faults:
+                    continue
+                return state._replace(faults=(*state.faults, fault))
             if leads_to is Mode.LOWERING:
                 leads_to = _lowered_or(Mode.ESTOP, state.mode, signals)
             tries = 0 if _walked_well(state, signals, config) else state.tries

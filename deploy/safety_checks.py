@@ -158,7 +158,7 @@ SIGNAL_CHECKS = (
     Check("a stop from outside that damps at once", (Mode.IDLE, *HELD), _stopped(damp=True), Mode.ESTOP),
     Check(
         "a stop from outside",
-        ENDED,
+        (*ENDED, Mode.LOWERING),  # there it changes how the run ends: it is latched
         _stopped(damp=False),
         Mode.LOWERING,
     ),

@@ -61,7 +61,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF-"),
     ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE-----"),
     ({"stop": Stop("stopped by x", damp=True)}, "stopped by x", "EEEEEEE"),
-    ({"stop": Stop("stopped by x")}, "stopped by x", "EELLL-E"),
+    ({"stop": Stop("stopped by x")}, "stopped by x", "EELLLLE"),
     ({"battery": "the battery is empty"}, "the battery is empty", "EELLL-E"),
     ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-E"),
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-E"),
@@ -77,7 +77,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
 COLUMNS = (N, C, S, W, P, L, U)
 ENDS = {"E": E, "F": F, "L": L}
 ROWS_AND_MODES = [
-    (changes, fault, mode, ENDS.get(initial, mode))
+    (changes, fault, mode, ENDS.get(initial, mode), initial != "-")
     for changes, fault, row in TABLE
     for mode, initial in zip(COLUMNS, row, strict=True)
 ]
@@ -85,23 +85,23 @@ STARTED = {"now_s": 0.5}  # before `start_timeout_s`
 
 
 class TestTable:
-    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to"), ROWS_AND_MODES)
+    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to", "latched"), ROWS_AND_MODES)
     def test_a_signal_leads_where_the_table_says(
-        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode
+        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
     ) -> None:
         """A robot that can lie down does so after a fault of its policy, and is damped after all others."""
         state = after(mode, changes | (STARTED if mode is N else {}), **{"end.may_lie": True})
         assert state.mode is leads_to
-        if leads_to is mode:
+        if not latched:
             assert state.faults == ()
         else:
             assert fault in state.faults[0]
             assert "\n" not in state.faults[0]
             assert len(state.faults) == 1
 
-    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to"), ROWS_AND_MODES)
+    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to", "latched"), ROWS_AND_MODES)
     def test_a_robot_that_cannot_lie_down_is_damped(
-        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode
+        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
     ) -> None:
         state = after(mode, changes | (STARTED if mode is N else {}))
         assert state.mode is (E if leads_to is L and mode is not L else leads_to)
@@ -126,6 +126,14 @@ class TestTable:
         assert advance(state, with_changes(QUIET, changes | {"now_s": 6.0}), CONFIG) == state
         lies = with_changes(QUIET, changes | {"now_s": 7.0, "posture_done": True})
         assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
+
+    def test_a_stop_while_the_robot_lies_down_lets_it_and_is_latched(self) -> None:
+        stopped = with_changes(QUIET, {"stop": Stop("stopped by x"), "end.may_lie": True})
+        state = advance(State(L, 4.0), stopped, CONFIG)
+        assert state == State(L, 4.0, ("stopped by x",))  # it goes on where it is
+        assert advance(state, stopped, CONFIG) == state
+        done = advance(state, with_changes(stopped, {"posture_done": True}), CONFIG)
+        assert done == State(E, 5.0, ("stopped by x",))
 
     @pytest.mark.parametrize("mode", [F, E])
     def test_a_fault_is_latched(self, mode: Mode) -> None:
@@ -298,6 +306,7 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
     faults |= {(F, E)}  # likewise, of a robot that might get up
     faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
+    faults -= {(L, L)}  # a stop is latched while it goes on lying down
     progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
     progress |= {(F, U)}  # with consent
     end = {(mode, R) for mode in Mode if mode not in (*DAMPED, U)} | {(W, P), (S, L), (C, L), (U, F)}
