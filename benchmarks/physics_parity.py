@@ -11,6 +11,7 @@ were, how long the program took to compile, and physics steps per second of one 
 import argparse
 import copy
 import time
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import mujoco
@@ -20,8 +21,8 @@ from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.domain_rand.sample import draw, randomised_command, randomised_motor, sensor_bias
 from footfall.envs.physics.generated.arguments import arguments
-from footfall.envs.physics.generated.contacts import contact_refusals
 from footfall.envs.physics.generated.llvm import Program
+from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.substep import DOUBLE, SINGLE, substep
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GROUND, Drive, joint_effort
@@ -45,9 +46,17 @@ class Errors(NamedTuple):
 
 
 def random_arguments(
-    robot: Robot, model: mujoco.MjModel, count: int, randomisation: Randomisation, seed: int = 0
+    robot: Robot,
+    model: mujoco.MjModel,
+    count: int,
+    randomisation: Randomisation,
+    seed: int = 0,
+    fallen: bool = False,
 ) -> Arrays:
-    """Robots of a family, near the ground, moving, each with targets of its own."""
+    """Robots of a family, near the ground, moving, each with targets of its own.
+
+    They stand, or have fallen: in any attitude, joints anywhere up to a little past their limits.
+    """
     rng, n = np.random.default_rng(seed), len(robot.joint_names)
     positions, _ = joint_addresses(model, robot)
     points = np.concatenate(foot_geoms(model, robot.description))
@@ -57,13 +66,14 @@ def random_arguments(
         sample = draw(randomisation, rng.random, n, model.nbody - 1)
         qpos = model.qpos0.copy()
         qpos[:3] = *rng.normal(size=2), 0.0
-        attitude = np.r_[1.0, 0.0, 0.0, 0.0] + rng.normal(size=4) * 0.08
+        attitude = rng.normal(size=4) if fallen else np.r_[1.0, 0.0, 0.0, 0.0] + rng.normal(size=4) * 0.08
         qpos[3:7] = attitude / np.linalg.norm(attitude)
-        qpos[positions] = robot.default_pose + rng.normal(size=n) * 0.2
+        near = robot.default_pose + rng.normal(size=n) * 0.2
+        lower, upper = model.jnt_range[1:].T
+        qpos[positions] = rng.uniform(lower - 0.05, upper + 0.05) if fallen else near
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        lowest = (data.geom_xpos[points, 2] - model.geom_size[points, 0]).min()
-        qpos[2] = rng.uniform(-0.01, 0.003) - lowest
+        qpos[2] = rng.uniform(-0.01, 0.003) - _lowest(model, data, range(model.ngeom) if fallen else points)
         speed = np.r_[np.full(3, 0.4), np.full(3, 1.0), np.full(model.nv - 6, 2.0)]
         command = JointCommand(robot.default_pose, np.zeros(n), robot.kp, robot.kd, np.zeros(n))
         command = randomised_command(command, sample)
@@ -84,6 +94,21 @@ def random_arguments(
             }
         )
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: Iterable[int]) -> float:
+    """Height of the lowest point of those of these spheres, capsules and boxes that meet the floor, m."""
+    found = []
+    for geom in geoms:
+        down, size = np.abs(data.geom_xmat[geom].reshape(3, 3)[2]), model.geom_size[geom]
+        reach = {
+            mujoco.mjtGeom.mjGEOM_SPHERE: size[0],
+            mujoco.mjtGeom.mjGEOM_CAPSULE: size[0] + down[2] * size[1],
+            mujoco.mjtGeom.mjGEOM_BOX: down @ size,
+        }
+        if model.geom_conaffinity[geom] and (kind := mujoco.mjtGeom(model.geom_type[geom])) in reach:
+            found.append(data.geom_xpos[geom, 2] - reach[kind])
+    return float(min(found))
 
 
 def _lag(motor: Motor, timestep_s: float, rng: np.random.Generator) -> Arrays:

@@ -48,6 +48,13 @@ def normalised(vector: Array) -> Array:
     return vector / xp.sqrt(xp.sum(vector * vector, axis=-1, keepdims=True))
 
 
+def random_rotation(u: Array) -> Array:
+    """A rotation drawn evenly from all, w x y z, from uniform numbers (3,): Shoemake, Graphics Gems III."""
+    xp = u.__array_namespace__()
+    low, high, turn, other = xp.sqrt(1 - u[0]), xp.sqrt(u[0]), 2 * np.pi * u[1], 2 * np.pi * u[2]
+    return xp.stack([high * xp.cos(other), low * xp.sin(turn), low * xp.cos(turn), high * xp.sin(other)])
+
+
 def tilt(quaternion: Array) -> Array:
     """Angle between the body's z axis and the vertical, shape (...). Takes a sequence of four floats, too."""
     _, x, y, _ = _components(quaternion)

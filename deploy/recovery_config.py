@@ -19,7 +19,7 @@ class RecoveryConfig:
     rest_s: float = 0.5  # for so long
     upright_rad: float = 0.5  # a robot stands whose base tilts by less: as steep as ground may be
     height_share: float = 0.7  # of its standing clearance, at least
-    pose_rad: float = 0.6  # of each joint from the default pose, at most
+    pose_rad: float = 1.0  # of each joint from the default pose, at most
     stand_rad_s: float = 1.0  # of base and joints, at most
     stand_s: float = 0.4  # for so long
 

@@ -145,8 +145,12 @@ class EnvConfig:
     task: str = ""  # MODULE:NAME of a function from robot and configuration to an Environment
     # Generated for the robot, for GPUs and processors; MJX, for all that JAX runs on; MuJoCo C, on all cores.
     physics: Literal["generated", "mjx", "c"] = "generated"
+    contacts: Literal["feet", "whole_body"] = (
+        "feet"  # what meets the ground; whole_body: joint limits act, too
+    )
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
+    action_scale: float = 1.0  # multiplies the robot's: how far joints move per unit of action
     episode_s: float = 20.0
     speed_limit: float = 100.0  # generalised velocity above which the simulation counts as diverged
     gait: GaitConfig | None = None
@@ -161,6 +165,11 @@ class EnvConfig:
         return {entry.label: entry.weight for entry in self.rewards}
 
     @property
+    def whole_body(self) -> bool:
+        """Whether all collision shapes meet the ground, not only the feet."""
+        return self.contacts == "whole_body"
+
+    @property
     def timestep_s(self) -> float:
         """Length of a physics step."""
         return 1.0 / self.control_rate_hz / self.substeps
@@ -168,11 +177,14 @@ class EnvConfig:
     def __post_init__(self) -> None:
         require_between(self, 1.0, FASTEST_CONTROL_HZ, "control_rate_hz")
         require_positive(self, "episode_s", "speed_limit")
+        require_between(self, 0.01, 100.0, "action_scale")
         require_not_negative(self, "curriculum_steps")
         require_between(self, -1e6, 0.0, "reward_floor")
         if self.episode_s * self.control_rate_hz < 1.0:
             period_s = 1.0 / self.control_rate_hz
             raise ValueError(f"episode_s {self.episode_s:g} is shorter than a control step, {period_s:g} s")
+        if self.whole_body and self.terrain is not None:
+            raise ValueError("contacts 'whole_body' needs level ground: leave out terrain")
         if self.substeps < LEAST_SUBSTEPS:
             raise ValueError(f"substeps must be at least {LEAST_SUBSTEPS}, not {self.substeps}")
 

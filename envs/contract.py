@@ -25,7 +25,7 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         control_rate_hz=config.control_rate_hz,
         observation=tuple(map(_in_full, terms, sources)),
         default_pose_rad=tuple(robot.default_pose.tolist()),
-        action_scale_rad=tuple(robot.action_scale.tolist()),
+        action_scale_rad=tuple((config.action_scale * robot.action_scale).tolist()),
         kp=tuple(robot.kp.tolist()),
         kd=tuple(robot.kd.tolist()),
         commands=config.commands.ranges,

@@ -204,7 +204,7 @@ def spaces(env: Environment) -> tuple[Box, Box]:
     """Observation and action space. Beyond the actions' bounds, targets end at the soft limits anyway."""
     robot = env.robot
     reach = np.maximum(*(np.abs(limit - robot.default_pose) for limit in robot.soft_limits))
-    bound = (reach / robot.action_scale).astype(np.float32)
+    bound = (reach / np.array(env.contract.action_scale_rad)).astype(np.float32)
     return Box(-np.inf, np.inf, (env.observation_sizes["state"],), np.float32), Box(-bound, bound)
 
 

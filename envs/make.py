@@ -42,7 +42,12 @@ def made_from(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
     Raises:
         UserError: a module of the user's own cannot be imported.
     """
-    return robot.digest, model_bytes(robot, config.timestep_s), config, outside_sources(config)
+    return (
+        robot.digest,
+        model_bytes(robot, config.timestep_s, config.whole_body),
+        config,
+        outside_sources(config),
+    )
 
 
 def outside_sources(config: EnvConfig) -> list[tuple[str, bytes]]:

@@ -111,7 +111,6 @@ class Contract:
                 ("default_pose_rad", self.default_pose_rad, robot.default_pose.tolist()),
                 ("kp", self.kp, robot.kp.tolist()),
                 ("kd", self.kd, robot.kd.tolist()),
-                ("action_scale_rad", self.action_scale_rad, robot.action_scale.tolist()),
             ]
         for name, mine, theirs in expected:
             if difference := _difference(mine, theirs):

@@ -13,6 +13,7 @@ from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet, foot_geoms
 from footfall.robots.leg_bodies import leg_of_bodies
 from footfall.robots.mjcf import load_spec
+from footfall.robots.self_contact import add_self_contacts
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
@@ -21,17 +22,27 @@ FLOOR_FRICTION = [0.8, 0.005, 0.0001]
 ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
 
-def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjModel:
+def training_model(
+    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, whole_body: bool = False
+) -> mujoco.MjModel:
     """The model that policies are trained on; see `training_spec`."""
-    return training_spec(robot, timestep_s).compile()
+    return training_spec(robot, timestep_s, whole_body).compile()
 
 
-def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjSpec:
+def training_spec(
+    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, whole_body: bool = False
+) -> mujoco.MjSpec:
     """The robot's bodies, its feet and a floor, nothing else.
 
     Without sensors, actuators and visual geometry. Contacts exist between feet and floor and between the
     pairs of geoms that the MJCF lists. There are no constraint rows for joint limits and friction: targets
-    stay inside soft limits, and the joint law contains the friction. Each row less makes MJX faster.
+    stay inside soft limits, and the joint law contains the friction. Each row less makes the physics faster.
+
+    Args:
+        robot: whose model.
+        timestep_s: of the physics.
+        whole_body: for robots that fall and lie: all collision shapes meet the floor and each other, and
+            joints keep their limits, which the weight of a lying robot reaches.
     """
     spec = load_spec(robot.xml_path)
     make_inertia_explicit(spec)
@@ -42,13 +53,20 @@ def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujo
     for key in list(spec.keys):
         spec.delete(key)
     feet = {name for foot in robot.description.feet for name in foot.geoms}
+    if whole_body:
+        for number, geom in enumerate(spec.geoms):
+            geom.name = geom.name or f"unnamed_geom_{number}"  # pairs name their geoms
+        add_self_contacts(spec)
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
-        if geom.name not in feet | paired:
+        lands = whole_body and _collides(geom)
+        if not lands and geom.name not in feet | paired:
             spec.delete(geom)
             continue
-        geom.contype, geom.conaffinity = 0, int(geom.name in feet)
-    for joint in spec.joints:
+        geom.contype, geom.conaffinity = 0, int(lands or geom.name in feet)
+        if lands and geom.name not in feet:  # as of two geoms without priority, see `_let_feet_decide`
+            geom.friction = np.maximum(geom.friction, FLOOR_FRICTION)
+    for joint in () if whole_body else spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
     _leave_losses_to_the_joint_law(spec, robot)
     _let_feet_decide(_add_floor(spec, contact_bits=1), [spec.geom(foot) for foot in feet])

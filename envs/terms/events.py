@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from footfall.common.rotations import multiply, normalised
+from footfall.common.rotations import multiply, normalised, random_rotation
 from footfall.common.terms import Between
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import FASTEST
@@ -78,6 +78,45 @@ def reset_pose(
     return state._replace(qpos=qpos, qvel=qvel)
 
 
+@event_term(numbers=lambda parts: 3 + 1 + 6 + 2 * parts.joints)
+def drop(
+    state: State,
+    occasion: Occasion,
+    *,
+    lowest_m: Half = 0.05,
+    highest_m: Half = 0.3,
+    velocity_m_s: Half = 0.5,
+    angular_rad_s: Half = 1.0,
+    joint_velocity_rad_s: Half = 2.0,
+) -> State:
+    """Begin in any attitude with any joint positions inside the soft limits, and fall.
+
+    The motors hold the pose at first. The first two parameters are the range of the height of the lowest
+    point of trunk and limbs, feet not counted; the others are half-widths of uniform velocities.
+    """
+    scene, u = occasion.scene, occasion.u
+    n = len(scene.robot.joint_names)
+    pose = scene.soft_lower + (scene.soft_upper - scene.soft_lower) * u[10 : 10 + n]
+    qpos = scene.base.turned(state.qpos, random_rotation(u[:3]))
+    qpos = qpos.at[scene.positions].set(pose, unique_indices=True)
+    lift = (
+        lowest_m + (highest_m - lowest_m) * u[3] - jnp.min(scene.body.places(qpos)[:, 2] - scene.body.radius)
+    )
+    qpos = scene.base.shifted(qpos, jnp.array([0.0, 0.0, 1.0]) * lift)
+    half_widths = jnp.array([velocity_m_s] * 3 + [angular_rad_s] * 3)
+    qvel = scene.base.pushed(state.qvel, half_widths * (2 * u[4:10] - 1))
+    qvel = qvel.at[scene.dofs].set(joint_velocity_rad_s * (2 * u[10 + n :] - 1), unique_indices=True)
+    return state._replace(qpos=qpos, qvel=qvel, target=pose, goals=jnp.tile(pose, (len(state.goals), 1)))
+
+
+@event_term(numbers=1)
+def begin_late(
+    state: State, occasion: Occasion, *, up_to_s: Annotated[float, Between(0.0, 100.0)] = 2.0
+) -> State:
+    """Shorten an episode by up to this time, so that episodes that only time ends do not all end together."""
+    return state._replace(steps=jnp.int32(occasion.u[0] * up_to_s / occasion.scene.period_s))
+
+
 @event_term(numbers=6, interval_s=Distribution(2.0, 6.0), heeds_due=True)
 def push(
     state: State,
@@ -97,4 +136,9 @@ def push(
     return state._replace(qvel=occasion.scene.base.pushed(state.qvel, change))
 
 
-EVENTS: dict[str, EventTerm] = {"reset_pose": reset_pose, "push": push}
+EVENTS: dict[str, EventTerm] = {
+    "reset_pose": reset_pose,
+    "drop": drop,
+    "begin_late": begin_late,
+    "push": push,
+}

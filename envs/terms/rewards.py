@@ -77,6 +77,43 @@ def orientation(data: StepData) -> jax.Array:
     return jnp.sum(data.gravity[:2] ** 2)
 
 
+def upright(data: StepData) -> jax.Array:
+    """1 upright, 0.5 on a side, 0 upside down."""
+    return 0.5 * (1.0 - data.gravity[2])
+
+
+def raised(data: StepData) -> jax.Array:
+    """Height of the base as a share of the standing height, at most 1, where the base is upright."""
+    share = jnp.clip(data.height / data.scene.standing_height, 0.0, 1.0)
+    return upright(data) ** 2 * share
+
+
+def stands(
+    data: StepData,
+    *,
+    tilt_rad: Width = 0.3,
+    height_m: Width = 0.05,
+    pose_rad: Width = 0.5,
+    speed_rad_s: Width = 2.0,
+) -> jax.Array:
+    """1 standing upright and still in the default pose: a product of bells of these widths.
+
+    The widths of pose and speed are of the root mean square over the joints.
+    """
+    errors = (
+        jnp.sum(data.gravity[:2] ** 2) / tilt_rad**2 + 10.0 * (data.gravity[2] > 0.0),
+        (data.height - data.scene.standing_height) ** 2 / height_m**2,
+        jnp.mean((data.joint_position - data.scene.default_pose) ** 2) / pose_rad**2,
+        jnp.mean(data.joint_velocity**2) / speed_rad_s**2,
+    )
+    return jnp.exp(-sum(errors))
+
+
+def joint_speed(data: StepData, *, free_rad_s: Annotated[float, Between(0.0, 100.0)] = 0.0) -> jax.Array:
+    """Squared excess of the joints' speeds over `free_rad_s`, summed, rad^2/s^2."""
+    return jnp.sum(jnp.maximum(jnp.abs(data.joint_velocity) - free_rad_s, 0.0) ** 2)
+
+
 def height(data: StepData) -> jax.Array:
     """Squared difference of the base's height from the standing height, m^2."""
     return (data.height - data.scene.standing_height) ** 2
@@ -166,6 +203,10 @@ REWARDS: dict[str, Callable[..., Any]] = {
         vertical_velocity,
         roll_pitch_rate,
         orientation,
+        upright,
+        raised,
+        stands,
+        joint_speed,
         height,
         torque,
         power,

@@ -106,9 +106,9 @@ def fingerprint(parts: Iterable[Any]) -> str:
     return digest.hexdigest()[:32]
 
 
-def model_bytes(robot: Robot, timestep_s: float) -> bytes:
+def model_bytes(robot: Robot, timestep_s: float, whole_body: bool = False) -> bytes:
     """The compiled model that a robot is trained on, with whatever its file includes."""
-    model = training_model(robot, timestep_s)
+    model = training_model(robot, timestep_s, whole_body)
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, buffer=content)
     return content.tobytes()

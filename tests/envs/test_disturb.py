@@ -19,7 +19,7 @@ from footfall.envs.task import Task
 from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
-from footfall.envs.terms.events import Occasion, push, reset_pose
+from footfall.envs.terms.events import Occasion, begin_late, drop, push, reset_pose
 from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
@@ -194,3 +194,27 @@ class TestResetPose:
         gravity = rotation.reshape(3, 3).T @ [0, 0, -1]
         assert np.arctan2(-gravity[1], -gravity[2]) == pytest.approx(SPREAD["tilt_rad"], rel=1e-2)
         assert gravity[0] == pytest.approx(0.0, abs=1e-6)
+
+
+class TestDrop:
+    def test_it_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
+        scene, heights, tilts = Scene(MODEL, ROBOT, FEET, 0.02), [], []
+        lower, upper = ROBOT.soft_limits
+        for u in np.random.default_rng(0).random((40, drop.numbers(Parts(12)))):
+            occasion = Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0)
+            state = drop.change(begun, occasion, lowest_m=0.1, highest_m=0.2)
+            pose = np.asarray(state.qpos)[7:]
+            assert np.all((lower - 1e-5 <= pose) & (pose <= upper + 1e-5))
+            np.testing.assert_array_equal(np.asarray(state.goals), np.tile(pose, (3, 1)))
+            places = np.asarray(scene.body.places(state.qpos))
+            heights.append((places[:, 2] - scene.body.radius).min())
+            tilts.append(Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).as_matrix()[2, 2])
+        assert 0.1 - 1e-5 <= min(heights) < 0.13
+        assert 0.17 < max(heights) <= 0.2 + 1e-5
+        assert min(tilts) < -0.7
+        assert max(tilts) > 0.7
+
+    def test_an_episode_that_begins_late_is_shorter(self, begun: State) -> None:
+        scene = Scene(MODEL, ROBOT, FEET, 0.02)
+        occasion = Occasion(scene, True, jnp.array([0.5]), 1.0)
+        assert int(begin_late.change(begun, occasion, up_to_s=2.0).steps) == 50

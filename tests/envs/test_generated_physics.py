@@ -13,7 +13,7 @@ from physics_parity import compare, random_arguments
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.physics.engines import make_engine
 from footfall.envs.physics.generated import on_processor
-from footfall.envs.physics.generated.contacts import contact_refusals
+from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.physics import not_generated
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GROUND
@@ -27,10 +27,13 @@ COUNT = 60
 ROBOTS = ("go1", "hexapod", "g1")
 
 
-def errors(robot: Any, model: mujoco.MjModel, dtype: Any = np.float64, count: int = COUNT) -> np.ndarray:
-    """Relative errors of robots of the preset `gpu`, who meet the ground in some of the steps."""
+def errors(
+    robot: Any, model: mujoco.MjModel, dtype: Any = np.float64, count: int = COUNT, fallen: bool = False
+) -> np.ndarray:
+    """Relative errors of robots of the preset `gpu` that meet the ground in some of the steps."""
     randomisation = load_preset("gpu", robot).env.randomisation
-    found = compare(robot, model, random_arguments(robot, model, count, randomisation), dtype)
+    given = random_arguments(robot, model, count, randomisation, fallen=fallen)
+    found = compare(robot, model, given, dtype)
     assert 0.05 < (found.contacts > 0).mean() < 0.95
     return found.errors
 
@@ -46,6 +49,14 @@ def test_a_step_is_mujocos_to_rounding_in_single_precision(name: str) -> None:
     robot = load_robot(name)
     found = errors(robot, training_model(robot), np.float32, 300)
     assert np.quantile(found[:, 0], 0.99) < SINGLE
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_robots_that_lie_move_as_mujocos(name: str) -> None:
+    robot = load_robot(name)
+    model = training_model(robot, whole_body=True)
+    assert not_generated(model) == ""
+    assert np.quantile(errors(robot, model, count=20, fallen=True), 0.9) < DOUBLE
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +212,11 @@ class TestRefusals:
             ('<joint name="c" axis="1 0 0" armature="0.01"/>', '<joint name="c" type="ball"/>', "joint 'c'"),
             ('name="c" axis="1 0 0"', 'name="c" type="slide" axis="1 0 0"', "joint 'c'"),
             ('name="c" axis="1 0 0"', 'name="c" axis="1 0 0" frictionloss="1"', "joint friction"),
-            ('name="c" axis="1 0 0"', 'name="c" axis="1 0 0" range="-1 1" limited="true"', "joint limits"),
+            (
+                'name="c" axis="1 0 0"',
+                'name="c" axis="1 0 0" limited="true" range="-1 1" margin="0.1"',
+                "margin",
+            ),
             ('type="sphere" size="0.06"', 'type="ellipsoid" size="0.06 0.05 0.04"', "plane and ellipsoid"),
             ('size="0.06" pos', 'size="0.06" condim="6" pos', "condim 6"),
             ("0.01 0.5 1", "0.01 0.5 3", "power 3"),

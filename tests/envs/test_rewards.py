@@ -34,7 +34,10 @@ PERFECT = example_data(SCENE)._replace(
     foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
     swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
 )
-BEST = {name: 1.0 for name in ("track_linear", "track_yaw", "alive", "gait_contact")}
+BEST = {
+    name: 1.0
+    for name in ("track_linear", "track_yaw", "alive", "gait_contact", "upright", "raised", "stands")
+}
 
 
 def value(name: str, **changes: object) -> float:
@@ -73,6 +76,16 @@ def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
         ("orientation", {"gravity": [0.6, 0.0, -0.8]}, 0.36),
         ("orientation", {"gravity": [0.0, -0.6, -0.8]}, 0.36),
         ("height", {"height": SCENE.standing_height - 0.1}, 0.01),
+        ("upright", {"gravity": [0.0, 1.0, 0.0]}, 0.5),
+        ("upright", {"gravity": [0.0, 0.0, 1.0]}, 0.0),
+        ("raised", {"height": 0.5 * SCENE.standing_height}, 0.5),
+        ("raised", {"height": 2.0 * SCENE.standing_height}, 1.0),
+        ("raised", {"gravity": [0.0, 1.0, 0.0]}, 0.25),
+        ("stands", {"height": SCENE.standing_height + 0.05}, np.exp(-1.0)),
+        ("stands", {"joint_position": POSE - 0.5}, np.exp(-1.0)),
+        ("stands", {"joint_velocity": np.full(12, -2.0)}, np.exp(-1.0)),
+        ("stands", {"gravity": [0.3, 0.0, -np.sqrt(0.91)]}, np.exp(-1.0)),
+        ("joint_speed", {"joint_velocity": [3.0, -4.0]}, 25.0),
         ("torque", {"torque": [3.0, -4.0]}, 25.0),
         ("power", {"torque": [3.0, -4.0], "joint_velocity": [-2.0, -1.0]}, 10.0),
         ("action_rate", {"actions": [[1.0, 0.0], [0.0, 2.0], [9.0, 9.0]]}, 5.0),

@@ -121,7 +121,6 @@ def test_a_fitting_contract_has_no_mismatches(contract: Contract, go1: Robot) ->
         ("default_pose_rad", (0.0,) * 12),
         ("kp", (20.0,) * 12),
         ("kd", (0.5,) * 12),
-        ("action_scale_rad", (0.25,) * 12),
         ("digest", "0123456789abcdef"),
     ],
 )

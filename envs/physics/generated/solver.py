@@ -6,8 +6,8 @@ acceleration without contact and r the reference acceleration.
 """
 
 from footfall.envs.physics.generated.algebra import Factor, Symmetric, dot, product
-from footfall.envs.physics.generated.contacts import ContactRows
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
+from footfall.envs.physics.generated.rows import Rows
 
 LINE_SEARCH_STEPS = 10
 
@@ -16,7 +16,7 @@ def newton_step(
     mass: Symmetric,
     force: list[Scalar],
     previous: list[Scalar],
-    contacts: list[ContactRows],
+    contacts: list[Rows],
     rounding: float,
 ) -> list[Scalar]:
     """The acceleration after one iteration, from the cheaper start: the last step's, or that without contact.
@@ -25,7 +25,7 @@ def newton_step(
         mass: M, with all armature.
         force: of all degrees of freedom, bias forces taken off.
         previous: the last step's acceleration.
-        contacts: all that can touch.
+        contacts: all that can touch, and the limits of joints.
         rounding: relative change of a number that counts as none.
     """
     smooth = Factor(mass, len(force)).solve(force)
@@ -58,7 +58,7 @@ def _difference(a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
-def _residuals(contacts: list[ContactRows], x: list[Scalar], reference: bool) -> list[list[Scalar]]:
+def _residuals(contacts: list[Rows], x: list[Scalar], reference: bool) -> list[list[Scalar]]:
     """J x of each contact's rows, with `reference` less the reference acceleration."""
     found = []
     for contact in contacts:
@@ -69,7 +69,7 @@ def _residuals(contacts: list[ContactRows], x: list[Scalar], reference: bool) ->
     return found
 
 
-def _cost(contacts: list[ContactRows], residuals: list[list[Scalar]]) -> Scalar:
+def _cost(contacts: list[Rows], residuals: list[list[Scalar]]) -> Scalar:
     total: Scalar = 0.0
     for contact, residual in zip(contacts, residuals, strict=True):
         pushed = [minimum(value, 0.0) for value in residual]
@@ -77,9 +77,7 @@ def _cost(contacts: list[ContactRows], residuals: list[list[Scalar]]) -> Scalar:
     return total
 
 
-def _add_contact(
-    gradient: list[Scalar], hessian: Symmetric, contact: ContactRows, residual: list[Scalar]
-) -> None:
+def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, residual: list[Scalar]) -> None:
     """Add J^T D min(0, residual) and J^T D J of the rows that push to gradient and Hessian.
 
     In the coordinates along normal and tangents, of which the rows are few combinations, instead of along
@@ -112,7 +110,7 @@ def _add_contact(
 def _line_search(
     slope: Scalar,
     curvature: Scalar,
-    contacts: list[ContactRows],
+    contacts: list[Rows],
     residuals: list[list[Scalar]],
     change: list[list[Scalar]],
     rounding: float,

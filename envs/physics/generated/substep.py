@@ -8,16 +8,11 @@ import mujoco
 import numpy as np
 
 from footfall.envs.physics.generated.algebra import rotation_matrix, turned_about, vector
-from footfall.envs.physics.generated.contacts import (
-    PLANE,
-    Geometry,
-    LinkPose,
-    contact_rows,
-    geom_friction,
-    meetings,
-)
+from footfall.envs.physics.generated.contacts import Geometry, LinkPose
 from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
 from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
+from footfall.envs.physics.generated.meetings import PLANE, meetings
+from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
 from footfall.envs.physics.generated.solver import newton_step
 from footfall.envs.physics.generated.tree import BASE, Tree, read_tree, rotation
 from footfall.envs.physics.interface import GROUND, Drive, Motion, joint_effort
@@ -169,6 +164,7 @@ def _step(
         friction = geom_friction(model, meeting.geoms, field("geom_friction"))
         for contact in geometry.contacts(meeting, plane):
             rows.append(contact_rows(contact, model, tree, geometry.poses, speed, friction))
+    rows.extend(limit_rows(model, angles, speed))
 
     acceleration = newton_step(mass, force, warm, rows, precision.rounding)
     linear = base_turn @ vector(*acceleration[:3])

@@ -105,7 +105,7 @@ def refusals(model: mujoco.MjModel) -> Iterator[str]:
     for joint in np.flatnonzero(~is_free & ~is_hinge):
         yield f"joint '{model.joint(joint).name}', which is no hinge"
     for feature, present in (
-        ("joint limits", model.jnt_limited.any()),
+        ("a margin before joint limits", model.jnt_margin[model.jnt_limited > 0].any()),
         ("joint friction as a constraint", model.dof_frictionloss.any()),
         ("damping that is not linear", model.dof_dampingpoly.any()),
         ("springs that are not linear", model.jnt_stiffnesspoly.any()),

@@ -1,0 +1,183 @@
+"""How a get-up policy gets up: random drops of the simulated robot, then the policy on the bus.
+
+    python benchmarks/get_up.py POLICY --robot go1 --drops 1000 --workers 2 [--json FILE]
+
+Each drop: a randomised robot in any attitude, with any joint positions inside its limits, falls from 0.3 m
+with damped motors and lies for 1.5 s. Then the policy decides. The robot stands from the first moment on at
+which for half a second its base is within 0.2 rad of upright and within 15 % of the standing height, and no
+joint is faster than 1 rad/s.
+"""
+
+import json
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+import mujoco
+import numpy as np
+from relaxed_limits import RELAXED
+
+from footfall.common.rotations import random_rotation, tilt
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.domain_rand.randomisation import randomisation_of
+from footfall.domain_rand.sample import draw
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import joint_addresses, plant_model
+
+DROP_M, LIE_S, DAMPING_SHARE = 0.3, 1.5, 0.02
+BEGIN_S = 0.3  # of walking, at which the robot is dropped
+UPRIGHT_RAD, HEIGHT_SHARE, SLOW_RAD_S, HOLD_S = 0.2, 0.15, 1.0, 0.5
+
+
+@dataclass
+class Result:
+    """One drop."""
+
+    seed: int
+    tilt_rad: float  # of the base as it lay
+    stood_s: float | None  # after the policy began
+    energy_j: float  # electrical, until then
+    torque_share: float  # greatest, of a motor's peak torque
+    impact_share: float  # greatest normal force on trunk and limbs but the feet, of the weight
+    speed_rad_s: float  # greatest, of a joint
+
+
+class Drop:
+    """Drops the robot in the midst of an episode, and watches it get up."""
+
+    def __init__(self, robot: Robot, seed: int) -> None:
+        self._robot, self._rng = robot, np.random.default_rng(seed)
+        self._began_s, self._upright_s, self._energy = -1.0, -1.0, 0.0
+        self.result = Result(seed, 0.0, None, 0.0, 0.0, 0.0, 0.0)
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """Watch a tick of the loop."""
+        now_s = loop.walking_s
+        if loop.state.mode is not Mode.WALKING:
+            return
+        if self._began_s < 0.0:
+            if now_s >= BEGIN_S:
+                body.fall = lambda: None  # type: ignore[method-assign]
+                self._drop(body)
+                body.take_power()
+                self._began_s = self._look_s = now_s
+            return
+        truth, found = body.truth(), self.result
+        found.torque_share = max(
+            found.torque_share, float(np.max(np.abs(truth.motor_torque) / self._robot.motor.peak_torque))
+        )
+        found.speed_rad_s = max(found.speed_rad_s, float(np.abs(truth.joint_velocity).max()))
+        found.impact_share = max(found.impact_share, self._impact(body))
+        if found.stood_s is None:
+            found.energy_j += max(body.take_power().electrical, 0.0) * (now_s - self._look_s)
+        self._look_s = now_s
+        height = truth.base_position[2] / self._robot.description.standing_height_m
+        stands = (
+            tilt(truth.base_quaternion) < UPRIGHT_RAD
+            and abs(height - 1.0) < HEIGHT_SHARE
+            and np.abs(truth.joint_velocity).max() < SLOW_RAD_S
+        )
+        if not stands:
+            self._upright_s = -1.0
+            found.stood_s = None
+        elif self._upright_s < 0.0:
+            self._upright_s = now_s
+        elif now_s - self._upright_s >= HOLD_S and found.stood_s is None:
+            found.stood_s = self._upright_s - self._began_s
+
+    def _drop(self, body: SimulatedRobot) -> None:
+        model, data, rng = body.model, body.data, self._rng
+        positions, dofs = joint_addresses(model, self._robot)
+        lower, upper = self._robot.soft_limits
+        mujoco.mj_resetData(model, data)
+        data.qpos[2], data.qpos[3:7] = 2.0, random_rotation(rng.random(3))
+        data.qpos[positions] = rng.uniform(lower, upper)
+        mujoco.mj_forward(model, data)
+        shapes = model.geom_contype | model.geom_conaffinity
+        lowest = min(
+            data.geom_xpos[g, 2] - np.abs(data.geom_xmat[g].reshape(3, 3)[2]) @ model.geom_aabb[g, 3:]
+            for g in np.flatnonzero(shapes & (model.geom_bodyid > 0))
+        )
+        data.qpos[2] += DROP_M - lowest
+        for _ in range(round(LIE_S / model.opt.timestep)):
+            data.qfrc_applied[dofs] = -DAMPING_SHARE * self._robot.motor.peak_torque * data.qvel[dofs]
+            mujoco.mj_step(model, data)
+        self.result.tilt_rad = float(tilt(data.qpos[3:7]))
+
+    def _impact(self, body: SimulatedRobot) -> float:
+        model, data, total, force = body.model, body.data, 0.0, np.zeros(6)
+        for k in range(data.ncon):
+            geoms = data.contact[k].geom
+            names = {model.geom(g).name for g in geoms}
+            if 0 in model.geom_bodyid[geoms] and not names & _feet(self._robot):
+                mujoco.mj_contactForce(model, data, k, force)
+                total += force[0]
+        return float(total / (9.81 * model.body_mass.sum()))
+
+
+@lru_cache
+def _robot(name: str) -> Robot:
+    return load_robot(name)
+
+
+def _feet(robot: Robot) -> set[str]:
+    return {name for foot in robot.description.feet for name in foot.geoms}
+
+
+def one(robot_name: str, policy: str, duration_s: float, seed: int, plant: Path | None = None) -> Result:
+    """Drop once."""
+    robot = _robot(robot_name)
+    rng = np.random.default_rng([seed, 1])
+    bodies = plant_model(robot).nbody - 1
+    drop = Drop(robot, seed)
+    episode = Episode(
+        lambda _: np.zeros(3),
+        BEGIN_S + duration_s,
+        seed=seed,
+        sample=draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies),
+        config=RELAXED,
+        record=False,
+    )
+    run_episode(robot, load_policy(policy, robot), episode, drop)
+    return drop.result
+
+
+def main(
+    policy: str,
+    *,
+    robot: str = "go1",
+    drops: int = 100,
+    within_s: float = 4.0,
+    seed: int = 4711,
+    workers: int = 2,
+    json_file: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+) -> None:
+    """Drop and print."""
+    seeds = range(seed, seed + drops)
+    with ProcessPoolExecutor(workers) as pool:
+        found = list(pool.map(partial(one, robot, policy, within_s + 1.0), seeds, chunksize=4))
+    times = np.array([np.inf if r.stood_s is None else r.stood_s for r in found])
+    up = times <= within_s
+    print(f"{policy}: {up.sum()} of {drops} stand within {within_s:g} s")
+    for name, low, high in (("upright", 0.0, 0.8), ("on a side", 0.8, 2.3), ("on the back", 2.3, 3.2)):
+        kind = np.array([low <= r.tilt_rad < high for r in found])
+        print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
+    quantiles = np.quantile(times[up], [0.5, 0.9, 1.0]) if up.any() else []
+    print("time, s, median, 90 %, longest:", np.round(quantiles, 2))
+    for name in ("energy_j", "torque_share", "impact_share", "speed_rad_s"):
+        low, high = np.quantile([getattr(r, name) for r in found], [0.5, 0.9])
+        print(f"{name}: median {low:.2f}, 90 % {high:.2f}")
+    if json_file:
+        rows: list[dict[str, Any]] = [vars(r) for r in found]
+        json_file.write_text(json.dumps(rows))
+
+
+if __name__ == "__main__":
+    cyclopts.run(main)

@@ -1,0 +1,115 @@
+"""Pairs of geoms that can touch, with the parameters of their contact.
+
+MuJoCo: its documentation, chapter Computation, section Parameters.
+"""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+PLANE, SPHERE, CAPSULE, BOX = (
+    mujoco.mjtGeom.mjGEOM_PLANE,
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+    mujoco.mjtGeom.mjGEOM_CAPSULE,
+    mujoco.mjtGeom.mjGEOM_BOX,
+)
+GENERATED = {(PLANE, shape) for shape in (SPHERE, CAPSULE, BOX)} | {
+    (SPHERE, SPHERE),
+    (SPHERE, CAPSULE),
+    (CAPSULE, CAPSULE),
+}
+SMOOTH, SLIDING = 1, 3  # dimensions of a contact: its normal, and friction along the surface
+LEAST_FRICTION = 1e-5  # MuJoCo's mjMINMU
+TINY = 1e-15  # MuJoCo's mjMINVAL
+
+
+class Meeting(NamedTuple):
+    """Two geoms that can touch, and the parameters of their contact. The first one's type is the lower."""
+
+    geoms: tuple[int, int]
+    dimensions: int
+    solref: tuple[float, ...]
+    solimp: tuple[float, ...]
+    margin: float  # m; a gap beyond it makes contacts without force
+    friction: tuple[float, float] | None  # None: of the geoms
+
+
+def meetings(model: mujoco.MjModel) -> list[Meeting]:
+    """All pairs of geoms that MuJoCo would test for contact."""
+    found = [_declared(model, pair) for pair in range(model.npair)]
+    known = {meeting.geoms for meeting in found}
+    excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+    for a, b in combinations(range(model.ngeom), 2):
+        geoms = _by_type(model, a, b)
+        if geoms not in known and _meet(model, a, b, excluded):
+            found.append(_mixed(model, geoms))
+    return found
+
+
+def contact_refusals(model: mujoco.MjModel) -> Iterator[str]:
+    """What of a model's contacts is not generated, one line each."""
+    for meeting in meetings(model):
+        names = " and ".join(repr(model.geom(g).name or f"geom {g}") for g in meeting.geoms)
+        kinds = tuple(mujoco.mjtGeom(model.geom_type[g]) for g in meeting.geoms)
+        if kinds not in GENERATED:
+            shapes = " and ".join(kind.name[7:].lower() for kind in kinds)
+            yield f"contact of {names}: {shapes}"
+        elif meeting.dimensions not in {SMOOTH, SLIDING}:
+            yield f"contact of {names}: condim {meeting.dimensions}"
+        elif meeting.solimp[4] not in {1.0, 2.0}:
+            yield f"contact of {names}: solimp's power {meeting.solimp[4]:g}"
+        elif kinds[0] == PLANE and model.body_weldid[model.geom_bodyid[meeting.geoms[0]]] != 0:
+            yield f"contact of {names}: a plane that moves"
+
+
+def _by_type(model: mujoco.MjModel, a: int, b: int) -> tuple[int, int]:
+    return (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
+
+
+def _meet(model: mujoco.MjModel, a: int, b: int, excluded: set[tuple[int, int]]) -> bool:
+    """MuJoCo's filters: contact bits, excluded pairs, bodies that are welded or parent and child."""
+    bits = (model.geom_contype[a] & model.geom_conaffinity[b]) | (
+        model.geom_contype[b] & model.geom_conaffinity[a]
+    )
+    bodies = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
+    one, two = (int(model.body_weldid[body]) for body in bodies)
+    parents = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (one, two)]
+    related = one != 0 and two != 0 and (one == parents[1] or two == parents[0])
+    return bool(bits) and one != two and not related and tuple(bodies) not in excluded
+
+
+def _declared(model: mujoco.MjModel, pair: int) -> Meeting:
+    geoms = _by_type(model, int(model.pair_geom1[pair]), int(model.pair_geom2[pair]))
+    first, second = model.pair_friction[pair][:2].tolist()
+    return Meeting(
+        geoms,
+        int(model.pair_dim[pair]),
+        tuple(model.pair_solref[pair].tolist()),
+        tuple(model.pair_solimp[pair].tolist()),
+        float(model.pair_margin[pair]),
+        (max(LEAST_FRICTION, first), max(LEAST_FRICTION, second)),
+    )
+
+
+def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> Meeting:
+    """MuJoCo's mixing of two geoms' parameters: the one's of higher priority, else by their weights."""
+    one, two = geoms
+    margin = model.geom_margin[one] + model.geom_margin[two]
+    priority = model.geom_priority
+    if priority[one] != priority[two]:
+        lead = one if priority[one] > priority[two] else two
+        solref, solimp, dimensions = model.geom_solref[lead], model.geom_solimp[lead], model.geom_condim[lead]
+    else:
+        weights = model.geom_solmix[[one, two]]
+        share = weights[0] / weights.sum() if weights.sum() >= TINY else 0.5
+        first, second = model.geom_solref[one], model.geom_solref[two]
+        standard = first[0] > 0.0 and second[0] > 0.0
+        solref = share * first + (1.0 - share) * second if standard else np.minimum(first, second)
+        solimp = share * model.geom_solimp[one] + (1.0 - share) * model.geom_solimp[two]
+        dimensions = max(model.geom_condim[one], model.geom_condim[two])
+    return Meeting(
+        geoms, int(dimensions), tuple(solref.tolist()), tuple(solimp.tolist()), float(margin), None
+    )

@@ -1,0 +1,159 @@
+"""MuJoCo's soft constraints as rows of a Jacobian, with the parameters that the solver needs.
+
+MuJoCo: its documentation, chapter Computation, sections Constraint model and Parameters.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.envs.physics.generated.algebra import Vector, cross
+from footfall.envs.physics.generated.contacts import Contact, LinkPose
+from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
+from footfall.envs.physics.generated.meetings import LEAST_FRICTION, SLIDING, TINY
+from footfall.envs.physics.generated.tree import Tree
+
+LEAST_IMPEDANCE, MOST_IMPEDANCE = 1e-4, 0.9999  # MuJoCo's mjMINIMP, mjMAXIMP
+
+FREE_POSITIONS = 7  # of a free joint in qpos; the hinges' follow
+Row = dict[int, Scalar]  # of a Jacobian, by degree of freedom
+
+
+class Rows(NamedTuple):
+    """A contact, or a joint's limit, as the solver sees it."""
+
+    jacobian: tuple[Row, ...]  # of the speed along the normal and along each tangent
+    friction: tuple[Scalar, ...]  # along each tangent
+    weight: Scalar  # D of all its rows; 0 where it does not touch
+    reference: tuple[Scalar, ...]  # minus the reference acceleration, along normal and tangents
+
+    def edges(self, along: list[Scalar]) -> list[Scalar]:
+        """What has these values along normal and tangents, along the edges of the friction pyramid."""
+        if not self.friction:
+            return along
+        normal, *rest = along
+        return [
+            normal + sign * f * value
+            for f, value in zip(self.friction, rest, strict=True)
+            for sign in (1.0, -1.0)
+        ]
+
+
+def contact_rows(
+    contact: Contact,
+    model: mujoco.MjModel,
+    tree: Tree,
+    poses: dict[int, LinkPose],
+    velocity: list[Scalar],
+    friction: Scalar,
+) -> Rows:
+    """MuJoCo's constraint of a contact.
+
+    Args:
+        contact: where.
+        model: nominal.
+        tree: its tree.
+        poses: of links.
+        velocity: of all degrees of freedom, the base's in its own frame.
+        friction: coefficient of the geoms, where the meeting gives none.
+    """
+    meeting = contact.meeting
+    jacobian = tuple(
+        _row(contact, direction, model, tree, poses) for direction in (contact.normal, *contact.tangents)
+    )
+    speeds = [sum((j * velocity[dof] for dof, j in row.items()), start=0.0) for row in jacobian]
+    depth = contact.distance - meeting.margin
+    impedance = _impedance(absolute(depth), meeting.solimp)
+    stiffness, damping = _spring(meeting.solref, meeting.solimp, model.opt.timestep)
+    reference = [damping * speed for speed in speeds]
+    reference[0] = reference[0] + stiffness * (impedance * depth)
+    # Regularisation R = (1 - d) / d times the diagonal of A, estimated from the bodies' inverse weights; of
+    # a pyramid 2 mu^2 times that of its first row, and its weight D = 1 / R.
+    inverse_weight = sum(float(model.body_invweight0[model.geom_bodyid[geom]][0]) for geom in meeting.geoms)
+    frictions: tuple[Scalar, ...] = ()
+    scale: Scalar = inverse_weight
+    if meeting.dimensions == SLIDING:
+        frictions = meeting.friction or (friction, friction)
+        square = frictions[0] * frictions[0]
+        scale = inverse_weight * (1.0 + square) * (2.0 * square)
+    resistance = maximum(scale * (1.0 - impedance) / impedance, TINY)
+    weight = where(less(depth, 0.0), where(less(0.0, contact.excess), 0.0, 1.0 / resistance), 0.0)
+    return Rows(jacobian, frictions, weight, tuple(reference))
+
+
+def limit_rows(model: mujoco.MjModel, angles: Sequence[Scalar], velocity: list[Scalar]) -> Iterator[Rows]:
+    """MuJoCo's constraint of each joint with limits: a row for the nearer one, which pushes beyond it.
+
+    Args:
+        model: nominal, of a tree of hinges on a free base.
+        angles: of the hinges.
+        velocity: of all degrees of freedom.
+    """
+    for joint in np.flatnonzero(model.jnt_limited):
+        dof = int(model.jnt_dofadr[joint])
+        angle = angles[int(model.jnt_qposadr[joint]) - FREE_POSITIONS]
+        lower, upper = (float(end) for end in model.jnt_range[joint])
+        above, below = angle - lower, upper - angle
+        sign, distance = where(less(above, below), 1.0, -1.0), minimum(above, below)
+        solref, solimp = model.jnt_solref[joint].tolist(), model.jnt_solimp[joint].tolist()
+        impedance = _impedance(absolute(distance), solimp)
+        stiffness, damping = _spring(solref, solimp, model.opt.timestep)
+        reference = damping * (sign * velocity[dof]) + stiffness * (impedance * distance)
+        resistance = maximum(float(model.dof_invweight0[dof]) * (1.0 - impedance) / impedance, TINY)
+        yield Rows(({dof: sign},), (), where(less(distance, 0.0), 1.0 / resistance, 0.0), (reference,))
+
+
+def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.ndarray) -> Scalar:
+    """Sliding friction of two geoms: of the one with priority, else the larger.
+
+    Args:
+        model: nominal.
+        geoms: which.
+        friction: (geoms, 3), perhaps of a robot of its own.
+    """
+    one, two = (friction[geom, 0] for geom in geoms)
+    first, second = (int(model.geom_priority[geom]) for geom in geoms)
+    chosen = maximum(one, two) if first == second else (one if first > second else two)
+    return maximum(chosen, LEAST_FRICTION)
+
+
+def _row(
+    contact: Contact, direction: Vector, model: mujoco.MjModel, tree: Tree, poses: dict[int, LinkPose]
+) -> Row:
+    """The speed along a direction of the second geom's place of contact less the first one's."""
+    row: Row = {}
+    for geom, sign in zip(contact.meeting.geoms, (-1.0, 1.0), strict=True):
+        body = int(model.geom_bodyid[geom])
+        if body not in tree.bodies:  # fixed to the world
+            continue
+        parts: Row = dict(enumerate((*direction, *cross(contact.place, direction))))
+        for link in tree.chain(tree.bodies[body].link):
+            pose = poses[link]
+            axis = pose.turn @ tree.hinges[link].axis
+            parts[6 + link] = direction @ cross(axis, contact.place - pose.place)
+        for dof, part in parts.items():
+            row[dof] = row.get(dof, 0.0) + sign * part
+    return {dof: part for dof, part in row.items() if not (isinstance(part, float) and part == 0.0)}
+
+
+def _impedance(depth: Scalar, solimp: Sequence[float]) -> Scalar:
+    """MuJoCo's sigmoid d(r) from d_0 at the surface to d_width, of a depth without its sign."""
+    start, end = (min(max(d, LEAST_IMPEDANCE), MOST_IMPEDANCE) for d in solimp[:2])
+    width, middle, power = max(solimp[2], TINY), solimp[3], solimp[4]
+    x = minimum(depth / width, 1.0)
+    if power == 1.0:
+        return start + x * (end - start)
+    below, above = x * x / middle, 1.0 - (1.0 - x) * (1.0 - x) / (1.0 - middle)
+    return start + where(x < middle, below, above) * (end - start)
+
+
+def _spring(solref: Sequence[float], solimp: Sequence[float], timestep_s: float) -> tuple[float, float]:
+    """Stiffness and damping of the reference acceleration, from solref in either of its forms."""
+    first, second = solref[:2]
+    width = min(max(solimp[1], LEAST_IMPEDANCE), MOST_IMPEDANCE)
+    if first <= 0.0:
+        return -first / width**2, -second / width
+    constant = max(first, 2.0 * timestep_s)  # MuJoCo's refsafe
+    return 1.0 / max(TINY, (width * constant * second) ** 2), 2.0 / max(TINY, width * constant)

@@ -1,0 +1,110 @@
+"""Where a robot can touch itself: pairs of capsules and spheres that stand for its collision shapes.
+
+Training's physics knows contacts of capsules and spheres with each other. Robots that lie and get up need all
+that their joint limits permit; a robot that walks needs the pairs that its MJCF lists.
+"""
+
+import math
+from collections.abc import Iterator
+from itertools import combinations, product
+
+import mujoco
+import numpy as np
+
+from footfall.common.rotations import rotation_matrix
+
+CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
+SMOOTH = 1  # condim: no friction, with which a GPU trains at a quarter of the speed
+POSES = 1000  # drawn inside the joint limits
+LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
+NEAR_M = 0.01  # a pair that comes as near in any of them can touch
+
+
+def add_self_contacts(spec: mujoco.MjSpec) -> None:
+    """List every pair of shapes of the robot that can touch, but for those of the same or of adjacent bodies.
+
+    Geoms that the MJCF's own pairs name stand for all shapes of their bodies. Of the other bodies spheres and
+    capsules stand for themselves, and each other shape for its bounding box, filled with capsules.
+    """
+    listed = {frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs}
+    named = {name for pair in listed for name in pair}
+    model = spec.copy().compile()
+    shapes: dict[int, list[str]] = {}
+    for body in spec.bodies[1:]:
+        stand_ins = [geom.name for geom in body.geoms if geom.name in named]
+        solid = [geom for geom in body.geoms if geom.contype or geom.conaffinity]
+        of_body = stand_ins or [name for geom in solid for name in _round(body, geom, model)]
+        if of_body:
+            shapes[model.body(body.name).id] = of_body
+    for one, other in _that_can_touch(spec.copy().compile(), shapes):
+        if frozenset((one, other)) not in listed:
+            spec.add_pair(name=f"{one}/{other}", geomname1=one, geomname2=other, condim=SMOOTH)
+
+
+def _round(body: mujoco.MjsBody, geom: mujoco.MjsGeom, model: mujoco.MjModel) -> list[str]:
+    """Names of spheres and capsules for a shape; new ones are added to its body."""
+    if geom.type in (SPHERE, CAPSULE):
+        return [geom.name]
+    number = model.geom(geom.name).id
+    half, axes = model.geom_aabb[number, 3:], rotation_matrix(model.geom_quat[number])
+    middle_of_box = model.geom_pos[number] + axes @ model.geom_aabb[number, :3]
+    thin, middle, long = (int(axis) for axis in np.argsort(half, kind="stable"))
+    names: list[str] = []
+    for radius, across, up in _filling(float(half[middle]), float(half[thin])):
+        length = float(half[long]) - radius
+        ends = [
+            middle_of_box + axes[:, middle] * across + axes[:, thin] * up + axes[:, long] * end
+            for end in (-length, length)
+        ]
+        names.append(f"{geom.name}_round_{len(names)}")
+        body.add_geom(
+            name=names[-1],
+            type=CAPSULE,
+            size=[radius, 0.0, 0.0],
+            fromto=np.concatenate(ends),
+            contype=0,
+            conaffinity=0,
+        )
+    return names
+
+
+def _filling(wide_m: float, thin_m: float) -> Iterator[tuple[float, float, float]]:
+    """Circles in a rectangle of these half sizes: radius, and place along both sides, m.
+
+    Large ones side by side, and small ones in the corners, which the large ones leave open.
+    """
+    spread = wide_m - thin_m
+    for place in np.linspace(-spread, spread, 1 + math.ceil(spread / thin_m)):
+        yield LARGE * thin_m, float(place), 0.0
+    small = thin_m / 6.0
+    for sides in product((-1.0, 1.0), repeat=2):
+        yield small, sides[0] * (wide_m - small), sides[1] * (thin_m - small)
+
+
+def _that_can_touch(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iterator[tuple[str, str]]:
+    excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+    pairs = [
+        pair
+        for one, other in combinations(sorted(shapes), 2)
+        if not _adjacent(model, one, other) and (one, other) not in excluded
+        for pair in product(shapes[one], shapes[other])
+    ]
+    numbers = [tuple(model.geom(name).id for name in pair) for pair in pairs]
+    data, rng, nearest = mujoco.MjData(model), np.random.default_rng(0), np.full(len(pairs), np.inf)
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    limited = model.jnt_limited[hinges, None] > 0
+    lower, upper = np.where(limited, model.jnt_range[hinges], [[-math.pi, math.pi]]).T
+    for _ in range(POSES):
+        data.qpos[model.jnt_qposadr[hinges]] = rng.uniform(lower, upper)
+        mujoco.mj_kinematics(model, data)
+        for index, (one, other) in enumerate(numbers):
+            if nearest[index] > NEAR_M:
+                nearest[index] = mujoco.mj_geomDistance(model, data, one, other, 1.0, None)
+    yield from (pair for pair, distance in zip(pairs, nearest, strict=True) if distance <= NEAR_M)
+
+
+def _adjacent(model: mujoco.MjModel, one: int, other: int) -> bool:
+    """MuJoCo's filter: the same body, or parent and child."""
+    one, other = int(model.body_weldid[one]), int(model.body_weldid[other])
+    parents = [int(model.body_weldid[model.body_parentid[body]]) for body in (one, other)]
+    return one == other or other == parents[0] or one == parents[1]
