@@ -10,9 +10,10 @@ from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.receiver import LastHeard, MotorHealth, Receiver
 from footfall.policies.policy import Sensed
-from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
+from footfall.robots.actuator import JointCommand, Motor, derated, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
 from footfall.robots.targets import approach, within
+from footfall.robots.winding import allowed
 
 
 class JointLayer:
@@ -159,8 +160,20 @@ class JointLayer:
         """Decode frames that have arrived; frames of other senders are left out."""
         receiver, battery = self._receiver, self._battery
         receiver.absorb(batches, now_us)
-        if battery is not None and battery.look(now_us, receiver.voltage, receiver.current, receiver.joints):
-            self._weaker = weaker(self._robot.motor, self._scale * battery.state.allowed)
+        lower = battery is not None and battery.look(
+            now_us, receiver.voltage, receiver.current, receiver.joints
+        )
+        if lower or self._robot.winding is not None:
+            self._weaker = self._limited_motor()
+
+    def _limited_motor(self) -> Motor:
+        """The motors with the torque limits of this run, the battery and their reported temperatures."""
+        allowed_by_battery = 1.0 if self._battery is None else self._battery.state.allowed
+        motor, winding = weaker(self._robot.motor, self._scale * allowed_by_battery), self._robot.winding
+        if winding is None:
+            return motor
+        left = allowed(self._receiver.temperature_c, winding)
+        return derated(motor, np.where(np.isnan(left), 1.0, left))
 
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""

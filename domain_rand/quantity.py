@@ -43,6 +43,7 @@ class Quantity(NamedTuple):
     model: Effect | None = None  # on the fields of a MuJoCo model
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
     command: Effect | None = None  # on a JointCommand, as the motors carry it out
+    winding: Effect | None = None  # on the fields of robots.winding.Winding
     force_sensor: Effect | None = None  # on the fields of domain_rand.foot_force.ForceSensors
     accelerometer: Effect | None = None  # on the fields of domain_rand.accelerometer.Accelerometer
     bias_of: str | None = None  # reading that it is added to
@@ -61,12 +62,13 @@ def check_quantity(name: str, declared: Quantity) -> None:
         declared.model,
         declared.motor,
         declared.command,
+        declared.winding,
         declared.force_sensor,
         declared.accelerometer,
     )
     if not declared.charge and not any((*effects, declared.bias_of, declared.delay_of)):
         raise ValueError(
-            f"quantity '{name}' has no effect: give model, motor, command, force_sensor, accelerometer,"
+            f"quantity '{name}' has no effect: give model, motor, command, winding, force_sensor, accelerometer,"
             " bias_of, delay_of or charge"
         )
     if declared.bias_of is not None and declared.bias_of not in READINGS:

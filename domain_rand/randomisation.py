@@ -115,6 +115,16 @@ class Randomisation:
         kinds.SCALAR, FULL, least=0.0, most=1.0, charge=True
     )
 
+    # temperature of motors whose thermal model robot.yaml declares
+    ambient_k: Distribution | None = quantity(  # of the air, beyond 25 degrees Celsius
+        kinds.SCALAR, OFFSET, least=-100.0, most=100.0, winding=adds_to("ambient")
+    )
+    winding_rise_k: Distribution | None = quantity(  # at first, above the air's, each joint
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=200.0, winding=adds_to("start_rise")
+    )
+    winding_heating: Distribution | None = quantity(  # thermal resistance times copper loss, each joint
+        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, winding=scales("heating")
+    )
     # force sensors at the feet, each; for the simulated robot alone, since no learned policy reads them
     foot_force_scale: Distribution | None = quantity(
         kinds.FOOT_AMOUNTS, SCALE, least=0.0, most=10.0, force_sensor=scales("scale")
@@ -173,18 +183,17 @@ def require_delays(randomisation: Randomisation, of: Literal["actions", "reading
         raise UserError(f"randomisation.{names}: must be at most {most_s:g} s, not {longest_s:g}")
 
 
-def require_battery(robot: Robot) -> None:
-    """Raises UserError if a robot whose battery's charge is drawn declares none."""
-    if robot.description.battery is None:
-        raise UserError(
-            f"randomisation.battery_charge: robot '{robot.name}' declares no battery in robot.yaml"
-        )
-
-
-def require_foot_sensors(name: str, robot: Robot) -> None:
-    """Raises UserError if a robot has no force sensors, whose error `name` is drawn."""
-    if not robot.foot_sensors:
-        raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no force_bus in robot.yaml")
+def require_parts(name: str, robot: Robot) -> None:
+    """Raises UserError if a robot lacks the part that the quantity `name` is about."""
+    declared, lacking = QUANTITIES[name], ""
+    if declared.force_sensor is not None and not robot.foot_sensors:
+        lacking = "force_bus"
+    elif declared.winding is not None and robot.winding is None:
+        lacking = "thermal_resistance_k_w"
+    elif declared.charge and robot.description.battery is None:
+        lacking = "battery"
+    if lacking:
+        raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no {lacking} in robot.yaml")
 
 
 def refuse_unread_sensors(randomisation: Randomisation) -> None:

@@ -7,6 +7,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, delays
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.kinds import Parts
+from footfall.robots.winding import Winding
 
 Array = Any
 T = TypeVar("T", bound=NamedTuple)
@@ -75,6 +76,11 @@ def randomised_motor(motor: Motor, sample: Sample) -> Motor:
 def randomised_command(command: JointCommand, sample: Sample) -> JointCommand:
     """The command as the sampled robot's motors carry it out: their true stiffness and damping."""
     return changed(command, sample, "command")
+
+
+def randomised_winding(winding: Winding | None, sample: Sample) -> Winding | None:
+    """The thermal parameters of the sampled robot, from the nominal ones; None for none."""
+    return None if winding is None else changed(winding, sample, "winding")
 
 
 def sensor_bias(sample: Sample, reading: str) -> Array | None:

@@ -5,13 +5,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from footfall.domain_rand.randomisation import require_delays
-from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
+from footfall.domain_rand.sample import (
+    Sample,
+    delay_s,
+    randomised_command,
+    randomised_motor,
+    randomised_winding,
+    sensor_bias,
+)
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
-from footfall.robots.actuator import JointCommand, Motor, at_supply, lag_over
+from footfall.robots.actuator import JointCommand, Motor, at_supply, derated, lag_over
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
+from footfall.robots.winding import Winding, allowed, warmed
 
 KEPT_GOALS = 3  # control steps whose goals may still be on their way to the motors
 
@@ -25,6 +33,9 @@ class Actuation:
         self._starts_s = np.arange(config.substeps) * config.timestep_s
         require_delays(config.randomisation, "actions", (KEPT_GOALS - 1) * self._period_s)
         self._motor: Motor = jax.tree.map(lambda a: jnp.asarray(a, dtype=jnp.float32), robot.motor)
+        self._winding: Winding | None = jax.tree.map(
+            lambda a: jnp.asarray(a, dtype=jnp.float32), robot.winding
+        )
         self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
         self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
         self._rate_rad_s = robot.description.target_rate_rad_s
@@ -55,10 +66,20 @@ class Actuation:
         arrived = delayed_goals(goals, late_s, self._starts_s, self._timestep_s, self._period_s)
         return jax.lax.scan(tick, target, arrived, unroll=True)[1]
 
-    def drive(self, targets: jax.Array, sample: Sample, supply: jax.Array | None = None) -> Drive:
-        """What the motors of a sampled robot follow, given targets (substeps, n).
+    def drive(
+        self,
+        targets: jax.Array,
+        sample: Sample,
+        supply: jax.Array | None = None,
+        winding_c: jax.Array | None = None,
+    ) -> Drive:
+        """What the motors of a sampled robot follow.
 
-        `supply` is the share of the nominal voltage that they get, (); None for all of it.
+        Args:
+            targets: at each physics step, rad, (substeps, n).
+            sample: of the robot.
+            supply: share of the nominal voltage that the motors get, (); None for all of it.
+            winding_c: temperatures, degrees Celsius, (n,); None for motors without a thermal model.
         """
         zeros = jnp.zeros_like(self._kp)
         command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), sample)
@@ -66,8 +87,31 @@ class Actuation:
         motor = randomised_motor(self._motor, sample)
         if supply is not None:
             motor = at_supply(motor, supply)
+        winding = randomised_winding(self._winding, sample)
+        if winding is not None and winding_c is not None:
+            motor = derated(motor, allowed(winding_c, winding))
         lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
         return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
+
+    def winding_at_first(self, sample: Sample) -> jax.Array | None:
+        """Temperatures before an episode, degrees Celsius, (n,); None without a thermal model."""
+        winding = randomised_winding(self._winding, sample)
+        return None if winding is None else winding.start_c
+
+    def winding_after(
+        self, winding_c: jax.Array | None, torque: jax.Array, sample: Sample
+    ) -> jax.Array | None:
+        """Temperatures after a control step, degrees Celsius, (n,); None without a thermal model.
+
+        Args:
+            winding_c: before.
+            torque: of the motors in each physics step, N m, (substeps, n).
+            sample: of the robot.
+        """
+        winding = randomised_winding(self._winding, sample)
+        if winding is None or winding_c is None:
+            return None
+        return warmed(winding_c, jnp.mean(torque**2, axis=0), winding, self._period_s)
 
     def no_torque(self, sample: Sample) -> jax.Array | None:
         """Torque of motors with lag before an episode, N m, (n,); None for motors without."""

@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from footfall.domain_rand.randomisation import Randomisation, require_battery
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, require_parts
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.robots.battery import Battery, voltage_under_load
 from footfall.robots.description import Robot
@@ -13,11 +13,12 @@ class Supply:
     """Voltage of a robot's battery over its nominal voltage. The charge is constant in an episode."""
 
     def __init__(self, robot: Robot, randomisation: Randomisation) -> None:
-        """Raises UserError if a charge is drawn for a robot that declares no battery."""
+        """Raises UserError if a quantity is drawn of a part that the robot lacks, such as a battery."""
         self._battery: Battery | None = robot.description.battery
         self._loss = jnp.asarray(robot.copper_loss, dtype=jnp.float32)
-        if randomisation.battery_charge is not None:
-            require_battery(robot)
+        for name in QUANTITIES:
+            if getattr(randomisation, name) is not None:
+                require_parts(name, robot)
 
     def at_rest(self, sample: Sample) -> jax.Array | None:
         """The share before an episode, (); None where no charge is drawn: the supply stays nominal."""

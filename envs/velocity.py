@@ -147,6 +147,7 @@ class VelocityEnv:
             frames=self.observer.no_frames(),
             terms={},
             lagged_torque=self.actuation.no_torque(sample),
+            winding_c=self.actuation.winding_at_first(sample),
             supply=self.supply.at_rest(sample),
         )
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
@@ -200,11 +201,13 @@ class VelocityEnv:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
-        drive = self.actuation.drive(targets, state.sample, state.supply)
+        drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))
         speeds = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
         supply = self.supply.under_load(state.sample, trace.torque, speeds)
-        return state._replace(**end._asdict(), target=targets[-1], supply=supply), trace
+        winding_c = self.actuation.winding_after(state.winding_c, trace.torque, state.sample)
+        state = state._replace(**end._asdict(), target=targets[-1], supply=supply, winding_c=winding_c)
+        return state, trace
 
     def step_data(self, state: State, trace: Trace) -> StepData:
         """What terms read, of a state after the physics and the trace of its physics steps."""

@@ -8,20 +8,30 @@ import numpy as np
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
-from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
+from footfall.domain_rand.sample import (
+    Sample,
+    delay_s,
+    randomised_command,
+    randomised_motor,
+    randomised_winding,
+    sensor_bias,
+)
 from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
 from footfall.robots.actuator import (
     JointCommand,
     Motor,
     at_supply,
+    derated,
     friction_torque,
     lag_over,
     lagged,
     motor_torque,
 )
+from footfall.robots.winding import Winding, allowed, warmed
 
 TEMPERATURE_C = 30
+HOTTEST_REPORTED_C = 127  # some frames carry a signed byte
 
 
 @dataclass
@@ -45,6 +55,7 @@ class SimulatedMotors:
         sample: Sample,
         step_s: float,
         timeout_s: float | np.ndarray = MOTOR_TIMEOUT_S,
+        winding: Winding | None = None,
     ) -> None:
         """Motors start disabled.
 
@@ -56,12 +67,15 @@ class SimulatedMotors:
             step_s: the physics step.
             timeout_s: time without a frame after which a motor disables itself, unless a frame sets it; of
                 all, or of each, (joints,).
+            winding: their thermal parameters; None for motors that stay at 30 degrees Celsius.
         """
         n = joints
         self._end = end
         self.broadcasts = end.broadcasts
         self._motor = randomised_motor(motor, sample)
         self._lag = None if self._motor.lag_s is None else lag_over(self._motor.lag_s, step_s)
+        self._winding, self._step_s = randomised_winding(winding, sample), step_s
+        self.winding_c = None if self._winding is None else np.array(self._winding.start_c)
         self._lagged = np.zeros(n)  # torque at the end of the last step, of motors with lag
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
@@ -100,22 +114,27 @@ class SimulatedMotors:
             self.enabled &= ~late
             self._note_enabled()
         if not self._any_enabled:
-            return self._through_lag(np.zeros(len(position)))
+            return self._delivered(np.zeros(len(position)))
         ratio = None
         if self._geared is not None:
             ratio, about = self._geared
             position, velocity = about + ratio * (position - about), ratio * velocity
         measured = position + self.encoder_bias
-        torque = motor_torque(self._command, measured, velocity, self._motor)
+        motor = self._motor
+        if self._winding is not None and self.winding_c is not None:
+            motor = derated(motor, allowed(self.winding_c, self._winding))
+        torque = motor_torque(self._command, measured, velocity, motor)
         if ratio is not None:
             torque = ratio * torque
-        return self._through_lag(torque if self._all_enabled else self.enabled * torque)
+        return self._delivered(torque if self._all_enabled else self.enabled * torque)
 
-    def _through_lag(self, demand: np.ndarray) -> np.ndarray:
-        """Mean torque over this step, N m, (n,)."""
-        if self._lag is None:
-            return demand
-        mean, self._lagged = lagged(demand, self._lagged, self._lag)
+    def _delivered(self, demand: np.ndarray) -> np.ndarray:
+        """Mean torque over this step after the motors' lag, N m, (n,). It warms their windings."""
+        mean = demand
+        if self._lag is not None:
+            mean, self._lagged = lagged(demand, self._lagged, self._lag)
+        if self._winding is not None:
+            self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
         return mean
 
     def reboot(self, motors: np.ndarray) -> None:
@@ -220,6 +239,12 @@ class SimulatedMotors:
         """The frames that motors send unasked now; `readings` as for `answer`."""
         return self._end.broadcast(now_us, ~self.faults.silent, self._report(readings))
 
+    def _reported_c(self) -> int | np.ndarray:
+        """Temperature that motors report, whole degrees Celsius: of all, or (n,)."""
+        if self.winding_c is None:
+            return TEMPERATURE_C
+        return np.rint(self.winding_c).clip(0, HOTTEST_REPORTED_C).astype(int)
+
     def _report(self, readings: np.ndarray) -> Report:
         """The present report of every motor; a stuck one repeats its last report."""
         if self._geared is not None:
@@ -232,7 +257,7 @@ class SimulatedMotors:
         timed_out = self._watchdog.timed_out
         if np.count_nonzero(timed_out):
             error = np.maximum(error, timed_out * np.asarray(self._end.time_out_error, np.uint64))
-        report, stuck = Report(readings, error, on, TEMPERATURE_C, self.supply), self.faults.stuck
+        report, stuck = Report(readings, error, on, self._reported_c(), self.supply), self.faults.stuck
         if np.count_nonzero(stuck):
             before = self._said
             report = report._replace(

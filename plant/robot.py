@@ -18,7 +18,7 @@ from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import QUANTITIES, require_battery, require_foot_sensors
+from footfall.domain_rand.randomisation import QUANTITIES, require_parts
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
@@ -109,7 +109,7 @@ class SimulatedRobot:
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
         self._motors = SimulatedMotors(
-            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s
+            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding
         )
         self._sensors = SimulatedSensors(
             self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
@@ -269,11 +269,8 @@ class SimulatedRobot:
 
 
 def _check_sample(sample: Sample, plant: Plant, robot: Robot) -> None:
-    if battery_charge(sample) is not None:
-        require_battery(robot)
     bodies = plant.model.nbody - 1
     for name, drawn in sample.items():
-        if QUANTITIES[name].force_sensor is not None:
-            require_foot_sensors(name, robot)
+        require_parts(name, robot)
         if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:
             raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")

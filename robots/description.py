@@ -19,6 +19,7 @@ from footfall.robots.robot_yaml import Description, MotorType
 from footfall.robots.stability import instabilities
 from footfall.robots.stance import foot_places
 from footfall.robots.targets import soft_limits
+from footfall.robots.winding import AMBIENT_C, Winding
 
 ROBOTS = Path(__file__).parent
 
@@ -93,6 +94,25 @@ class Robot:
         torque_per_ampere = self.motor_figures("torque_constant_nm_a") * self.motor_figures("gear_ratio")
         loss: np.ndarray = self.motor_figures("winding_resistance_ohm") / torque_per_ampere**2
         return loss
+
+    @cached_property
+    def winding(self) -> Winding | None:
+        """Thermal parameters of the motors, each (n,); None if no motor declares any."""
+        motors = [self.description.motors[joint.motor] for joint in self.description.joints]
+        if not any(motor.thermal_resistance_k_w for motor in motors):
+            return None
+        resistance = np.array([motor.thermal_resistance_k_w or 0.0 for motor in motors])
+        capacity = np.array([motor.thermal_capacity_j_k or np.inf for motor in motors])
+        derating = np.array([motor.derating_c or (-np.inf, np.inf) for motor in motors])
+        begin, end = derating.T
+        return Winding(
+            ambient=np.full(len(motors), AMBIENT_C),
+            start_rise=np.zeros(len(motors)),
+            heating=resistance * self.copper_loss,
+            cooling=1.0 / np.where(resistance > 0.0, resistance * capacity, np.inf),
+            derating_end=end,
+            derating_span=np.where(np.isfinite(end), end - begin, 1.0),
+        )
 
     @cached_property
     def voltage_range(self) -> tuple[np.ndarray, np.ndarray]:

@@ -55,6 +55,11 @@ class MotorType:
     backlash_rad: float = 0.0  # whole play of the gearbox
     gear_stiffness_nm_rad: float | None = None  # of the gearbox; None for a rigid one
     voltage_driven: bool = False  # the command sets a voltage, as a hobby servo's does, not a current
+    thermal_resistance_k_w: float | None = None  # from the winding to the air; None for no thermal model
+    thermal_capacity_j_k: float | None = None  # of the winding with the iron around it
+    derating_c: tuple[float, float] | None = (
+        None  # the current limit falls from the first on, to 0 at the next
+    )
     timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
@@ -70,6 +75,12 @@ class MotorType:
         require_between(self, *MOTOR_TIMEOUT_S, "timeout_s")
         require_between(self, 0.0, 0.9, "load_friction")
         require_between(self, 1, 0xFFFF, "watchdog_endpoints")
+        if (self.thermal_resistance_k_w is None) != (self.thermal_capacity_j_k is None):
+            raise ValueError("thermal_resistance_k_w and thermal_capacity_j_k must be given together")
+        if self.derating_c is not None:
+            require_ordered(self, "derating_c")
+            if self.thermal_resistance_k_w is None or self.derating_c[0] == self.derating_c[1]:
+                raise ValueError("derating_c needs thermal_resistance_k_w, and two different temperatures")
         if self.stall_torque_nm < self.peak_torque_nm:
             raise ValueError(
                 f"stall_torque_nm {self.stall_torque_nm:g} is below peak_torque_nm {self.peak_torque_nm:g}"

@@ -48,14 +48,15 @@ class Report(NamedTuple):
     values: np.ndarray  # (3, k) position rad, velocity rad/s, torque N m, at the joint
     error: np.ndarray  # (k,) uint64 error codes, 0 for none
     on: np.ndarray  # (k,) bool, which are enabled
-    temperature_c: int = 30
+    temperature_c: int | np.ndarray = 30  # of all, or (k,)
     supply: tuple[float, float] = SUPPLY  # V, and A of each motor
 
     def take(self, motor: Motors) -> "Report":
         """The state of some of these motors."""
-        return Report(
-            self.values[:, motor], self.error[motor], self.on[motor], self.temperature_c, self.supply
-        )
+        temperature_c = self.temperature_c
+        if isinstance(temperature_c, np.ndarray):
+            temperature_c = temperature_c[motor]
+        return Report(self.values[:, motor], self.error[motor], self.on[motor], temperature_c, self.supply)
 
 
 class MotorEnd(Protocol):

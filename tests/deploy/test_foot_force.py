@@ -19,11 +19,15 @@ from footfall.deploy.log_analysis.columns import read_columns
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.replay import replay
 from footfall.deploy.wiring import wire
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.velocity import VelocityEnv
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
+from footfall.train.config import load_preset
 
 Lie = Callable[[SimulatedRobot], None]
 FORWARD = np.array([0.3, 0.0, 0.0])
@@ -98,6 +102,12 @@ class TestDeclaration:
     def test_their_errors_need_sensors(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="foot_force_scale"):
             walk(go1, None, sample={"foot_force_scale": np.ones(4)})
+
+    def test_training_refuses_them(self, sensing: Robot) -> None:
+        """It has nothing that reads force sensors."""
+        family = Randomisation(foot_force_scale=Distribution(0.9, 1.1))
+        with pytest.raises(UserError, match="foot_force_scale"):
+            VelocityEnv(sensing, replace(load_preset("smoke").env, randomisation=family))
 
 
 def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:

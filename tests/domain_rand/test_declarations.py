@@ -153,4 +153,5 @@ def test_kinds_of_quantities_are_those_of_the_robot() -> None:
     assert {name for name in NAMES if shapes[name] == ()} == {
         "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s", "battery_charge",
         "accelerometer_noise_m_s2",
+            "ambient_k",
     }  # fmt: skip

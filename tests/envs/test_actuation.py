@@ -71,10 +71,9 @@ class TestActuation:
             ("action_delay_s", 0.05, ""), ("action_delay_s", 0.051, "must be at most 0.05 s, not 0.051"),
             ("observation_delay_s", 0.025, ""),
             ("observation_delay_s", 0.026, "must be at most 0.025 s, not 0.026"),
-            ("foot_force_scale", 1.0, "no learned policy reads force sensors"),
         ],
     )  # fmt: skip
-    def test_what_training_cannot_do_is_refused(self, name: str, high: float, complaint: str) -> None:
+    def test_delays_fit_the_buffers(self, name: str, high: float, complaint: str) -> None:
         """Three goals are kept and two control steps' readings, of 25 ms each."""
         config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, high)}))
         if not complaint:

@@ -1,0 +1,177 @@
+"""Temperature of the winding and derating: one thermal model in training and behind the bus."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import yaml
+
+from footfall.common.errors import UserError
+from footfall.deploy.wiring import wire
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.velocity import VelocityEnv
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motors import SimulatedMotors
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.winding import Winding, allowed, warmed
+from footfall.train.config import load_preset
+
+CONFIG = load_preset("smoke").env
+
+TIME_CONSTANT_S, STEP_S = 10.0, 0.002
+N = 12
+
+
+def warm(robot: Robot, **changes: object) -> Robot:
+    """The robot with windings of 2 K/W and 5 J/K, whose current limit falls from 80 to 120 degrees."""
+    thermal = {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": (80.0, 120.0)}
+    motors = {
+        name: replace(motor, **(thermal | changes))  # type: ignore[arg-type]
+        for name, motor in robot.description.motors.items()
+    }
+    return replace(robot, description=replace(robot.description, motors=motors))
+
+
+@pytest.fixture(scope="module")
+def heated() -> Robot:
+    return warm(load_robot("go1"))
+
+
+def winding_of(robot: Robot) -> Winding:
+    assert robot.winding is not None
+    return robot.winding
+
+
+class TestModel:
+    @pytest.mark.parametrize("steps", [1, 7, 1000])
+    def test_a_constant_torque_warms_with_the_time_constant(self, heated: Robot, steps: int) -> None:
+        """After R_th C the rise is 1 - 1/e of R_th R I^2, in steps of any length."""
+        winding, torque = winding_of(heated), 6.0
+        temperature_c = np.full(N, 25.0)
+        for _ in range(steps):
+            temperature_c = warmed(temperature_c, np.full(N, torque**2), winding, TIME_CONSTANT_S / steps)
+        motors = [heated.description.motors[joint.motor] for joint in heated.description.joints]
+        current_a = np.array([torque / (m.torque_constant_nm_a * m.gear_ratio) for m in motors])
+        loss_w = np.array([m.winding_resistance_ohm for m in motors]) * current_a**2
+        np.testing.assert_allclose(temperature_c - 25.0, 2.0 * loss_w * (1 - np.exp(-1)), rtol=1e-12)
+
+    def test_a_motor_without_current_cools_to_the_air(self, heated: Robot) -> None:
+        cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
+        np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
+
+    def test_the_current_limit_falls_between_two_temperatures(self, heated: Robot) -> None:
+        for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
+            left = allowed(np.full(N, temperature_c), winding_of(heated))
+            np.testing.assert_allclose(left, share, rtol=1e-12)
+
+    def test_without_derating_heat_takes_nothing(self, go1: Robot) -> None:
+        winding = winding_of(warm(go1, derating_c=None))
+        np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
+
+
+class TestDeclaration:
+    def test_a_robot_without_it_has_no_winding(self, go1: Robot) -> None:
+        assert go1.winding is None
+
+    @pytest.mark.parametrize(
+        ("given", "complaint"),
+        [
+            ({"thermal_resistance_k_w": 2.0}, "together"),
+            ({"derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
+            (
+                {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": [80.0, 80.0]},
+                "different temperatures",
+            ),
+        ],
+    )
+    def test_half_a_model_is_refused(self, own_folder: Path, given: dict, complaint: str) -> None:
+        path = own_folder / "robot.yaml"
+        content = yaml.safe_load(path.read_text())
+        next(iter(content["motors"].values())).update(given)
+        path.write_text(yaml.safe_dump(content))
+        with pytest.raises(UserError, match=complaint):
+            load_robot(own_folder)
+
+    def test_what_is_drawn_needs_the_model(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
+            walk(go1, {"winding_rise_k": np.full(N, 10.0)})
+        config = replace(CONFIG, randomisation=Randomisation(winding_rise_k=Distribution(0.0, 50.0)))
+        with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
+            VelocityEnv(go1, config)
+
+
+def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> SimpleNamespace:
+    """go1-flat for a second; its trace, and temperatures reported at the end."""
+    seen: list[np.ndarray] = []
+    episode = Episode(
+        command_source=lambda _: np.array([0.5, 0.0, 0.0]), duration_s=1.0, sample=sample, **settings
+    )  # type: ignore[arg-type]
+    trace = run_episode(
+        robot, load_policy("go1-flat", robot), episode, lambda loop, _: seen.append(loop.temperature_c)
+    )
+    return SimpleNamespace(trace=trace, reported_c=seen[-2])
+
+
+class TestBehindTheBus:
+    def motors(self, robot: Robot, sample: dict[str, np.ndarray]) -> SimulatedMotors:
+        end = open_motor_end(wire(robot))
+        return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
+
+    def held(self, motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:
+        """Torque of enabled motors at rest that are commanded a torque for a time; what they give at last."""
+        motors.enabled[:] = True
+        motors._note_enabled()
+        motors._watchdog.late = lambda *_: None  # type: ignore[method-assign]
+        motors._values[4] = torque
+        for step in range(round(seconds / STEP_S)):
+            given = motors.torque(step, np.zeros(N), np.zeros(N))
+        return given
+
+    def test_a_held_torque_warms_with_the_time_constant(self, heated: Robot) -> None:
+        motors = self.motors(heated, {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)})
+        self.held(motors, 4.0, TIME_CONSTANT_S)
+        rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
+        np.testing.assert_allclose(motors.winding_c, 10.0 + rise, rtol=1e-9)
+
+    def test_a_hot_motor_gives_what_derating_leaves(self, heated: Robot) -> None:
+        motors = self.motors(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current
+        given = self.held(motors, 100.0, STEP_S)
+        np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
+
+    def test_the_robot_walks_and_reports_its_temperatures(self, heated: Robot) -> None:
+        """Hot at first, they cool, the working ones less; a frame carries whole degrees."""
+        found = walk(heated, {"winding_rise_k": np.full(N, 35.0)})
+        assert not found.trace.fell
+        assert not found.trace.faults
+        assert (found.reported_c == np.rint(found.reported_c)).all()
+        cooled = 25.0 + 35.0 * np.exp(-found.trace.run_s / TIME_CONSTANT_S)
+        assert found.reported_c.min() >= np.rint(cooled)
+        assert found.reported_c.max() >= cooled + 2.0
+
+
+class TestTraining:
+    def test_it_is_the_same_model(self, heated: Robot) -> None:
+        """Over a second of changing torque, in control steps there and physics steps behind the bus."""
+        env = VelocityEnv(heated, CONFIG)
+        torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
+        sample = {"winding_rise_k": np.full(N, 40.0)}
+        ours = np.full(N, 65.0)
+        theirs = env.actuation.winding_at_first(sample)
+        np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+        for step in torque:
+            theirs = env.actuation.winding_after(theirs, jnp.asarray(step), sample)
+            for each in step:
+                ours = warmed(ours, each**2, winding_of(heated), env.period_s / len(step))
+        np.testing.assert_allclose(theirs, ours, rtol=1e-3)
+
+    def test_motors_are_derated(self, heated: Robot) -> None:
+        actuation = VelocityEnv(heated, CONFIG).actuation
+        targets = jnp.tile(jnp.asarray(heated.default_pose), (10, 1))
+        drive = actuation.drive(targets, {}, None, jnp.full(N, 110.0))
+        np.testing.assert_allclose(drive.motor.peak_torque, 0.25 * heated.motor.peak_torque, rtol=1e-6)
