@@ -12,6 +12,7 @@ from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 from footfall.common.versions import versions
+from footfall.deploy.fit import check_get_up
 from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.config import DEFAULT_EVALUATION, EvaluationConfig
 from footfall.evaluate.own_metrics import check_metrics
@@ -159,6 +160,8 @@ def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, Scenar
     file.select(config.scenarios)
     check_metrics(config.metrics)
     policies = {spec: load_policy(spec, robot) for spec in specs}
+    if config.get_up is not None:
+        check_get_up(load_policy(config.get_up, robot), robot)
     if config.plant is not None:
         read_plant(robot, config.plant)
     return robot, file, policies
@@ -182,6 +185,7 @@ def _score(
         "ground_truth": config.ground_truth,
         "plant": str(config.plant) if config.plant else None,
         "engine": config.engine,
+        "get_up": config.get_up,
         "versions": versions(PACKAGES),
         "machine": machine(),
     }

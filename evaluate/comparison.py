@@ -60,6 +60,8 @@ def command_line(comparison: Comparison) -> str:
         options += ["--engine", config.engine]
     if config.metrics:
         options += ["--metrics", ",".join(config.metrics)]
+    if config.get_up is not None:
+        options += ["--get-up", config.get_up]
     if config.ground_truth:
         options.append("--ground-truth")
     specs = [policy.spec for policy in comparison.policies]

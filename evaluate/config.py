@@ -21,6 +21,7 @@ class EvaluationConfig:
     scenario_file: Path | None = None  # the user's scenarios, beside those of footfall
     metrics: tuple[str, ...] = ()  # the user's, MODULE:NAME each, see evaluate/own_metrics.py
     engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
+    get_up: str | None = None  # policy that gets the robot up after a fall; None: a fall ends the episode
 
 
 DEFAULT_EVALUATION = EvaluationConfig()

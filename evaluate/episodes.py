@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.engines import DEFAULT_ENGINE
+from footfall.deploy.recovery import GetUp
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
@@ -37,6 +38,7 @@ class EpisodeTask:
     plant: Path | None = None
     engine: str = DEFAULT_ENGINE
     ground_truth: bool = False
+    get_up: str | None = None  # likewise a policy, after a fall
     keep_trace: bool = False
     metrics: tuple[str, ...] = ()  # of the user, MODULE:NAME each
 
@@ -53,6 +55,7 @@ class EpisodeOutcome:
     notes: tuple[str, ...]
     trace: Trace | None
     own: dict[str, float] = field(default_factory=dict)  # metrics of the user by name
+    recovery_s: tuple[float, ...] | None = None  # from each fall until the robot stood; None if it may not
 
 
 def run_task(task: EpisodeTask) -> EpisodeOutcome:
@@ -86,6 +89,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         height_scan_errors=task.height_scan_errors,
         pushes=plan.pushes,
         ground_truth=task.ground_truth,
+        get_up=None if task.get_up is None else GetUp(_policy(task.get_up, task.robot), task.get_up),
     )
     trace = run_episode(robot, policy, episode)
     return EpisodeOutcome(
@@ -97,6 +101,9 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         notes=trace.notes,
         trace=trace if task.keep_trace else None,
         own=score_own(task.metrics, trace, robot),
+        recovery_s=None
+        if task.get_up is None
+        else tuple(each.stood_s - each.fell_s for each in trace.recoveries),
     )
 
 

@@ -89,6 +89,7 @@ def _task(
         plant=config.plant,
         engine=config.engine,
         ground_truth=config.ground_truth,
+        get_up=config.get_up,
         keep_trace=keep_trace,
         metrics=config.metrics,
     )

@@ -60,6 +60,8 @@ def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]]
     if scenario.ground is not None:
         summary |= _successes(finished)
     summary |= _compute(finished)
+    if finished[0].recovery_s is not None:
+        summary |= _recoveries(finished)
     if finished[0].own:
         summary |= _own(finished, seed)
     if len(scenario.script) == 1 and not scenario.levels:
@@ -149,6 +151,12 @@ def _successes(finished: Sequence[EpisodeOutcome]) -> Summary:
         "success_rate": successes / len(finished),
         "success_rate_interval": wilson_interval(successes, len(finished)),
     }
+
+
+def _recoveries(finished: Sequence[EpisodeOutcome]) -> Summary:
+    """Falls from which the robot got up, and the mean time until it stood; None without one."""
+    times_s = [time_s for outcome in finished for time_s in outcome.recovery_s or ()]
+    return {"recoveries": len(times_s), "recovery_s": float(np.mean(times_s)) if times_s else None}
 
 
 def _rows(scenario: Scenario, finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:

@@ -12,6 +12,7 @@ from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.evaluate.config import EvaluationConfig
 from footfall.options import (
+    AS_TYPED,
     ControllerSettings,
     Count,
     Engine,
@@ -19,6 +20,7 @@ from footfall.options import (
     Names,
     OptionalPath,
     Plant,
+    PolicyName,
     RobotName,
     ScenarioFile,
     Seed,
@@ -45,6 +47,8 @@ class EvaluationOptions:
     engine: Engine = DEFAULT_ENGINE
     ground_truth: bool = False
     """Hand policies the simulator's base velocity instead of an estimate, for study."""
+    get_up: Annotated[PolicyName | None, AS_TYPED, Parameter(show_default=False)] = None
+    """After a fall the robot gets up by this policy and walks on (default: a fall ends the episode)."""
     metrics: Annotated[Names, Parameter(show_default=False)] = ()
     """Metrics of your own, MODULE:NAME each: functions of a trace and a robot that return a number."""
     settings: ControllerSettings = ()

@@ -9,7 +9,8 @@ import pytest
 from footfall.domain_rand.noise import Noise
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan
-from footfall.plant.episode import Push
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.trace import Trace
 from footfall.terrain.declaration import GroundConfig
 
 GRAVITY = 9.81
@@ -55,6 +56,21 @@ def test_a_policy_is_handed_the_true_velocity_only_where_a_study_asks_for_it() -
     assert knowing is not None
     assert np.array_equal(knowing.estimated_velocity, knowing.base_velocity)
     assert not np.allclose(estimating.estimated_velocity, estimating.base_velocity, atol=1e-3)
+
+
+@pytest.mark.parametrize(("get_up", "times_s"), [(None, None), ("stand", ())])
+def test_a_robot_may_get_up_where_the_task_names_a_policy_for_that(
+    monkeypatch: pytest.MonkeyPatch, get_up: str | None, times_s: Any
+) -> None:
+    consents = []
+
+    def run_and_look(robot: Any, policy: Any, episode: Episode) -> Trace:
+        consents.append(None if episode.get_up is None else episode.get_up.policy.name)
+        return run_episode(robot, policy, episode)
+
+    monkeypatch.setattr("footfall.evaluate.episodes.run_episode", run_and_look)
+    outcome = run_task(EpisodeTask("trot", "go1", replace(PLAN, duration_s=0.1), QUIET, get_up=get_up))
+    assert (consents, outcome.recovery_s) == ([get_up], times_s)
 
 
 def test_transport_is_paid_for_the_weight_of_the_robot_and_its_load() -> None:

@@ -34,6 +34,12 @@ class TestSummary:
         low, high = summary["fall_rate_interval"]
         assert 0.0 < low < 0.25 < high < 1.0
 
+    def test_times_to_get_up_are_told_where_a_robot_may(self) -> None:
+        assert "recoveries" not in nominal(GOOD)
+        for times_s, mean_s in (([(2.0, 3.0), (), (7.0,)], 4.0), ([(), ()], None)):
+            summary = summarise(SCENARIOS["nominal"], [outcome(recovery_s=each) for each in times_s], 0)
+            assert (summary["recoveries"], summary["recovery_s"]) == (sum(map(len, times_s)), mean_s)
+
     def test_root_mean_squares_are_over_the_time_of_all_episodes(self) -> None:
         short_and_bad = replace(GOOD, scored_s=2.0, lin_vel_mse=0.25)
         assert nominal(GOOD, short_and_bad)["lin_vel_rmse"] == pytest.approx(
