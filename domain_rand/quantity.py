@@ -68,8 +68,8 @@ def check_quantity(name: str, declared: Quantity) -> None:
     )
     if not declared.charge and not any((*effects, declared.bias_of, declared.delay_of)):
         raise ValueError(
-            f"quantity '{name}' has no effect: give model, motor, command, winding, force_sensor, accelerometer,"
-            " bias_of, delay_of or charge"
+            f"quantity '{name}' has no effect: give model, motor, command, winding, force_sensor,"
+            " accelerometer, bias_of, delay_of or charge"
         )
     if declared.bias_of is not None and declared.bias_of not in READINGS:
         raise ValueError(f"quantity '{name}': no reading '{declared.bias_of}', only {', '.join(READINGS)}")
