@@ -9,15 +9,14 @@ of upright and within 15 % of the standing height, and no joint is faster than 1
 RECOVERING; the first try counts.
 """
 
+import argparse
 import json
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated
 
-import cyclopts
 import mujoco
 import numpy as np
 
@@ -160,26 +159,28 @@ def one(robot_name: str, policy: str, seed: int) -> Result:
     return drop.result
 
 
-def main(
-    policy: str,
-    *,
-    robot: str = "go1",
-    drops: int = 100,
-    within_s: float = 4.0,
-    seed: int = 4711,
-    workers: int = 2,
-    json_file: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
-) -> None:
+def main() -> None:
     """Drop and print."""
-    seeds = range(seed, seed + drops)
-    with ProcessPoolExecutor(workers) as pool:
-        tried = list(pool.map(partial(one, robot, policy), seeds, chunksize=4))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("policy", help="name or path of the get-up policy")
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--drops", type=int, default=100)
+    parser.add_argument("--within", type=float, default=4.0, help="time that counts, s")
+    parser.add_argument("--seed", type=int, default=4711)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path, help="file for the results of each drop")
+    options = parser.parse_args()
+    seeds = range(options.seed, options.seed + options.drops)
+    with ProcessPoolExecutor(options.workers) as pool:
+        tried = list(pool.map(partial(one, options.robot, options.policy), seeds, chunksize=4))
     found = [r for r in tried if r.tilt_rad is not None]
     drops = len(found)
     print(f"{len(tried) - drops} of {len(tried)} ended before they were dropped")
     times = np.array([np.inf if r.stood_s is None else r.stood_s for r in found])
-    up = times <= within_s
-    print(f"{policy}: {up.sum()} of {drops} stand within {within_s:g} s")
+    up = times <= options.within
+    print(f"{options.policy}: {up.sum()} of {drops} stand within {options.within:g} s")
     for name, low, high in (("upright", 0.0, 0.8), ("on a side", 0.8, 2.3), ("on the back", 2.3, 3.2)):
         kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found])
         print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
@@ -189,9 +190,9 @@ def main(
     for name in ("energy_j", "torque_share", "impact_share", "speed_rad_s"):
         low, high = np.quantile([getattr(r, name) for r in found], [0.5, 0.9])
         print(f"{name}: median {low:.2f}, 90 % {high:.2f}")
-    if json_file:
-        json_file.write_text(json.dumps([vars(r) for r in tried]))
+    if options.json:
+        options.json.write_text(json.dumps([vars(r) for r in tried]))
 
 
 if __name__ == "__main__":
-    cyclopts.run(main)
+    main()
