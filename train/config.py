@@ -25,6 +25,9 @@ from footfall.train.old_names import with_current_names
 
 PRESETS = Path(__file__).parent / "presets"
 TRAINING_FILE = "training.yaml"  # in a robot's folder
+OTHER_TASKS = (
+    "getup",
+)  # presets that do not teach to walk: the changes in TRAINING_FILE are for those that do
 BASE = "base"  # key of a preset's file: the shipped preset that the file changes
 
 
@@ -235,7 +238,7 @@ def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
         return preset, str(path)
     own = robot.folder / TRAINING_FILE
     preset = _with_own_ranges(preset, robot)
-    changes = read_yaml(own) if own.is_file() else None
+    changes = read_yaml(own) if own.is_file() and name not in OTHER_TASKS else None
     if changes is None:
         return preset, str(path)
     return _merged(preset, changes, str(own)), f"{own} over {path}"
