@@ -17,6 +17,7 @@ CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
 SMOOTH = 1  # condim: no friction, with which a GPU trains at a quarter of the speed
 POSES = 1000  # drawn inside the joint limits
 LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
+WORLD = 0  # body
 NEAR_M = 0.01  # a pair that comes as near in any of them can touch
 
 
@@ -82,11 +83,11 @@ def _filling(wide_m: float, thin_m: float) -> Iterator[tuple[float, float, float
 
 
 def _that_can_touch(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iterator[tuple[str, str]]:
-    excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+    excluded = excluded_bodies(model)
     pairs = [
         pair
         for one, other in combinations(sorted(shapes), 2)
-        if not _adjacent(model, one, other) and (one, other) not in excluded
+        if not adjacent(model, one, other) and (one, other) not in excluded
         for pair in product(shapes[one], shapes[other])
     ]
     numbers = [tuple(model.geom(name).id for name in pair) for pair in pairs]
@@ -103,8 +104,13 @@ def _that_can_touch(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iter
     yield from (pair for pair, distance in zip(pairs, nearest, strict=True) if distance <= NEAR_M)
 
 
-def _adjacent(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """MuJoCo's filter: the same body, or parent and child."""
+def excluded_bodies(model: mujoco.MjModel) -> set[tuple[int, int]]:
+    """Pairs of bodies, the lower number first, whose contacts the MJCF excludes."""
+    return {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+
+
+def adjacent(model: mujoco.MjModel, one: int, other: int) -> bool:
+    """MuJoCo's filter: the same body, or parent and child; the world is nobody's parent."""
     one, other = int(model.body_weldid[one]), int(model.body_weldid[other])
     parents = [int(model.body_weldid[model.body_parentid[body]]) for body in (one, other)]
-    return one == other or other == parents[0] or one == parents[1]
+    return one == other or (WORLD not in (one, other) and (other == parents[0] or one == parents[1]))

@@ -10,6 +10,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from footfall.robots.self_contact import adjacent, excluded_bodies
+
 PLANE, SPHERE, CAPSULE, BOX = (
     mujoco.mjtGeom.mjGEOM_PLANE,
     mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -41,7 +43,7 @@ def meetings(model: mujoco.MjModel) -> list[Meeting]:
     """All pairs of geoms that MuJoCo would test for contact."""
     found = [_declared(model, pair) for pair in range(model.npair)]
     known = {meeting.geoms for meeting in found}
-    excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+    excluded = excluded_bodies(model)
     for a, b in combinations(range(model.ngeom), 2):
         geoms = _by_type(model, a, b)
         if geoms not in known and _meet(model, a, b, excluded):
@@ -75,10 +77,7 @@ def _meet(model: mujoco.MjModel, a: int, b: int, excluded: set[tuple[int, int]])
         model.geom_contype[b] & model.geom_conaffinity[a]
     )
     bodies = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-    one, two = (int(model.body_weldid[body]) for body in bodies)
-    parents = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (one, two)]
-    related = one != 0 and two != 0 and (one == parents[1] or two == parents[0])
-    return bool(bits) and one != two and not related and tuple(bodies) not in excluded
+    return bool(bits) and not adjacent(model, *bodies) and tuple(bodies) not in excluded
 
 
 def _declared(model: mujoco.MjModel, pair: int) -> Meeting:
