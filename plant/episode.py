@@ -48,7 +48,7 @@ class Display(Protocol):
 class Push:
     """A sudden change of the whole robot's velocity."""
 
-    time_s: float  # since walking began
+    time_s: float  # since walking began; left out if the robot does not walk then
     delta_v_m_s: tuple[float, float, float]  # world frame
 
 
@@ -155,7 +155,7 @@ class Trial:
         self._look_every_s = 1.0 / episode.record_rate_hz
         self._next_look_s = 0.0
         self._fall_reason = ""
-        self._diverged = False
+        self._diverged = self._walked = False
         self._velocity = np.full(3, np.nan)
 
     def velocity(self) -> np.ndarray:
@@ -164,15 +164,24 @@ class Trial:
 
     def tick(self, loop: ControlLoop) -> None:
         """Call after each joint tick."""
-        if loop.state.mode is Mode.WALKING:
+        walks = loop.state.mode is Mode.WALKING
+        self._walked = self._walked or walks
+        if self._walked:
+            self._push(loop.walking_s, walks)
+        if walks:
             self._walking(loop)
         if self._watch is not None:
             self._watch(loop, self._body)
 
+    def _push(self, now_s: float, walks: bool) -> None:
+        """Make the pushes that are due. A robot that lies after a fall, or gets up, is not pushed."""
+        while self._pushes and self._pushes[0].time_s <= now_s:
+            push = self._pushes.pop(0)
+            if walks:
+                self._body.push(push.delta_v_m_s)
+
     def _walking(self, loop: ControlLoop) -> None:
         body, now_s = self._body, loop.walking_s
-        while self._pushes and self._pushes[0].time_s <= now_s:
-            body.push(self._pushes.pop(0).delta_v_m_s)
         if now_s < self._next_look_s - 1e-9:
             return
         self._next_look_s = max(self._next_look_s + self._look_every_s, now_s)  # later, after a fall

@@ -1,5 +1,7 @@
 """Readings of the base over a window: what the IMU reported, and what follows from it."""
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,13 +50,33 @@ def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
         for parts in list(zip(*readings.inertials, strict=True))[:2]
     )
     to_world = rotation_matrix(quaternion)
-    w, *axis = multiply(CONJUGATE * readings.before.quaternion, quaternion).tolist()
     return BodyWindow(
         readings,
         on_legs,
         gyro,
         (to_world @ acceleration).tolist(),
         to_world[2],
-        [2.0 * part if w >= 0.0 else -2.0 * part for part in axis],
-        [rate * readings.elapsed_s for rate in gyro],
+        _rotation_vector(multiply(CONJUGATE * readings.before.quaternion, quaternion).tolist()),
+        _gyro_turn(readings, gyro),
     )
+
+
+def _rotation_vector(quaternion: Sequence[float]) -> list[float]:
+    """Axis times angle of a rotation of less than half a turn, rad."""
+    w, *axis = quaternion
+    sine = math.hypot(*axis)  # of half the angle
+    scale = 2.0 if sine < 1e-6 else 2.0 * math.atan2(sine, abs(w)) / sine
+    return [math.copysign(scale, w) * part for part in axis]
+
+
+def _gyro_turn(readings: BodyReadings, mean: Sequence[float]) -> list[float]:
+    """The gyro's rates integrated from the last reading before the window, by trapezoids, rad.
+
+    A base that hits the ground changes its rate by many rad/s in a window: a plain mean is off by half of it.
+    """
+    step_s = readings.elapsed_s / len(readings.inertials)
+    first, last = readings.before.gyro, readings.inertials[-1].gyro
+    return [
+        rate * readings.elapsed_s + 0.5 * step_s * (a - b)
+        for rate, a, b in zip(mean, first, last, strict=True)
+    ]

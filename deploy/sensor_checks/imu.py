@@ -164,7 +164,7 @@ class _MeanAcceleration(BodyCheck):
     memory: ClassVar[str] = "lean_memory_s"  # field of `ImuLimits`
 
     def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
-        self._memory_s = getattr(limits, self.memory)
+        self._limits, self._memory_s = limits, getattr(limits, self.memory)
         self.reset()
 
     def reset(self) -> None:
@@ -192,11 +192,21 @@ class Lean(_MeanAcceleration):
 
 
 class LongLean(Lean):
-    """Mean sideways acceleration over seconds, in which a robot's own accelerations cancel out."""
+    """Mean sideways acceleration over seconds, in which a robot's own accelerations cancel out.
+
+    A window counts with at most `lean_error`. A robot that was pushed hard slides until friction has stopped
+    it, and an accelerometer may have missed the push, which is short and beyond its range.
+    """
 
     memory = "long_lean_memory_s"
     looks_at = "the same over seconds: an attitude that leans slowly, and its gyro with it"
     limit = Limit("long_lean_error")
+
+    def measure(self, window: BodyWindow) -> float:
+        ahead, left, up = window.acceleration
+        sideways = math.hypot(ahead, left)
+        share = min(1.0, self._limits.lean_error * GRAVITY_M_S2 / max(sideways, 1e-9))
+        return super().measure(window._replace(acceleration=[share * ahead, share * left, up]))
 
 
 class Lift(_MeanAcceleration):

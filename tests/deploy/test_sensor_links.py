@@ -182,3 +182,10 @@ def test_an_attitude_that_leans_with_its_gyro_is_told_by_the_acceleration(go1: R
         leaning = (np.cos(half), 0.0, np.sin(half), 0.0)
         values.append(windows.look(Inertial((0.0, 0.1, 0.0), (0.0, 0.0, 9.81), leaning), speed_rad_s=1.0))
     assert values[40] <= LIMITS.long_lean_error < values[-1]
+
+
+def test_a_robot_that_slides_after_a_hard_push_has_no_faulty_imu(go1: Robot) -> None:
+    """Friction stops it: 0.7 of gravity for 0.8 s."""
+    windows = BodyWindows(go1, LongLean)
+    slides = Inertial((0.0, 0.0, 0.0), (-0.7 * 9.81, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+    assert max(windows.look(slides, speed_rad_s=1.0) for _ in range(20)) <= LIMITS.long_lean_error

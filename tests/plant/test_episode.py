@@ -143,6 +143,20 @@ class TestTrial:
             seen.append([delta[0] for delta in body.pushes])
         assert seen == [[], [], [1, 2], [1, 2], [1, 2], [1, 2, 3], [1, 2, 3]]
 
+    def test_a_robot_that_lies_is_not_pushed_then_nor_once_it_walks_again(self, go1: Robot) -> None:
+        trial, body, loop = trial_of(go1, pushes=(Push(0.01, (1.0, 0.0, 0.0)), Push(0.03, (2.0, 0.0, 0.0))))
+        times = {0.0: Mode.WALKING, 0.01: Mode.RECOVERING, 0.02: Mode.WALKING, 0.03: Mode.WALKING}
+        for loop.walking_s, loop.state.mode in times.items():
+            trial.tick(loop)  # type: ignore[arg-type]
+        assert [delta[0] for delta in body.pushes] == [2.0]
+
+    def test_time_before_the_robot_walks_uses_up_no_push(self, go1: Robot) -> None:
+        trial, body, loop = trial_of(go1, pushes=(Push(0.01, (1.0, 0.0, 0.0)),))
+        times = {0.8: Mode.STANDING, 0.0: Mode.WALKING, 0.01: Mode.WALKING}
+        for loop.walking_s, loop.state.mode in times.items():
+            trial.tick(loop)  # type: ignore[arg-type]
+        assert [delta[0] for delta in body.pushes] == [1.0]
+
     def test_without_a_record_it_still_measures_and_sees_falls(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1, record=False)
         for tick in range(3):
