@@ -29,6 +29,10 @@ class JointWindow(NamedTuple):
     stiffness: np.ndarray  # of the last command, N m/rad
     target_speed: np.ndarray  # of the position target, rad/s
     target_travel: np.ndarray  # of the position target in the window before, rad
+    drive: (
+        np.ndarray
+    )  # mean of what the commands ask for apart from the readings, N m (see `JointWindows.add`)
+    obeyed: np.ndarray  # the same by the motors' reports
     torques: np.ndarray  # (k, n) each report, N m
     asked: np.ndarray  # (2, k, n) least torque that commands asked for before each, and minus the most, N m
     temperature_c: np.ndarray  # NaN where a motor does not report it
@@ -42,7 +46,7 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
         0.0,
         joints,
         np.zeros(joints.shape, bool),
-        *(none,) * 10,
+        *(none,) * 12,
         none[None],
         np.zeros((2, 1, joints.shape[1])),
         temperature_c,
@@ -62,7 +66,7 @@ class _Sums:
         self.torques: list[np.ndarray] = []
         self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
         self.minus_most: list[np.ndarray] = []
-        self.expected = np.zeros(n)
+        self.expected, self.drive, self.obeyed = np.zeros((3, n))
         self.travel = np.zeros(n)
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
         self.late_us = np.zeros(n)
@@ -104,6 +108,7 @@ class JointWindows:
         joints: np.ndarray,
         expected: np.ndarray,
         asked: tuple[np.ndarray, np.ndarray] | None = None,
+        sent: np.ndarray | None = None,
     ) -> bool:
         """Add one tick's readings; returns whether the window is full.
 
@@ -117,6 +122,9 @@ class JointWindows:
             expected: (n,) torque that the last commands ask for at these readings, N m.
             asked: least torque that all commands since the last call asked for, and minus the greatest, N m,
                 (n,) each; None for `expected`.
+            sent: (5, n) the last command, rows as in `JointCommand`; None if unknown. Torque is
+                kp (q* - q) + kd (v* - v) + feed-forward. Its part without readings is the command's drive,
+                kp q* + kd v* + feed-forward; the torque report with kp q + kd v is the drive that is obeyed.
         """
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
@@ -137,6 +145,9 @@ class JointWindows:
         sums.least.append(least)
         sums.minus_most.append(minus_most)
         sums.expected += expected
+        if sent is not None:
+            sums.drive += (sent[2:4] * sent[:2]).sum(axis=0) + sent[4]
+            sums.obeyed += (sent[2:4] * joints[:2]).sum(axis=0) + joints[2]
         sums.inertials.append(inertial)
         return len(sums.inertials) >= self._readings
 
@@ -190,6 +201,8 @@ class JointWindows:
             stiffness=stiffness,
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
+            drive=sums.drive / count,
+            obeyed=sums.obeyed / count,
             torques=np.array(sums.torques),
             asked=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
             temperature_c=temperature_c,

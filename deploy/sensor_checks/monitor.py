@@ -103,8 +103,8 @@ class SensorMonitor:
             return found
         (heard_us, imu_us, _), expected = joints.last_heard(), joints.expected_torque()
         self._links.add(imu_us, joints.inertial)
-        asked = joints.take_asked()
-        if not self.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected, asked):
+        asked, inertial = joints.take_asked(), joints.inertial
+        if not self.add(now_us, silence_us, heard_us, inertial, joints.joints, expected, asked, joints.sent):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
         moving = fast and (on_legs or not resting)  # the base of a robot that lies rests while its legs move
@@ -137,9 +137,10 @@ class SensorMonitor:
         joints: np.ndarray,
         expected: np.ndarray,
         asked: tuple[np.ndarray, np.ndarray] | None = None,
+        sent: np.ndarray | None = None,
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
-        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, asked)
+        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, asked, sent)
 
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray

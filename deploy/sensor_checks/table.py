@@ -18,6 +18,7 @@ JOINT_CHECKS: tuple[type[JointCheck], ...] = (
     torque.Opposing,
     torque.TorqueStuck,
     unexplained.Unexplained,
+    unexplained.Ignored,
     torque.ReplyRepeated,
     single_reading.Temperature,
     single_reading.ColderThanOthers,

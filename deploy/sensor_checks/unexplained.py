@@ -6,6 +6,7 @@ or the motor missed a command or has no current.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,15 +22,17 @@ from footfall.robots.description import Robot
 class UnexplainedLimits:
     """Limits on torque that no command explains."""
 
-    unexplained: float = 0.005  # mean unexplained torque, as a share of the peak, over `unexplained_memory_s`
-    unexplained_memory_s: float = 1.0
+    unexplained: float = 0.0035  # of the peak torque: mean that no command explains
+    unexplained_memory_s: float = 1.0  # time constant of that mean
     explained_s: float = 0.05  # highest age of a command that explains a report
     strength_share: float = 0.55  # of its torque that a motor may lack: a robot walks with half
+    ignored: float = 0.75  # share of the commands' changes that a motor does not follow, over `ignored_s`
+    ignored_s: float = 0.6  # longer than a gait's step, in which commands may come back to where they were
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 10.0, "unexplained")
-        require_between(self, 0.01, 60.0, "unexplained_memory_s", "explained_s")
-        require_between(self, 0.0, 1.0, "strength_share")
+        require_between(self, 0.01, 60.0, "unexplained_memory_s", "explained_s", "ignored_s")
+        require_between(self, 0.0, 1.0, "strength_share", "ignored")
 
 
 class Limits(UnexplainedLimits, TorqueLimits):
@@ -78,6 +81,44 @@ class Unexplained(JointCheck):
         if beyond.max() > 0.0:
             self._value += (1.0 - kept) * np.maximum(beyond, 0.0).mean(axis=0) / self._peak
         return self._value
+
+
+class Ignored(JointCheck):
+    """Share of the changes of a motor's commands that it does not follow, over `ignored_s`.
+
+    Compares the spread of what the commands ask for apart from the readings, and of what the torque reports
+    show of it (`JointWindows.add`). A motor that repeats an old command pulls to an old target: its reports
+    show no change, however small the torque. A late motor still shows all changes: its reports count for
+    `explained_s` longer. A weak motor ignores `strength_share` at most. A change by less than
+    `torque_little` of the peak says nothing.
+    """
+
+    looks_at = "the changes of a motor's commands that its torque does not follow: it obeys an old command"
+    message = "its torque does not follow its commands: it ignores {0:.0%} of their changes"
+    limit = Limit("ignored")
+
+    def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
+        self._limits, self._least = limits, limits.torque_little * robot.motor.peak_torque
+        self._n = len(self._least)
+        self.reset()
+
+    def reset(self) -> None:
+        self._drive: deque[np.ndarray] = deque()  # N m, (n,), of each window
+        self._obeyed: deque[np.ndarray] = deque()
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows that a report may lag
+        count = math.ceil(self._limits.ignored_s / window.elapsed_s)
+        self._drive.append(window.drive)
+        self._obeyed.append(window.obeyed)
+        while len(self._drive) > count + late:
+            self._drive.popleft()
+            self._obeyed.popleft()
+        if len(self._drive) < count + late:
+            return np.zeros(self._n)
+        asked, shown = np.array(self._drive)[:count].std(axis=0), np.array(self._obeyed).std(axis=0)
+        ignored: np.ndarray = (asked - shown) / np.maximum(asked, self._least)
+        return ignored
 
 
 def _least_of_last(values: np.ndarray, count: int) -> np.ndarray:

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from sensor_readings import LIMITS, BodyWindows, measured
+from sensor_readings import LIMITS, SAMPLE_US, BodyWindows, JointReadings, measured, swing
 
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_checks import links
 from footfall.deploy.sensor_checks.imu import LongLean
 from footfall.deploy.sensor_checks.link_window import LinkSums
 from footfall.deploy.sensor_checks.travel import Creep
-from footfall.deploy.sensor_checks.unexplained import Unexplained
+from footfall.deploy.sensor_checks.unexplained import Ignored, Unexplained
 from footfall.robots.description import Robot
 
 TICKS = 20  # in a window of 40 ms
@@ -172,6 +172,38 @@ class TestUnexplained:
         asked = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
         torque = lambda t: (float(asked(max(t - 0.04, 0.004))), float(asked(t)))  # noqa: E731
         assert measured(go1, Unexplained, torque=torque, samples=500)[0] == 0.0
+
+
+class TestIgnored:
+    """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
+
+    def share(self, go1: Robot, target_of_motor: Callable[[float], float], strength: float = 1.0) -> float:
+        """What the check measures after 1.2 s of a motor that pulls to this target."""
+        readings, sent, joints = JointReadings(go1, Ignored), np.zeros((5, 12)), np.zeros((3, 12))
+        sent[2], sent[3] = 20.0, 0.5
+        readings.begin(0, np.zeros(12, np.int64), joints)
+        for k in range(1, 301):
+            time_s = k * SAMPLE_US * 1e-6
+            position, velocity = swing(time_s)
+            sent[0, 0] = self.target(time_s)
+            torque = strength * (20.0 * (target_of_motor(time_s) - position) - 0.5 * velocity)
+            joints = joints.copy()
+            joints[:, 0] = position, velocity, torque
+            readings.add(k * SAMPLE_US, joints, sent=sent.copy())
+        return float(readings.values[0, 0])
+
+    @staticmethod
+    def target(time_s: float) -> float:
+        return 1.5 * swing(time_s + 0.05)[0]
+
+    def test_a_motor_that_obeys_an_old_command_is_noticed(self, go1: Robot) -> None:
+        assert self.share(go1, lambda _: 0.02) > 0.95
+
+    def test_a_motor_that_is_late_or_weak_obeys(self, go1: Robot) -> None:
+        late = lambda time_s: self.target(time_s - 0.04)  # noqa: E731
+        assert self.share(go1, self.target) < 0.1
+        assert self.share(go1, late) < 0.1
+        assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.ignored
 
 
 def test_an_attitude_that_leans_with_its_gyro_is_told_by_the_acceleration(go1: Robot) -> None:

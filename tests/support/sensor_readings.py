@@ -48,10 +48,11 @@ class JointReadings:
         expected: Any = 0.0,
         stiffness: float = 0.0,
         target: float = 0.0,
+        sent: np.ndarray | None = None,
     ) -> bool:
         """Add one reading; returns whether a window is over, which the checks have seen then."""
         heard = np.full(self.n, now_us) if heard_us is None else heard_us
-        if not self.windows.add(now_us, 0, heard, STILL, joints, self.zeros + expected):
+        if not self.windows.add(now_us, 0, heard, STILL, joints, self.zeros + expected, sent=sent):
             return False
         zeros = self.zeros
         window = self.windows.close(zeros + stiffness, zeros + target, zeros, zeros)
