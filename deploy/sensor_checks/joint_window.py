@@ -23,6 +23,7 @@ class JointWindow(NamedTuple):
     position_error: np.ndarray  # rad, change of the position less that by the velocity
     late_s: np.ndarray  # by how much the oldest reading was older than the youngest
     speed: np.ndarray  # mean, rad/s
+    speed_changes: np.ndarray  # sizes of the velocity's changes from reading to reading, summed, rad/s
     torque: np.ndarray  # mean of the reported torque, N m
     strongest: np.ndarray  # largest reported torque in either direction, N m
     expected: np.ndarray  # mean of the torque that the last commands ask for, N m
@@ -46,7 +47,7 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
         0.0,
         joints,
         np.zeros(joints.shape, bool),
-        *(none,) * 12,
+        *(none,) * 13,
         none[None],
         np.zeros((2, 1, joints.shape[1])),
         temperature_c,
@@ -67,7 +68,7 @@ class _Sums:
         self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
         self.minus_most: list[np.ndarray] = []
         self.expected, self.drive, self.obeyed = np.zeros((3, n))
-        self.travel = np.zeros(n)
+        self.travel, self.speed_changes = np.zeros((2, n))
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
         self.late_us = np.zeros(n)
         self.inertials: list[Inertial] = []
@@ -136,6 +137,7 @@ class JointWindows:
         sums.travel += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + last[1])
         sums.starts += joints[0] - sums.travel
         self._heard_us = heard_us.copy()
+        sums.speed_changes += np.abs(joints[1] - last[1])
         sums.repeated &= joints == last
         self._last = joints
         sums.readings += joints
@@ -195,6 +197,7 @@ class JointWindows:
             position_error=position_error,
             late_s=1e-6 * sums.late_us,
             speed=np.abs(velocity),
+            speed_changes=sums.speed_changes,
             torque=torque,
             strongest=sums.strongest,
             expected=sums.expected / count,

@@ -88,7 +88,7 @@ RANGES: list[tuple[type, float, float, str]] = [
     (SensorLimits, 1.0, 300.0, "colder_c coldest_c"),
     (SensorLimits, 0.001, math.tau, "position_rad drift_rad wander_rad creep_rad stuck_rad repeated_rad"),
     (SensorLimits, 0.001, math.tau, "rotation_rad turned_rad"),
-    (SensorLimits, 0.0, 1.0, "drift_share opposing"),
+    (SensorLimits, 0.0, 1.0, "drift_share creep_share opposing"),
     (SensorLimits, 0.1, 1.0, "sunk torque_full"),
     (SensorLimits, 0.01, 1.5, "slope_rad leg_turn_rad"),
     (SensorLimits, 0.01, 1.0, "loaded_share"),

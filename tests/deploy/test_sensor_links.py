@@ -146,6 +146,17 @@ class TestSlow:
         assert measured(go1, Creep, drifting, samples=samples)[0] > LIMITS.creep_rad
         assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
 
+    def test_a_gait_whose_strides_keep_step_with_the_readings_is_no_drift(self, go1: Robot) -> None:
+        """Five strides a second at 5 rad/s: all turn back at the same moment between two readings."""
+        up_s = 0.1 + 0.15 * 0.004
+
+        def stride(time_s: float) -> tuple[float, float]:
+            since_s = (time_s - 0.002) % 0.2
+            back = 5.0 * up_s / (0.2 - up_s)
+            return (5.0 * since_s, 5.0) if since_s < up_s else (back * (0.2 - since_s), -back)
+
+        assert measured(go1, Creep, stride, samples=5000).max() <= LIMITS.creep_rad
+
     def test_the_last_digit_of_a_velocity_at_rest_is_no_drift(self, go1: Robot) -> None:
         assert measured(go1, Creep, lambda _: (0.3, 0.011), samples=5000).max() < 0.5 * LIMITS.creep_rad
 
