@@ -6,7 +6,7 @@ An effect is the same in training (JAX, MJX models) and on the simulated robot (
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,9 @@ class Quantity(NamedTuple):
     winding: Effect | None = None  # on the fields of robots.winding.Winding
     force_sensor: Effect | None = None  # on the fields of domain_rand.foot_force.ForceSensors
     accelerometer: Effect | None = None  # on the fields of domain_rand.accelerometer.Accelerometer
+    actions: Effect | None = None  # on the fields of domain_rand.transport.Transport, for commands
+    readings: Effect | None = None  # likewise, for readings
     bias_of: str | None = None  # reading that it is added to
-    delay_of: Literal["actions", "readings"] | None = None  # s by which these arrive later
     charge: bool = False  # it is the battery's charge at first, 0 to 1
 
 
@@ -65,18 +66,18 @@ def check_quantity(name: str, declared: Quantity) -> None:
         declared.winding,
         declared.force_sensor,
         declared.accelerometer,
+        declared.actions,
+        declared.readings,
     )
-    if not declared.charge and not any((*effects, declared.bias_of, declared.delay_of)):
+    if not declared.charge and not any((*effects, declared.bias_of)):
         raise ValueError(
             f"quantity '{name}' has no effect: give model, motor, command, winding, force_sensor,"
-            " accelerometer, bias_of, delay_of or charge"
+            " accelerometer, actions, readings, bias_of or charge"
         )
     if declared.bias_of is not None and declared.bias_of not in READINGS:
         raise ValueError(f"quantity '{name}': no reading '{declared.bias_of}', only {', '.join(READINGS)}")
     if declared.bias_of is not None and declared.kind is not READINGS[declared.bias_of].kind:
         raise ValueError(f"quantity '{name}' and reading '{declared.bias_of}' differ in kind")
-    if declared.delay_of not in (None, "actions", "readings"):
-        raise ValueError(f"quantity '{name}': delay_of is actions or readings, not '{declared.delay_of}'")
 
 
 def scales(*names: str) -> Effect:

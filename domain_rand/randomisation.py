@@ -78,10 +78,10 @@ class Randomisation:
     )
     # timing
     action_delay_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, delay_of="actions"
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("delay_s")
     )
     observation_delay_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, delay_of="readings"
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("delay_s")
     )
     # sensors
     encoder_bias: Distribution | None = quantity(  # rad, each joint
@@ -144,6 +144,26 @@ class Randomisation:
         kinds.SCALAR, OFFSET, least=0.0, most=100.0, accelerometer=adds_to("noise")
     )
 
+    # timing that changes within an episode, see domain_rand/transport.py
+    action_jitter_s: Distribution | None = quantity(  # most by which a command is later, drawn for each
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("jitter_s")
+    )
+    observation_jitter_s: Distribution | None = quantity(
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("jitter_s")
+    )
+    action_swing_s: Distribution | None = quantity(  # by which the delay rises and falls, in 4 s
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("swing_s")
+    )
+    observation_swing_s: Distribution | None = quantity(
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("swing_s")
+    )
+    lost_commands: Distribution | None = quantity(  # share of the frames to each motor
+        kinds.SCALAR, OFFSET, least=0.0, most=0.9, actions=adds_to("lost")
+    )
+    lost_replies: Distribution | None = quantity(  # share of the frames of each motor and of the IMU
+        kinds.SCALAR, OFFSET, least=0.0, most=0.9, readings=adds_to("lost")
+    )
+
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]
@@ -169,14 +189,17 @@ def declared_quantities(cls: type[Randomisation]) -> dict[str, Quantity]:
 QUANTITIES: dict[str, Quantity] = declared_quantities(Randomisation)
 
 
-def delays(of: Literal["actions", "readings"]) -> list[str]:
-    """Names of the quantities that delay actions or readings."""
-    return [name for name, quantity in QUANTITIES.items() if quantity.delay_of == of]
-
-
 def require_delays(randomisation: Randomisation, of: Literal["actions", "readings"], most_s: float) -> None:
-    """Raises UserError naming a quantity if actions or readings may be delayed by more than `most_s`."""
-    drawn = {name: getattr(randomisation, name) for name in delays(of)}
+    """Raises UserError naming a quantity if actions or readings may be delayed by more than `most_s`.
+
+    Lost frames do not count: the wait for the next frame has no bound.
+    """
+    effects = {name: getattr(quantity, of) for name, quantity in QUANTITIES.items()}
+    drawn = {
+        name: getattr(randomisation, name)
+        for name, effect in effects.items()
+        if effect is not None and effect.fields != ("lost",)
+    }
     longest_s = sum(each.high for each in drawn.values() if each is not None)
     if longest_s > most_s:
         names = " + ".join(name for name, each in drawn.items() if each is not None)

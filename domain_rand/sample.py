@@ -1,10 +1,10 @@
 """One draw: how a particular robot differs from the nominal one."""
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from footfall.domain_rand.distributions import Distribution
-from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, delays
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.kinds import Parts
 from footfall.robots.winding import Winding
@@ -85,24 +85,14 @@ def randomised_winding(winding: Winding | None, sample: Sample) -> Winding | Non
 
 def sensor_bias(sample: Sample, reading: str) -> Array | None:
     """What the sampled robot's sensor adds to a reading, shape of the reading; None where nothing."""
-    return _sum(sample, [name for name, quantity in QUANTITIES.items() if quantity.bias_of == reading])
-
-
-def delay_s(sample: Sample, of: Literal["actions", "readings"]) -> Array | None:
-    """By how much the sampled robot's actions or readings arrive later, s; None where none is drawn."""
-    return _sum(sample, delays(of))
+    drawn = [sample[name] for name, each in QUANTITIES.items() if each.bias_of == reading and name in sample]
+    return sum(drawn[1:], start=drawn[0]) if drawn else None
 
 
 def battery_charge(sample: Sample, otherwise: float | None = None) -> Any:
     """Charge of the sampled robot's battery at first, 0 to 1; `otherwise` where none is drawn."""
     drawn = (sample[name] for name, each in QUANTITIES.items() if each.charge and name in sample)
     return next(drawn, otherwise)
-
-
-def _sum(sample: Sample, names: list[str]) -> Array | None:
-    """The sum of the drawn ones of some quantities; None if there is none."""
-    drawn = [sample[name] for name in names if name in sample]
-    return sum(drawn[1:], start=drawn[0]) if drawn else None
 
 
 def changed(values: T, sample: Sample, effect_on: str) -> T:

@@ -7,12 +7,12 @@ import numpy as np
 from footfall.domain_rand.randomisation import require_delays
 from footfall.domain_rand.sample import (
     Sample,
-    delay_s,
     randomised_command,
     randomised_motor,
     randomised_winding,
     sensor_bias,
 )
+from footfall.domain_rand.transport import transport_of
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
@@ -48,13 +48,16 @@ class Actuation:
         """Of the nominal motors, N m, (n,)."""
         return self._motor.peak_torque
 
-    def targets(self, goals: jax.Array, target: jax.Array, sample: Sample) -> jax.Array:
+    def targets(
+        self, goals: jax.Array, target: jax.Array, sample: Sample, lateness_s: jax.Array | None = None
+    ) -> jax.Array:
         """The target at each physics step, rad, shape (substeps, n): delayed, then rate-limited.
 
         Args:
             goals: of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
             target: at the last physics step before, rad, shape (n,).
-            sample: of the robot; its delays of actions count.
+            sample: of the robot; its constant delays of actions count where `lateness_s` is None.
+            lateness_s: of each goal on the way to each motor, s, (KEPT_GOALS, n).
         """
 
         def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -62,7 +65,7 @@ class Actuation:
             target = limit_target(goal, target, self.soft_lower, self.soft_upper, rate, timestep_s)
             return target, target
 
-        late_s = delay_s(sample, "actions")
+        late_s = transport_of(sample, "actions").delay_s if lateness_s is None else lateness_s
         arrived = delayed_goals(goals, late_s, self._starts_s, self._timestep_s, self._period_s)
         return jax.lax.scan(tick, target, arrived, unroll=True)[1]
 

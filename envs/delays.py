@@ -15,7 +15,8 @@ def delayed_goals(
 
     Args:
         goals: targets of the last control steps, newest first, shape (k, n).
-        delay_s: action delay, at most (k - 1) control periods; None for none.
+        delay_s: action delay, at most (k - 1) control periods; None for none. One for all, (), or that of
+            each goal on the way to each joint, (k, n): a goal is there at the latest with the next one.
         starts_s: when each physics step begins, after the newest target was computed, shape (s,).
         timestep_s: length of a physics step.
         period_s: control period.
@@ -27,10 +28,14 @@ def delayed_goals(
         return jnp.broadcast_to(goals[0], (len(starts_s), goals.shape[-1]))
     newer = goals.shape[0] - 1  # all but the oldest goal, which has arrived for certain
     ages_s = period_s * np.arange(newer)
-    left_s = (starts_s + timestep_s)[:, None] + ages_s - delay_s  # of each step, once a goal has arrived
-    arrived = jnp.clip(left_s / timestep_s, 0.0, 1.0)
+    left_s = (starts_s + timestep_s)[:, None] + ages_s  # of each step, once a goal without delay has arrived
+    if jnp.ndim(delay_s):
+        arrived = jnp.clip((left_s[:, :, None] - delay_s[:-1]) / timestep_s, 0.0, 1.0)
+        arrived = jax.lax.cummax(arrived, axis=1)
+    else:
+        arrived = jnp.clip((left_s - delay_s) / timestep_s, 0.0, 1.0)[:, :, None]
     steps = goals[:-1] - goals[1:]
-    return goals[-1] + sum(arrived[:, k, None] * steps[k] for k in range(newer))
+    return goals[-1] + sum(arrived[:, k] * steps[k] for k in range(newer))
 
 
 def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: float) -> jax.Array:
@@ -38,7 +43,8 @@ def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: f
 
     Args:
         recent: readings after each of the last physics steps, oldest first, shape (k, m).
-        delay_s: observation delay, at most (k - 1) physics steps; None for none.
+        delay_s: observation delay, at most (k - 1) physics steps; None for none. One for all, (), or that of
+            each number, (m,).
         timestep_s: physics step.
     """
     if delay_s is None:
@@ -47,4 +53,5 @@ def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: f
     before = jnp.floor(place).astype(jnp.int32)
     after = jnp.minimum(before + 1, recent.shape[0] - 1)
     share = place - before
-    return (1.0 - share) * recent[before] + share * recent[after]
+    column = jnp.arange(recent.shape[1]) if jnp.ndim(delay_s) else slice(None)
+    return (1.0 - share) * recent[before, column] + share * recent[after, column]

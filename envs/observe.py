@@ -6,7 +6,7 @@ import mujoco
 
 from footfall.domain_rand.noise import biased, noisy
 from footfall.domain_rand.randomisation import refuse_unread_sensors, require_delays
-from footfall.domain_rand.sample import delay_s
+from footfall.domain_rand.transport import transport_of
 from footfall.envs.base import Base
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_readings
@@ -75,6 +75,7 @@ class Observer:
         u: jax.Array,
         ground: Heights = level_ground,
         first: bool = False,
+        lateness_s: jax.Array | None = None,
     ) -> tuple[State, jax.Array]:
         """The state with a new frame, and the actor's observation.
 
@@ -84,8 +85,10 @@ class Observer:
             u: uniform numbers for the noise, shape (numbers,).
             ground: height of the ground at places in the world.
             first: whether an episode begins; the frame then fills the whole history.
+            lateness_s: delay of each number now, s, (numbers,); None for the constant one of the sample.
         """
-        delayed = delayed_readings(recent, delay_s(state.sample, "readings"), self._timestep_s)
+        late_s = transport_of(state.sample, "readings").delay_s if lateness_s is None else lateness_s
+        delayed = delayed_readings(recent, late_s, self._timestep_s)
         noise, scan_numbers = split(u, *self._sizes)
         readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, noise)
         heights = None

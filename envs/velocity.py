@@ -19,6 +19,7 @@ from footfall.envs.config import EnvConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
+from footfall.envs.lateness import Lateness
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
 from footfall.envs.physics.interface import Motion, Trace
@@ -58,6 +59,7 @@ class VelocityEnv:
         self.terrain = make_terrain(config, self.engine, model, self.scene)
         self.task = Task(config, self.scene)
         self.actuation = Actuation(robot, config)
+        self.lateness = Lateness(self.action_size, self.period_s)
         self.supply = Supply(robot, config.randomisation)
         self.observer = Observer(model, robot, config, self.contract)
         self.disturbances = Disturbances(self.task, config, self.scene)
@@ -109,7 +111,7 @@ class VelocityEnv:
         return state._replace(level=jnp.full_like(state.level, level))
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
-        """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
+        """A new episode, with all of its state drawn afresh."""
         return self._begin(key, level, None)
 
     def restart(self, state: State) -> tuple[State, dict[str, jax.Array]]:
@@ -121,9 +123,9 @@ class VelocityEnv:
     ) -> tuple[State, dict[str, jax.Array]]:
         n, substeps, events = self.action_size, self.config.substeps, self.disturbances
         key, sample_key, rest_key = jax.random.split(key, 3)
-        drawn, timers = self.task.command.numbers, events.timers
+        noises, drawn = self.observer.numbers, self.task.command.numbers
         *resets, noise, command, (hold, *intervals), clock = uniform(
-            rest_key, *events.reset_numbers, self.observer.numbers, drawn, timers, 1
+            rest_key, *events.reset_numbers, noises, drawn, events.timers, 1
         )
         sample = self._draw_robot(sample_key, level)
         qpos, qvel, torque = jnp.asarray(self.scene.standing), jnp.zeros(self.scene.nv), jnp.zeros(n)
@@ -148,6 +150,7 @@ class VelocityEnv:
             terms={},
             lagged_torque=self.actuation.no_torque(sample),
             winding_c=self.actuation.winding_at_first(sample),
+            lateness_s=self.lateness.before(sample),
             supply=self.supply.at_rest(sample),
         )
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
@@ -166,6 +169,7 @@ class VelocityEnv:
         state = state._replace(
             actions=jnp.concatenate([action[None], state.actions[:-1]]),
             goals=jnp.concatenate([goal[None], state.goals[:-1]]),
+            lateness_s=self.lateness.of_goals(state),
         )
         state, trace = self.simulate(state)
         diverged = ~(jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit))
@@ -177,8 +181,7 @@ class VelocityEnv:
         state, data, values = self._evaluate(state, self.step_data(state, trace))
         state = self.terrain.scored(state, data)
         in_full = sum(task.weights[name] for name in task.in_full)
-        rate = self._reward_rate(values)
-        reward = jnp.where(diverged, in_full, rate) * self.period_s
+        reward = jnp.where(diverged, in_full, self._reward_rate(values)) * self.period_s
         terminated = jnp.maximum(data.fell, diverged.astype(jnp.float32))
         truncated = (state.steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
 
@@ -188,7 +191,8 @@ class VelocityEnv:
         disturbance, noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
         state = self.disturbances.step(state._replace(key=key, recent_readings=readings), disturbance)
         data_now = self.data_at(state, data)
-        state, observed = self.observer.observe(state, recent, noise, data_now.ground)
+        late_s = self.lateness.of_readings(state, numbers_key)
+        state, observed = self.observer.observe(state, recent, noise, data_now.ground, lateness_s=late_s)
         state, observations = self.observations(state, observed, data_now)
 
         metrics = {f"reward/{name}": value for name, value in values.items()}
@@ -199,7 +203,7 @@ class VelocityEnv:
 
     def simulate(self, state: State) -> tuple[State, Trace]:
         """Physics of one control step; returns what each physics step left, stacked."""
-        targets = self.actuation.targets(state.goals, state.target, state.sample)
+        targets = self.actuation.targets(state.goals, state.target, state.sample, state.lateness_s)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
         drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))

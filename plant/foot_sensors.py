@@ -1,6 +1,5 @@
 """Force sensors at the simulated robot's feet: the ground's force with delay and errors, as CAN frames."""
 
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +8,8 @@ from footfall.deploy.drivers import foot_force
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.foot_force import measured, randomised_sensors
-from footfall.domain_rand.sample import Sample, delay_s
+from footfall.domain_rand.sample import Sample
+from footfall.plant.delays import Past
 
 SEED = 0xF007  # beside an episode's own: other draws stay what they are
 
@@ -22,10 +22,8 @@ class SimulatedFootSensors:
     ) -> None:
         """`force` returns the normal force on each foot in the last physics step, N, (feet,)."""
         feet = len(wiring.foot_channel)
-        late_s = delay_s(sample, "readings")
         self._force, self._sensors = force, randomised_sensors(sample)
-        steps = 0 if late_s is None else round(float(late_s) / step_s)
-        self._past: deque[np.ndarray] = deque(maxlen=steps + 1)
+        self._past: Past[np.ndarray] = Past(sample, step_s, seed)
         self._rng = np.random.default_rng([seed, SEED])
         self._frames = Frames(
             wiring.foot_channel,
@@ -39,11 +37,11 @@ class SimulatedFootSensors:
 
     def remember(self) -> None:
         """Keep the present forces, to be read after the observation delay. Call at each physics step."""
-        self._past.append(self._force())
+        self._past.remember(self._force())
 
     def sample(self) -> Frames:
         """The frames of the next sample."""
-        found = measured(self._past[0], self._sensors, self._rng.random(len(self.silent)))
+        found = measured(self._past.seen(), self._sensors, self._rng.random(len(self.silent)))
         if self.lie is not None:
             found = self.lie(found)
         self._counter += 1

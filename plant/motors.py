@@ -10,12 +10,12 @@ from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import (
     Sample,
-    delay_s,
     randomised_command,
     randomised_motor,
     randomised_winding,
     sensor_bias,
 )
+from footfall.plant.delays import Delay
 from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
 from footfall.robots.actuator import (
@@ -56,6 +56,7 @@ class SimulatedMotors:
         step_s: float,
         timeout_s: float | np.ndarray = MOTOR_TIMEOUT_S,
         winding: Winding | None = None,
+        seed: int = 0,
     ) -> None:
         """Motors start disabled.
 
@@ -68,6 +69,7 @@ class SimulatedMotors:
             timeout_s: time without a frame after which a motor disables itself, unless a frame sets it; of
                 all, or of each, (joints,).
             winding: their thermal parameters; None for motors that stay at 30 degrees Celsius.
+            seed: of the delay's jitter.
         """
         n = joints
         self._end = end
@@ -83,8 +85,7 @@ class SimulatedMotors:
             self.encoder_bias += bias
         scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
         self._gain_scale = None if (scale == 1.0).all() else scale
-        late_s = delay_s(sample, "actions")
-        self._delay_steps = 0 if late_s is None else round(float(late_s) / step_s)
+        self._delay = Delay(sample, "actions", step_s, seed)
         self._watchdog = Watchdog(end, timeout_s, step_s, n)
         self._geared: tuple[np.ndarray, np.ndarray] | None = None  # see `regear`
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
@@ -187,7 +188,7 @@ class SimulatedMotors:
         if self._gain_scale is not None:
             values = values * self._gain_scale[:, motor]
         if kind is None:
-            self._due.append((step + self._delay_steps, motor, values))
+            self._queue(step, motor, values)
         else:
             self._follow_each(step, requests._replace(values=values), readings)
             self._watchdog.read_timeouts()
@@ -218,8 +219,15 @@ class SimulatedMotors:
             elif kind == Request.COMMAND or not self._locked()[motor]:
                 self.enabled[motor] |= kind == Request.RUN
                 values = requests.values[:, row : row + 1]
-                self._due.append((step + self._delay_steps, np.array([motor]), values))
+                self._queue(step, np.array([motor]), values)
         self._note_enabled()
+
+    def _queue(self, step: int, motor: Motors, values: np.ndarray) -> None:
+        """Let motors follow commands after the delay, and no older ones from then on."""
+        at = step + self._delay.steps(step)
+        if self._delay.varies:
+            self._due = deque((min(due, at), whose, what) for due, whose, what in self._due)
+        self._due.append((at, motor, values))
 
     def _clear(self, motor: int) -> None:
         self._watchdog.timed_out[motor], self.faults.latched[motor] = False, 0

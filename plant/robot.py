@@ -21,6 +21,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, require_parts
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
+from footfall.plant.delays import Losses
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.engines.choice import open_engine
 from footfall.plant.foot_sensors import SimulatedFootSensors
@@ -109,8 +110,10 @@ class SimulatedRobot:
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
         self._motors = SimulatedMotors(
-            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding
+            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding, seed
         )
+        self._command_losses = Losses(sample, "actions", seed)
+        self._reply_losses = Losses(sample, "readings", seed)
         self._sensors = SimulatedSensors(
             self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
         )
@@ -213,7 +216,8 @@ class SimulatedRobot:
             if self._step % self._imu_every == 0:
                 self._send(self.foot_sensors.sample(), now_us)
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
-            replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
+            arrived = self._command_losses.pass_on(frames)
+            replies = motors.answer(self._step, arrived, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._send(replies, now_us)
         if motors.broadcasts and now_us % TALK_EVERY_US == 0:
@@ -264,6 +268,7 @@ class SimulatedRobot:
     def _send(self, frames: Frames, now_us: float) -> None:
         if self.faults.on_wire is not None:
             frames = self.faults.on_wire(frames)
+        frames = self._reply_losses.pass_on(frames)
         if len(frames.id):
             self._wires.send(Side.ROBOT, frames, now_us)
 

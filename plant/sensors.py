@@ -1,7 +1,6 @@
 """Encoders and IMU of the simulated robot: the true state with delay, bias and noise."""
 
 import operator
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -12,7 +11,8 @@ from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu
 from footfall.domain_rand.accelerometer import randomised_accelerometer
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.sample import Sample, delay_s, sensor_bias
+from footfall.domain_rand.sample import Sample, sensor_bias
+from footfall.plant.delays import Past
 from footfall.robots.kinds import Parts
 from footfall.robots.readings import READINGS
 
@@ -77,9 +77,7 @@ class SimulatedSensors:
         at = layout.base_qvel + 3
         self._gyro = data.qvel[at : at + 3]
         self._layout, self._n = layout, joints
-        late_s = delay_s(sample, "readings")
-        steps = 0 if late_s is None else round(float(late_s) / step_s)
-        self._past: deque[_Moment] = deque(maxlen=steps + 1)
+        self._past: Past[_Moment] = Past(sample, step_s, seed)
         self._noise = None if noise is None else _Noise(noise, joints, seed)
         self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
         self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
@@ -98,7 +96,7 @@ class SimulatedSensors:
         joints = np.empty((3, self._n))
         joints[0], joints[1], joints[2] = self._qpos[layout.qpos], self._qvel[layout.qvel], torque
         inertial = self._gyro.tolist(), self._acceleration.tolist(), self._quaternion.tolist()
-        self._past.append(_Moment(joints, inertial))
+        self._past.remember(_Moment(joints, inertial))
         return joints
 
     def joints(self, encoder_bias: np.ndarray) -> np.ndarray:
@@ -106,14 +104,14 @@ class SimulatedSensors:
 
         `encoder_bias` (n,) rad is the motors' own.
         """
-        readings = self._past[0].joints.copy()
+        readings = self._past.seen().joints.copy()
         readings[0] += encoder_bias
         self._add_errors(readings, self._of_motors)
         return readings
 
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
-        readings = list(self._past[0].inertial)
+        readings = list(self._past.seen().inertial)
         self._add_errors(readings, self._of_imu)
         width, bias = self._acceleration_noise, self._acceleration_bias
         if width or any(bias):

@@ -152,6 +152,6 @@ def test_kinds_of_quantities_are_those_of_the_robot() -> None:
     }
     assert {name for name in NAMES if shapes[name] == ()} == {
         "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s", "battery_charge",
-        "accelerometer_noise_m_s2",
-            "ambient_k",
+        "accelerometer_noise_m_s2", "ambient_k", "action_jitter_s", "observation_jitter_s", "action_swing_s",
+        "observation_swing_s", "lost_commands", "lost_replies",
     }  # fmt: skip

@@ -150,6 +150,20 @@ class TestMotors:
         mixed[:, 1] = VALUES[:, 1]
         np.testing.assert_allclose(stand.torque(9)[1:], torque_of(mixed)[1:])
 
+    def test_jitter_holds_back_commands_and_never_brings_an_older_one_after_a_newer_one(self) -> None:
+        stand = Stand(action_delay_s=0.002, action_jitter_s=0.012)
+        stand.on()
+        late = []
+        for step in range(600):
+            stand.ask(step, slice(None), None, step * np.ones((5, 3)))
+            stand.torque(step)
+            late.append(step - int(stand.motors._command.position[0]))
+        assert max(np.diff(late)) <= 1
+        drawn = late[39::20]  # each for 20 steps
+        assert set(drawn) <= set(range(2, 15))
+        assert len(set(drawn)) > 8
+        assert [late[start + steps] for start, steps in zip(range(20, 600, 20), drawn, strict=True)] == drawn
+
     def test_stiffness_and_damping_are_off_by_each_motors_own_share(self) -> None:
         stand = Stand(kp=np.array([1.1, 0.9, 1.3]), kd=np.array([0.8, 1.2, 0.7]))
         stand.on()

@@ -1,0 +1,71 @@
+"""How late commands and readings arrive, from one moment of an episode to the next.
+
+`Randomisation` declares the ranges. Training (JAX) turns a lost frame into the time until the next one; the
+simulated robot (NumPy) loses the frame itself.
+"""
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from footfall.common.arrays import library
+from footfall.domain_rand.sample import Sample, changed
+
+Array = Any  # a NumPy or a JAX array
+Way = Literal["actions", "readings"]
+
+SWING_PERIOD_S = 4.0  # in which a delay rises by its swing and falls back
+JITTER_PERIOD_S = 0.02  # for which the simulated robot keeps a drawn jitter: a control step at 50 Hz
+FRAME_PERIOD_S = 0.002  # between two frames of a motor: the deploy loop's default joint rate
+
+
+class Transport(NamedTuple):
+    """The way of commands, or of readings, on a robot. What is None is absent."""
+
+    delay_s: Array | None = None  # constant in an episode
+    jitter_s: Array | None = None  # most by which it is later, drawn anew for each control step
+    swing_s: Array | None = None  # by which the delay rises and falls in `SWING_PERIOD_S`
+    lost: Array | None = None  # share of the frames that never arrive
+
+    @property
+    def varies(self) -> bool:
+        """Whether the delay changes within an episode."""
+        return any(part is not None for part in (self.jitter_s, self.swing_s, self.lost))
+
+
+def transport_of(sample: Sample, way: Way) -> Transport:
+    """The transport of the sampled robot's actions or readings."""
+    return changed(Transport(), sample, way)
+
+
+def swing_share(time_s: Array | float) -> Array:
+    """Share of the swing at a time of an episode, 0 to 1 and back: a triangle wave."""
+    return 1.0 - abs(1.0 - 2.0 * (time_s / SWING_PERIOD_S % 1.0))
+
+
+def delay_now_s(transport: Transport, time_s: Array | float, jitter: Array | float) -> Array | float:
+    """Delay of a frame that is sent at a time of an episode and is not lost, s.
+
+    Args:
+        transport: of the sampled robot.
+        time_s: since the episode's begin.
+        jitter: uniform number in [0, 1).
+    """
+    delay_s: Array | float = 0.0 if transport.delay_s is None else transport.delay_s
+    if transport.swing_s is not None:
+        delay_s = delay_s + transport.swing_s * swing_share(time_s)
+    if transport.jitter_s is not None:
+        delay_s = delay_s + transport.jitter_s * jitter
+    return delay_s
+
+
+def waiting_s(lost: Array, u: Array) -> Array:
+    """Time until the first frame that arrives, s: k frames in a row are lost with probability `lost` ** k.
+
+    Args:
+        lost: share of the frames that never arrive, below 1.
+        u: uniform numbers in [0, 1), of any shape.
+    """
+    xp = library(u)
+    with np.errstate(divide="ignore"):  # the logarithm of a share of 0: no frame is lost
+        return FRAME_PERIOD_S * xp.floor(xp.log(1.0 - u) / xp.log(lost))

@@ -1,0 +1,70 @@
+"""How late each goal and each reading of training is, where jitter, a swing or lost frames are drawn."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.transport import Way, delay_now_s, transport_of, waiting_s
+from footfall.envs.actuation import KEPT_GOALS
+from footfall.envs.state import State
+from footfall.robots import kinds
+from footfall.robots.kinds import Parts
+from footfall.robots.readings import READINGS, SENSED
+
+# Beside a step's key: the other draws of the step stay what they are without these.
+GOAL, READING = 0x60A1, 0x2EAD
+
+
+class Lateness:
+    """Draws delays. A lost frame counts as the time until the next one."""
+
+    def __init__(self, joints: int, period_s: float) -> None:
+        """`period_s` is the control period."""
+        self._joints, self._period_s = joints, period_s
+        self._motor, self._frame = np.arange(joints), _frame_of(joints)
+
+    def before(self, sample: Sample) -> jax.Array | None:
+        """Delay of the goals before an episode, s, (KEPT_GOALS, n); None where it does not change."""
+        varies = transport_of(sample, "actions").varies
+        return jnp.zeros((KEPT_GOALS, self._joints)) if varies else None
+
+    def of_goals(self, state: State) -> jax.Array | None:
+        """Delay of each goal on its way to each motor, s, (KEPT_GOALS, n), with that of a new one first.
+
+        None where it does not change. The state is that before the control step.
+        """
+        if state.lateness_s is None:
+            return None
+        drawn = self._drawn("actions", state, jax.random.fold_in(state.key, GOAL), self._motor)
+        return jnp.concatenate([drawn[None], state.lateness_s[:-1]])
+
+    def of_readings(self, state: State, key: jax.Array) -> jax.Array | None:
+        """Delay of each number of the readings, s, (numbers,); None where it does not change.
+
+        Args:
+            state: after the control step.
+            key: of this control step.
+        """
+        if not transport_of(state.sample, "readings").varies:
+            return None
+        return self._drawn("readings", state, jax.random.fold_in(key, READING), self._frame)
+
+    def _drawn(self, way: Way, state: State, key: jax.Array, frame: np.ndarray) -> jax.Array:
+        """Delay of each number, which arrives in the frame of number `frame` (k,), s, (k,)."""
+        transport = transport_of(state.sample, way)
+        jitter, *each = jax.random.uniform(key, (2 + frame.max(),))
+        now_s = delay_now_s(transport, state.steps * self._period_s, jitter)
+        waiting = 0.0 if transport.lost is None else waiting_s(transport.lost, jnp.stack(each)[frame])
+        return jnp.broadcast_to(now_s + waiting, frame.shape)
+
+
+def _frame_of(joints: int) -> np.ndarray:
+    """Number of the frame in which each number of the readings arrives: a motor's own, or a reading's."""
+    found, following = [], joints
+    for declared in READINGS.values():
+        size = declared.kind.size(Parts(joints))
+        of_motors = SENSED[declared.sensed] is kinds.JOINTS
+        found.append(np.arange(size) if of_motors else np.full(size, following))
+        following += not of_motors
+    return np.concatenate(found)

@@ -1,0 +1,71 @@
+"""Delays and lost frames of the simulated robot, as they change within an episode."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from footfall.deploy.frames import Frames
+from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.transport import JITTER_PERIOD_S, Way, delay_now_s, transport_of
+
+T = TypeVar("T")
+
+SEEDS: dict[Way, int] = {"actions": 0xAC7, "readings": 0x2EAD}  # beside an episode's own
+
+
+class Delay:
+    """Delay of commands or of readings, in physics steps."""
+
+    def __init__(self, sample: Sample, way: Way, step_s: float, seed: int) -> None:
+        self._transport, self._step_s = transport_of(sample, way), step_s
+        self._random = np.random.default_rng([seed, SEEDS[way]])
+        self._jitter_steps = round(JITTER_PERIOD_S / step_s)  # for which a drawn jitter lasts
+        self._jitter, self._until = 0.0, 0
+        transport = self._transport
+        self.varies = transport.jitter_s is not None or transport.swing_s is not None
+        parts = (transport.delay_s, transport.jitter_s, transport.swing_s)
+        self.longest = round(sum(float(part) for part in parts if part is not None) / step_s)
+
+    def steps(self, step: int) -> int:
+        """Delay of what is sent in a physics step; the steps must not fall."""
+        if self._transport.jitter_s is not None and step >= self._until:
+            self._jitter = float(self._random.random())
+            self._until = step - step % self._jitter_steps + self._jitter_steps
+        return round(float(delay_now_s(self._transport, step * self._step_s, self._jitter)) / self._step_s)
+
+
+class Past(Generic[T]):
+    """The last moments of what sensors measure, read with the delay of readings."""
+
+    def __init__(self, sample: Sample, step_s: float, seed: int) -> None:
+        self._delay = Delay(sample, "readings", step_s, seed)
+        self._moments: deque[T] = deque(maxlen=self._delay.longest + 1)
+        self._newest = self._shown = -1  # steps
+
+    def remember(self, moment: T) -> None:
+        """Keep the present moment. Call at each physics step."""
+        self._moments.append(moment)
+        self._newest += 1
+
+    def seen(self) -> T:
+        """The moment that is reported now: never one before that of the last call."""
+        if not self._delay.varies:
+            return self._moments[0]
+        self._shown = max(self._shown, self._newest - self._delay.steps(self._newest))
+        return self._moments[max(self._shown - self._newest - 1, -len(self._moments))]
+
+
+class Losses:
+    """Loses frames of one direction."""
+
+    def __init__(self, sample: Sample, way: Way, seed: int) -> None:
+        lost = transport_of(sample, way).lost
+        self._share = 0.0 if lost is None else float(lost)
+        self._random = np.random.default_rng([seed, SEEDS[way], 1])
+
+    def pass_on(self, frames: Frames) -> Frames:
+        """The frames that arrive."""
+        if not self._share:
+            return frames
+        return frames.take(self._random.random(len(frames.id)) >= self._share)
