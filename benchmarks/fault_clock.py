@@ -16,7 +16,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from fault_table import NOISE, SAFE
+from fault_runs import SAFE
+from fault_subjects import NOISE
 
 from footfall.deploy.config import deploy_config
 from footfall.deploy.frames import Frames

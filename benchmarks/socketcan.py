@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from footfall.plant.injection import flipped
+from footfall.plant.frame_changes import flipped
 
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
 LONGEST_S = 300.0  # a slow machine imports for a long time

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from footfall.common.rotations import rotation_matrix
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.command_source import CommandSource, Request, Status, Stop
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.polled import motor_lookup
-from footfall.deploy.frames import Frames, joined
+from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
+from footfall.plant.frame_changes import Batches, Incoming, from_imu, late
 from footfall.plant.robot import SimulatedRobot
 from footfall.policies.contract import Contract
 from footfall.policies.policy import Policy, PolicyInput
@@ -20,10 +20,6 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
-Batches = list[Frames]
-Incoming = Callable[
-    [Batches, int], Batches
-]  # from arrived batches and time, us, to what the controller receives
 Outgoing = Callable[[Frames, int], Frames]  # from sent frames and time, us, to what leaves
 
 
@@ -208,96 +204,3 @@ class FaultInjector:
 
 
 Injection = Callable[[FaultInjector], None]
-
-
-def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
-    """Delay some batches."""
-    waiting: list[tuple[int, Frames]] = []
-
-    def hold(batches: Batches, now_us: int) -> Batches:
-        waiting.extend((now_us + by_us, _later(frames, by_us)) for frames in batches if what(frames))
-        due = [frames for at, frames in waiting if at <= now_us]
-        waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
-        return [*due, *(frames for frames in batches if not what(frames))]
-
-    return hold
-
-
-def _later(frames: Frames, by_us: int) -> Frames:
-    return frames if frames.time_us is None else frames._replace(time_us=frames.time_us + by_us)
-
-
-def from_imu(frames: Frames) -> bool:
-    """Whether a batch is a reading of the IMU."""
-    return bool(len(frames.id)) and int(frames.id[0]) in imu.IDS
-
-
-def nothing(frames: Frames) -> Frames:
-    """No frame."""
-    return frames.take(np.zeros(0, dtype=np.intp))
-
-
-def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Frames], Frames]:
-    """Change one of the three frames of a reading, or drop it."""
-
-    def corrupt(frames: Frames) -> Frames:
-        of_it = frames.id == identifier
-        return joined([frames.take(~of_it), change(frames.take(of_it))])
-
-    return corrupt
-
-
-def cut_short(frames: Frames) -> Frames:
-    """The first two bytes of each frame."""
-    data = frames.data.copy()
-    data[:, 2:] = 0
-    return frames._replace(data=data, length=np.full(len(data), 2))
-
-
-def emptied(frames: Frames) -> Frames:
-    """All bytes zero."""
-    return frames._replace(data=np.zeros_like(frames.data))
-
-
-def dropped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
-    """Drops a share of the frames."""
-    return lambda frames: frames.take(rng.random(len(frames.id)) >= share)
-
-
-def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
-    """Flips one bit in a share of the frames."""
-
-    def flip(frames: Frames) -> Frames:
-        rows = np.flatnonzero(rng.random(len(frames.id)) < share)
-        if not len(rows):
-            return frames
-        data = frames.data.copy()
-        data[rows, rng.integers(8, size=len(rows))] ^= (1 << rng.integers(8, size=len(rows))).astype(np.uint8)
-        return frames._replace(data=data)
-
-    return flip
-
-
-def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: float = 0.0) -> imu.Inertial:
-    """The consistent reading of an IMU that is turned, and goes on turning, in the body about an axis."""
-    askew = turned(reading, axis, float(np.rad2deg(angle_rad)))
-    half = angle_rad / 2
-    turn = rotation_matrix(np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])]))  # to the body's axes
-    gyro = np.array(reading.gyro) @ turn + rate_rad_s * np.eye(3)[axis]
-    return askew._replace(gyro=gyro.tolist(), acceleration=(np.array(reading.acceleration) @ turn).tolist())
-
-
-def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:
-    """A reading whose quaternion alone is turned about a body axis."""
-    half = np.deg2rad(degrees) / 2
-    w, x, y, z = reading.quaternion
-    c, s = float(np.cos(half)), float(np.sin(half))
-    a, b, d = (s * float(axis == k) for k in range(3))
-    return reading._replace(
-        quaternion=(
-            w * c - x * a - y * b - z * d,
-            w * a + x * c + y * d - z * b,
-            w * b - x * d + y * c + z * a,
-            w * d + x * b - y * a + z * c,
-        )
-    )

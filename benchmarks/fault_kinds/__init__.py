@@ -1,7 +1,9 @@
 """The kinds of faults that a robot is put through: one row each, with what is expected of it."""
 
 from fault_kinds.body import BODY
+from fault_kinds.getting_up import GETTING_UP
 from fault_kinds.imu import IMU
+from fault_kinds.intermittent import INTERMITTENT
 from fault_kinds.operator import OPERATOR
 from fault_kinds.policy import POLICY
 from fault_kinds.replies import REPLIES
@@ -13,10 +15,11 @@ GROUPS = {
     "IMU": IMU,
     "motors' replies": REPLIES,
     "motors and body": BODY,
-    "slow or now and then": SLOW,
+    "slow or now and then": (*INTERMITTENT, *SLOW),
     "policy and program": POLICY,
     "operator": OPERATOR,
     "at the start": START,
     "wiring": WIRING,
+    "getting up": GETTING_UP,
 }
 KINDS = tuple(kind._replace(group=group) for group, kinds in GROUPS.items() for kind in kinds)

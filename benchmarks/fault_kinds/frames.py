@@ -5,15 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from footfall.deploy.frames import Frames
-from footfall.plant.injection import (
-    Batches,
-    FaultInjector,
-    Injection,
-    dropped,
-    flipped,
-    from_imu,
-    nothing,
-)
+from footfall.plant.frame_changes import Batches, dropped, flipped, from_imu, nothing
+from footfall.plant.injection import FaultInjector, Injection
 
 
 def silent(all_of_them: bool) -> Injection:

@@ -9,9 +9,7 @@ from fault_kinds.kind import PAUSING_S, QUEUE_S, SILENCE_S, SLOW_S, FaultKind
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.drivers.imu import ACCELERATION_ID, GYRO_ID, QUATERNION_ID, Inertial
 from footfall.deploy.frames import Frames
-from footfall.plant.injection import (
-    FaultInjector,
-    Injection,
+from footfall.plant.frame_changes import (
     cut_short,
     each_imu_frame,
     emptied,
@@ -20,6 +18,7 @@ from footfall.plant.injection import (
     nothing,
     turned,
 )
+from footfall.plant.injection import FaultInjector, Injection
 from footfall.plant.robot import IMU_PERIOD_S
 
 

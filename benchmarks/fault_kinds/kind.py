@@ -27,4 +27,5 @@ class FaultKind(NamedTuple):
     observed_s: float = 2.0  # after the fault, until the run ends
     wiring: bool = False  # in a run with a wiring check
     lying: bool = False  # the robot lies at first, if it can
+    getting_up: bool = False  # while the robot gets up after a fall
     group: str = ""  # heading above the row

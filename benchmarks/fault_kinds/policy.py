@@ -10,27 +10,27 @@ from footfall.plant.injection import FaultInjector, Injection
 from footfall.robots.actuator import JointCommand
 
 
-def _decides(change: Callable[[FaultInjector, JointCommand], Any]) -> Injection:
+def decides(change: Callable[[FaultInjector, JointCommand], Any]) -> Injection:
     def inject(injector: FaultInjector) -> None:
         injector.policy.change_decision = lambda decision: change(injector, decision)
 
     return inject
 
 
-def _filled(field: str, value: float) -> Injection:
-    return _decides(lambda _, decision: decision._replace(**{field: np.full_like(decision.position, value)}))
+def filled(field: str, value: float) -> Injection:
+    return decides(lambda _, decision: decision._replace(**{field: np.full_like(decision.position, value)}))
 
 
-def _raise(*_: object) -> Any:
+def raises(*_: object) -> Any:
     raise RuntimeError("on purpose")
 
 
 def _stance_raises(injector: FaultInjector) -> None:
-    injector.policy.replace_stance = _raise
+    injector.policy.replace_stance = raises
 
 
 def _command_raises(injector: FaultInjector) -> None:
-    injector.command_source.replacement = _raise
+    injector.command_source.replacement = raises
 
 
 def _command_nan(injector: FaultInjector) -> None:
@@ -55,11 +55,11 @@ def _random(injector: FaultInjector, decision: JointCommand) -> JointCommand:
 
 
 def receive_raises(injector: FaultInjector) -> None:
-    injector.bus.incoming = _raise
+    injector.bus.incoming = raises
 
 
 def _send_raises(injector: FaultInjector) -> None:
-    injector.bus.outgoing = _raise
+    injector.bus.outgoing = raises
 
 
 def refused(injector: FaultInjector) -> None:
@@ -72,22 +72,22 @@ LIMITED = "what a policy wants within the limits is its own; a fall is noticed b
 UNHEARD = "no frame goes out any more: motors stop by their own time-out"
 POLICY = (
     *(
-        FaultKind(f"policy: {name} of {value}", _filled(name, value), 0.03, main=name == "kp")
+        FaultKind(f"policy: {name} of {value}", filled(name, value), 0.03, main=name == "kp")
         for name, value in (("position", np.nan), ("kp", np.nan), ("torque", np.inf), ("kd", -np.inf))
     ),
-    FaultKind("policy raises", _decides(_raise), 0.03, main=True),
-    FaultKind("policy returns nothing", _decides(lambda *_: None), 0.03),
+    FaultKind("policy raises", decides(raises), 0.03, main=True),
+    FaultKind("policy returns nothing", decides(lambda *_: None), 0.03),
     FaultKind(
         "policy decides for one joint too few",
-        _decides(lambda _, decision: JointCommand(*(part[:-1] for part in decision))),
+        decides(lambda _, decision: JointCommand(*(part[:-1] for part in decision))),
         0.03,
     ),
-    FaultKind("policy: kp of 1e9", _filled("kp", 1e9), None, LIMITED),
-    FaultKind("policy: kd of 1e300", _filled("kd", 1e300), None, LIMITED),
-    FaultKind("policy: torque of 1e9", _filled("torque", 1e9), None, LIMITED),
-    FaultKind("policy: position of 1e9", _filled("position", 1e9), None, LIMITED),
-    FaultKind("policy from limit to limit", _decides(_bang_bang), None, LIMITED, main=True),
-    FaultKind("policy at random", _decides(_random), None, LIMITED, main=True),
+    FaultKind("policy: kp of 1e9", filled("kp", 1e9), None, LIMITED),
+    FaultKind("policy: kd of 1e300", filled("kd", 1e300), None, LIMITED),
+    FaultKind("policy: torque of 1e9", filled("torque", 1e9), None, LIMITED),
+    FaultKind("policy: position of 1e9", filled("position", 1e9), None, LIMITED),
+    FaultKind("policy from limit to limit", decides(_bang_bang), None, LIMITED, main=True),
+    FaultKind("policy at random", decides(_random), None, LIMITED, main=True),
     FaultKind("the velocity command raises", _command_raises, 0.03),
     FaultKind(
         "the velocity command is not a number",

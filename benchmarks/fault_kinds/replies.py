@@ -23,12 +23,8 @@ from fault_kinds.frames import (
 from fault_kinds.imu import GROWS
 from fault_kinds.kind import IMPLAUSIBLE_S, LATER_S, QUEUE_S, SILENCE_S, SLOW_S, SOON_S, FaultKind
 from footfall.deploy.frames import Frames
-from footfall.plant.injection import (
-    FaultInjector,
-    Injection,
-    cut_short,
-    emptied,
-)
+from footfall.plant.frame_changes import cut_short, emptied
+from footfall.plant.injection import FaultInjector, Injection
 
 
 def _values(

@@ -21,7 +21,8 @@ from fault_kinds.replies import (
 )
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.drivers.imu import ACCELERATION_ID, Inertial
-from footfall.plant.injection import Injection, nothing, turned
+from footfall.plant.frame_changes import nothing, turned
+from footfall.plant.injection import Injection
 
 UNANSWERED_S = 1.05  # `start_timeout_s`, and a margin
 START_S = 1.3  # start-up, and a while of standing

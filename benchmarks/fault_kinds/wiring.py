@@ -6,7 +6,8 @@ import numpy as np
 
 from fault_kinds.imu import changed
 from fault_kinds.kind import FaultKind
-from footfall.plant.injection import FaultInjector, Injection, mounted
+from footfall.plant.frame_changes import mounted
+from footfall.plant.injection import FaultInjector, Injection
 
 FOUND_S = 30.0  # the longest that the checks of a robot with 18 joints take, lying and standing
 ENDING = "noticed when every joint has moved; an IMU on its side, and a joint out of its range, at once"

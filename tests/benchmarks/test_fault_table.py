@@ -4,17 +4,21 @@ import json
 from dataclasses import replace
 from typing import Any
 
-import fault_table
+import fault_rows
+import fault_runs
+import fault_subjects
+import healthy_runs
 import pytest
 from fault_kinds import KINDS
 from fault_kinds.kind import IMPLAUSIBLE_S
+from fault_subjects import FaultTask, HealthyTask, Subject
 
 from footfall.plant.episode import Push
 from footfall.robots.description import Robot, available_robots
 
 
 def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
-    titles = [fault_table.title_of(kind) for kind in KINDS]
+    titles = [fault_runs.title_of(kind) for kind in KINDS]
     assert len(set(titles)) == len(titles) >= 60
     assert [kind.name for kind in KINDS if kind.within_s is None and not kind.reason] == []
 
@@ -23,7 +27,7 @@ def test_who_may_take_longer_than_100_ms_has_a_reason() -> None:
     assert IMPLAUSIBLE_S == 0.1
     slow = [kind for kind in KINDS if kind.within_s is not None and kind.within_s > IMPLAUSIBLE_S]
     assert len(slow) > 10
-    assert [fault_table.title_of(kind) for kind in slow if not kind.reason] == []
+    assert [fault_runs.title_of(kind) for kind in slow if not kind.reason] == []
 
 
 @pytest.mark.parametrize(
@@ -38,14 +42,14 @@ def test_who_may_take_longer_than_100_ms_has_a_reason() -> None:
 def test_a_run_tells_what_was_noticed_when_and_what_went_out(
     title: str, final_state: str, says: str, longest_s: float
 ) -> None:
-    run = fault_table.run_fault(("go1", "go1-flat", title, 5))
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 5))
     assert run["detected"]
     assert says in run["fault"]
     assert run["final_state"] == final_state
     assert 0.0 < run["seconds"] <= longest_s
     assert run["stiff"] == ("start" not in title)
     assert not run["fell"]
-    assert run["torque_over"] < fault_table.ROUNDING
+    assert run["torque_over"] < fault_rows.ROUNDING
     assert run["outside_rad"] == 0.0
     assert run["rate_share"] < 1.01
 
@@ -66,7 +70,7 @@ def test_a_run_tells_what_was_noticed_when_and_what_went_out(
 )
 def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(kind: str, says: str) -> None:
     """A robot at rest feels 9.81 m/s^2: a fifth more is off by 20 %, 1 instead of 9.81 by 90 %."""
-    run = fault_table.run_fault(("go1", "go1-flat", f"{kind} (at the start)", 0))
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
     assert says in run["fault"]
     assert not run["stiff"]
 
@@ -76,34 +80,34 @@ class TestARun:
 
     def test_draws_by_its_kinds_name_whatever_stands_beside_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The joint whose encoder is off is drawn: the same of the seed in a table of one row."""
-        task = ("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
-        run = fault_table.run_fault(task)
-        monkeypatch.setattr(fault_table, "KINDS", (fault_table.kind_of(task[2]),))
-        assert fault_table.run_fault(task) == run
-        draws = {fault_table.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
+        task = FaultTask("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
+        run = fault_runs.run_fault(task)
+        monkeypatch.setattr(fault_runs, "KINDS", (fault_runs.kind_of(task.title),))
+        assert fault_runs.run_fault(task) == run
+        draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
     def test_has_a_policy_of_its_own(self) -> None:
         """`step` goes on from where it was: the run before would be seen in the next."""
-        assert fault_table.policy_of("g1", "step") is not fault_table.policy_of("g1", "step")
+        assert fault_subjects.policy_of("g1", "step") is not fault_subjects.policy_of("g1", "step")
 
     def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
-        config = fault_table.config_of(own)
+        config = fault_runs.config_of(own)
         assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
-        assert (config.stand_s, config.safety.damping_s) == (fault_table.STAND_S, fault_table.DAMPING_S)
+        assert (config.stand_s, config.safety.damping_s) == (fault_runs.STAND_S, fault_runs.DAMPING_S)
 
 
 def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_written_one() -> None:
     of = {
-        robot: [policy for other, policy in fault_table.SUBJECTS if other == robot]
+        robot: [each.policy for each in fault_subjects.SUBJECTS if each.robot == robot and not each.ground]
         for robot in available_robots()
     }
     assert all(len(policies) == 2 for policies in of.values()), of
-    assert [pair for pair, whole in fault_table.SUBJECTS.items() if whole] == [
-        ("go1", "go1-flat"),
-        ("go1", "mpc"),
+    assert [subject for subject, whole in fault_subjects.SUBJECTS.items() if whole] == [
+        Subject("go1", "go1-flat"),
+        Subject("go1", "mpc"),
     ]
 
 
@@ -116,14 +120,14 @@ def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_writte
 )
 def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(title: str, says: str) -> None:
     """30 degrees are 0.52 rad. Before the robot walks, and nothing else contradicts such an IMU."""
-    run = fault_table.run_fault(("go1", "go1-flat", title, 1))
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
     assert says in run["fault"]
     assert (run["final_state"], run["fell"]) == ("ESTOP", False)
     assert run["seconds"] < 0.5
 
 
 def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
-    run = fault_table.run_fault(("go1", "go1-flat", "foreign frames on the bus", 5))
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", "foreign frames on the bus", 5))
     assert not run["detected"]
     assert run["seconds"] is None
     assert run["final_state"] == "IDLE"
@@ -132,15 +136,15 @@ def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
 class TestAHealthyRun:
     """A fault in it is a false alarm, unless the robot was falling."""
 
-    TASK = ("go1", "go1-flat", False, 0)
+    TASK = HealthyTask("go1", "go1-flat", False, 0)
 
     def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
         """A second of walking; after 0.3 s of it a push."""
         limited = replace(go1, description=replace(go1.description, safety=safety))
-        monkeypatch.setattr(fault_table, "_robot", lambda _: limited)
-        monkeypatch.setattr(fault_table, "EPISODE_S", 1.0)
-        monkeypatch.setattr(fault_table, "_drawn_push", lambda *_: Push(0.3, (0.0, push_m_s / 2, 0.0)))
-        return fault_table.run_healthy(self.TASK)
+        monkeypatch.setattr(healthy_runs, "robot_of", lambda _: limited)
+        monkeypatch.setattr(healthy_runs, "EPISODE_S", 1.0)
+        monkeypatch.setattr(healthy_runs, "_drawn_push", lambda *_: Push(0.3, (0.0, push_m_s / 2, 0.0)))
+        return healthy_runs.run_healthy(self.TASK)
 
     def test_a_robot_that_would_have_walked_on_was_not_falling(
         self, monkeypatch: pytest.MonkeyPatch, go1: Robot
@@ -161,7 +165,7 @@ class TestAHealthyRun:
         self, monkeypatch: pytest.MonkeyPatch, go1: Robot
     ) -> None:
         """The alarm comes in the first steps, the push after 0.3 s."""
-        monkeypatch.setattr(fault_table, "FALL_S", 0.1)
+        monkeypatch.setattr(healthy_runs, "FALL_S", 0.1)
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=0.02)
         assert run["fault_s"] + 0.1 < 0.3 < run["fell_s"]
         assert "tilt of 0.02 rad" in run["alarm"]
@@ -179,15 +183,44 @@ def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:
     run = {"robot": "go1", "policy": "go1-flat", "kind": "IMU silent", "seed": 0, "fault": "x"}
     run |= {"detected": True, "seconds": 0.05, "final_state": "ESTOP", "fell": False}
     run |= {"torque_over": 0.0, "outside_rad": 0.0, "rate_share": 0.5, "stiff": True}
-    (row,) = fault_table.rows([run, {**run, "seconds": 0.06}])
+    (row,) = fault_rows.rows([run, {**run, "seconds": 0.06}])
     assert (row["runs"], row["detected"], row["in_time"]) == (2, 2, 1)
     assert (row["median_s"], row["longest_s"], row["limit_s"]) == (0.055, 0.06, 0.055)
     assert not row["as_expected"]
-    (row,) = fault_table.rows([run] * 3)
+    (row,) = fault_rows.rows([run] * 3)
     assert row["as_expected"]
-    (row,) = fault_table.rows([{**run, "torque_over": 0.05}])
+    (row,) = fault_rows.rows([{**run, "torque_over": 0.05}])
     assert not row["as_expected"]
-    (row,) = fault_table.rows([{**run, "fell": True, "final_state": "IDLE"}])
+    (row,) = fault_rows.rows([{**run, "stiff_when_damped": True}])
+    assert not row["as_expected"]
+    assert len(fault_rows.rows([run, {**run, "ground": "rough", "policy": "go1-rough"}])) == 2
+    (row,) = fault_rows.rows([{**run, "fell": True, "final_state": "IDLE"}])
     assert (row["idle_after_a_fall"], row["as_expected"]) == (1, False)
-    [published] = json.loads(fault_table.table([row], []))["rows"]
+    [published] = json.loads(fault_rows.table([row], []))["rows"]
     assert (published["as_expected"], published["reason"]) == (False, "missed")
+
+
+@pytest.mark.parametrize(
+    ("title", "final_state", "says"),
+    [
+        ("one motor silent, getting up", "ESTOP", "no reply from"),
+        ("policy interrupted at its deadline, getting up", "ESTOP", "the policy ran late"),
+    ],
+)
+def test_a_robot_that_gets_up_meets_a_fault_and_is_damped(title: str, final_state: str, says: str) -> None:
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
+    assert run["detected"]
+    assert says in run["fault"]
+    assert run["seconds"] < 0.06
+    assert (run["final_state"], run["stiff"], run["stiff_when_damped"]) == (final_state, True, False)
+
+
+def test_on_rough_ground_the_ground_is_the_scenarios(go1: Robot) -> None:
+    rough = Subject("go1", "go1-rough-blind", "rough")
+    low, high = (fault_subjects.ground_of(rough, seed) for seed in (0, 3))
+    assert fault_subjects.ground_of(Subject("go1", "go1-flat"), 0) is None
+    assert low is not None
+    assert high is not None
+    assert abs(low.heights).max() < 0.5 * abs(high.heights).max()
+    run = fault_runs.run_fault(FaultTask("go1", "go1-rough", "IMU silent", 3, "rough"))
+    assert (run["detected"], run["ground"]) == (True, "rough")

@@ -21,7 +21,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_session
-from footfall.plant.injection import nothing
+from footfall.plant.frame_changes import nothing
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 

@@ -14,7 +14,8 @@ from footfall.deploy.drivers.settings import ASK_AGAIN, Settings, TimeOut
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
-from footfall.plant.injection import InjectingBus, late
+from footfall.plant.frame_changes import late
+from footfall.plant.injection import InjectingBus
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.plant.motor_ends.robstride import RobstrideMotorEnd

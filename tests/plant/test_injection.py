@@ -12,10 +12,7 @@ from scipy.spatial.transform import Rotation
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
-from footfall.plant.injection import (
-    FaultInjector,
-    InjectingBus,
-    InjectingCommandSource,
+from footfall.plant.frame_changes import (
     cut_short,
     dropped,
     each_imu_frame,
@@ -27,6 +24,7 @@ from footfall.plant.injection import (
     nothing,
     turned,
 )
+from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 

@@ -1,0 +1,210 @@
+"""One run of a simulated robot into which a fault is injected, and what its supervisor made of it.
+
+No benchmark itself: `fault_table.py` calls it.
+"""
+
+import math
+import zlib
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from fault_kinds import KINDS
+from fault_kinds.kind import FaultKind
+from fault_subjects import (
+    GET_UP,
+    NOISE,
+    PUSHED_OVER_M_S,
+    FaultTask,
+    drawn_command,
+    ground_of,
+    policy_of,
+    robot_of,
+    scanner_of,
+)
+
+from footfall.common.rotations import tilt
+from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import DAMPED, DECIDING, MOVING, Mode
+from footfall.deploy.recovery import GetUp
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.audit import Audit
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
+
+STAND_S, DAMPING_S = 0.8, 0.1
+SAFE = (*DAMPED, Mode.LOWERING)
+BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes, or the push that fells a robot which gets up
+UP_BETWEEN_S = (0.1, 0.6)  # of getting up, when the fault comes
+LOOK_S = 0.01  # between two looks at whether the robot is down
+TIPPED_RAD = 0.6  # tilt of a robot that has fallen while it lay or stood up
+DOWN_S = 0.2  # that it is down, to count as fallen
+LONGEST_S = 60.0  # of a run in which the robot gets up
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run with a fault."""
+
+    robot: str
+    policy: str
+    ground: str
+    kind: str
+    seed: int
+    detected: bool
+    seconds: float | None  # from the fault to damping, or to the beginning of lying down
+    fault: str  # what the supervisor said
+    final_state: str
+    fell: bool  # before that
+    torque_over: float
+    outside_rad: float
+    rate_share: float
+    stiff: bool  # whether any motor got stiffness
+    stiff_when_damped: bool  # likewise, while the loop damped the robot
+
+
+def kind_of(name: str) -> FaultKind:
+    return next(kind for kind in KINDS if title_of(kind) == name)
+
+
+def title_of(kind: FaultKind) -> str:
+    return f"{kind.name} ({kind.group})" if kind.starting else kind.name
+
+
+class Watch:
+    """Injects the fault at its time, and sees what follows."""
+
+    def __init__(self, injector: FaultInjector, kind: FaultKind, audit: Audit, damped: Audit) -> None:
+        rng = injector.rng
+        self._injector, self._kind, self._audit, self._damped = injector, kind, audit, damped
+        self._at_s = math.inf if kind.starting else float(rng.uniform(*BETWEEN_S))
+        self._up_s = float(rng.uniform(*UP_BETWEEN_S)) if kind.getting_up else 0.0
+        self._pushed = False
+        self.ended = False  # whether the time to notice the fault is over
+        self.loop: ControlLoop | None = None
+        self.injected_us: int | None = 0 if kind.starting else None
+        self.safe_us: int | None = None  # damped, or on its way to lie down
+        self.fault = ""  # what the supervisor said then
+        self.fell = False
+        self._look_us, self._down_s = 0, 0.0
+        injector.bus.watch = self._audit_frames
+
+    def _down(self, mode: Mode) -> bool:
+        """Whether the robot has fallen; one that lies before it stands up has not."""
+        body = self._injector.body
+        if self._kind.lying and mode not in DECIDING:
+            return bool(tilt(body.truth().base_quaternion) > TIPPED_RAD)
+        return body.fall() is not None
+
+    def _audit_frames(self, frames: Any) -> None:
+        if self.loop is None:
+            return
+        sensed = self.loop.sensed
+        audits = (self._audit, self._damped) if self.loop.state.mode in DAMPED else (self._audit,)
+        for audit in audits:
+            audit.look(frames, sensed.joint_position, sensed.joint_velocity)
+
+    def _due(self, loop: ControlLoop) -> bool:
+        """Whether it is time for the fault. A robot that shall get up is pushed over before."""
+        mode = loop.state.mode
+        if not self._kind.getting_up:
+            return mode is Mode.WALKING and loop.walking_s >= self._at_s
+        if mode is Mode.WALKING and loop.walking_s >= self._at_s and not self._pushed:
+            self._pushed = True
+            angle = self._injector.rng.uniform(0.0, math.tau)
+            x, y = PUSHED_OVER_M_S * math.cos(angle), PUSHED_OVER_M_S * math.sin(angle)
+            self._injector.body.push((x, y, 1.0))
+        return mode is Mode.RECOVERING and loop.now_us * 1e-6 - loop.state.since_s >= self._up_s
+
+    def tick(self, loop: ControlLoop) -> None:
+        self.loop = loop
+        mode, now_us = loop.state.mode, loop.now_us
+        if self.injected_us is None:
+            if self._due(loop):
+                self._kind.inject(self._injector)
+                self.injected_us = now_us
+            return
+        if mode in SAFE:
+            if self.safe_us is None and not self.ended:
+                self.safe_us, self.fault = now_us, loop.state.faults[-1] if loop.state.faults else ""
+            return
+        if mode in (Mode.CHECKING, *MOVING) and now_us >= self._look_us:
+            self._look_us = now_us + round(LOOK_S * 1e6)
+            self._down_s = self._down_s + LOOK_S if self._down(mode) else 0.0
+            self.fell = self.fell or self._down_s >= DOWN_S
+        if self._kind.wiring and mode not in DECIDING:
+            return
+        began_us = self.injected_us if not self._kind.starting else round(1.5e6)
+        if now_us - began_us >= self._kind.observed_s * 1e6:
+            self.ended = True
+            loop.finish()
+
+
+def run_fault(task: FaultTask) -> dict[str, Any]:
+    """One run with a fault."""
+    task = FaultTask(*task)
+    robot, kind = robot_of(task.robot), kind_of(task.title)
+    rng = draws_of(task.seed, task.title)
+    config = config_of(robot)
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses, config.host_queue)
+    lying, ground = kind.lying and robot.lying_pose is not None, ground_of(task.subject, task.seed)
+    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s, lying=lying, ground=ground)
+    body = SimulatedRobot(robot, wiring, wires, plant, task.seed)
+    bus = InjectingBus(SimulatedBus(wires, body))
+    policy = faulty = InjectingPolicy(policy_of(task.robot, task.policy))
+    if kind.getting_up:
+        faulty = InjectingPolicy(policy_of(task.robot, GET_UP[task.robot]))
+    command = InjectingCommandSource(drawn_command(rng))
+    injector = FaultInjector(robot, wiring, body, bus, faulty, command, rng)
+    audit, damped = (Audit(robot, wiring, config.tick_us * 1e-6) for _ in range(2))
+    watch = Watch(injector, kind, audit, damped)
+    if kind.starting:
+        kind.inject(injector)
+    session = Session(
+        command_source=command,
+        duration_s=LONGEST_S if kind.getting_up else 20.0,
+        realtime=False,
+        config=config,
+        check_wiring=kind.wiring,
+        get_up=GetUp(faulty) if kind.getting_up else None,
+        height_scans=scanner_of(policy, body, ground, task.seed),
+    )
+    outcome = run_session(robot, policy, bus, session, watch.tick)
+    if watch.safe_us is None and outcome.faults and not watch.ended:  # in the very last tick
+        watch.safe_us, watch.fault = round(outcome.run_s * 1e6), outcome.faults[0]
+    detected = bool(watch.fault) and watch.injected_us is not None
+    run = Run(
+        robot=task.robot,
+        policy=task.policy,
+        ground=task.ground,
+        kind=task.title,
+        seed=task.seed,
+        detected=detected,
+        seconds=(watch.safe_us - watch.injected_us) * 1e-6 if detected else None,  # type: ignore[operator]
+        fault=watch.fault,
+        final_state=outcome.final_state,
+        fell=watch.fell,
+        torque_over=audit.torque_over,
+        outside_rad=audit.outside_rad,
+        rate_share=audit.rate_share,
+        stiff=audit.stiff,
+        stiff_when_damped=damped.stiff,
+    )
+    return asdict(run)
+
+
+def draws_of(seed: int, title: str) -> np.random.Generator:
+    """Random numbers of a run: those of its kind, whatever other kinds there are."""
+    return np.random.default_rng([seed, zlib.crc32(title.encode())])
+
+
+def config_of(robot: Robot) -> DeployConfig:
+    """The robot's own limits; it stands up and is damped quickly, since many runs wait."""
+    own = deploy_config(robot)
+    return replace(own, stand_s=STAND_S, safety=replace(own.safety, damping_s=DAMPING_S))

@@ -1,0 +1,117 @@
+"""Who is put through faults, on which ground, and the parts of a run that all of its kinds share.
+
+No benchmark itself: `fault_table.py` and its parts use it.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.domain_rand.height_scan import HeightScanErrors
+from footfall.domain_rand.noise import Noise
+from footfall.evaluate.scenarios import at_level, load_scenarios
+from footfall.plant.height_scan import SimulatedScanner
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.height_scan import common_height_scan
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.terrain.declaration import make_ground
+from footfall.terrain.ground import Ground
+
+
+class Subject(NamedTuple):
+    """A robot that walks by a policy, on level ground or on that of a scenario."""
+
+    robot: str
+    policy: str
+    ground: str = ""  # name of a scenario; empty for level ground
+
+
+SUBJECTS = {  # whether all rows are tried, or the main ones
+    Subject("go1", "go1-flat"): True,
+    Subject("go1", "mpc"): True,
+    Subject("hexapod", "hexapod-flat"): False,
+    Subject("hexapod", "tripod"): False,
+    Subject("g1", "g1-flat"): False,
+    Subject("g1", "step"): False,
+    Subject("go1", "go1-rough-blind", "rough"): False,
+    Subject("go1", "go1-rough", "rough"): False,
+}
+GET_UP = {"go1": "go1-getup"}  # of the robots that can get up
+PUSHED_OVER_M_S = 9.0  # fells a robot, which then gets up
+NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
+
+
+class FaultTask(NamedTuple):
+    """A run with a fault."""
+
+    robot: str
+    policy: str
+    title: str
+    seed: int
+    ground: str = ""
+
+    @property
+    def subject(self) -> Subject:
+        return Subject(self.robot, self.policy, self.ground)
+
+
+class HealthyTask(NamedTuple):
+    """A run without one."""
+
+    robot: str
+    policy: str
+    randomised: bool
+    seed: int
+    ground: str = ""
+
+    @property
+    def subject(self) -> Subject:
+        return Subject(self.robot, self.policy, self.ground)
+
+
+@lru_cache(maxsize=4)
+def robot_of(name: str) -> Robot:
+    return load_robot(name)
+
+
+def policy_of(robot: str, name: str) -> Policy:
+    """Anew for each run: what one has learned of its robot shall not be there in the next."""
+    return load_policy(name, robot_of(robot))
+
+
+def ground_of(subject: Subject, seed: int) -> Ground | None:
+    """The ground of a run: the scenario's levels take turns. None is level."""
+    if not subject.ground:
+        return None
+    scenario = load_scenarios(robot_of(subject.robot)).scenarios[subject.ground]
+    assert scenario.ground is not None
+    level = {name: values[seed % len(values)] for name, values in scenario.levels.items()}
+    return make_ground(at_level(scenario.ground, level), seed)
+
+
+def scanner_of(
+    policy: Policy, body: SimulatedRobot, ground: Ground | None, seed: int
+) -> SimulatedScanner | None:
+    """The simulated robot's height scans, without errors, if its policy reads them."""
+    scan = common_height_scan([policy.contract])
+    if scan is None:
+        return None
+
+    def pose() -> tuple[np.ndarray, np.ndarray]:
+        truth = body.truth()
+        return truth.base_position, truth.base_quaternion
+
+    return SimulatedScanner(scan, HeightScanErrors(), ground, pose, seed)
+
+
+def drawn_command(rng: np.random.Generator) -> np.ndarray:
+    """A velocity command that every subject can follow: m/s, m/s, rad/s."""
+    return np.array([rng.uniform(0.2, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(-0.5, 0.5)])
+
+
+def is_first(subject: Subject) -> bool:
+    """Whether it is the first of its robot, which alone is tried where the walking policy does not matter."""
+    return next(each for each in SUBJECTS if each.robot == subject.robot) == subject
