@@ -46,7 +46,7 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         kind
         for kind in KINDS
         if (options.only or "") in title_of(kind)
-        and options.group in (None, kind.group)
+        and (not options.group or kind.group in options.group)
         and (kind.main or not options.main)
     ]
     rows_of = {subject: [kind for kind in kinds if is_tried(subject, kind)] for subject in chosen}
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--ground", help="this ground alone: level or rough")
     parser.add_argument("--main", action="store_true", help="main rows alone, for every policy")
     parser.add_argument("--only", help="kinds with this in their names alone")
-    parser.add_argument("--group", help="kinds of this group alone, such as wiring")
+    parser.add_argument("--group", nargs="+", help="kinds of these groups alone, such as wiring")
     parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
     parser.add_argument(
         "--time-limit", type=float, help="seconds until no run begins, for each of both parts"
