@@ -23,7 +23,7 @@ class JointWindow(NamedTuple):
     position_error: np.ndarray  # rad, change of the position less that by the velocity
     late_s: np.ndarray  # by how much the oldest reading was older than the youngest
     speed: np.ndarray  # mean, rad/s
-    speed_changes: np.ndarray  # sizes of the velocity's changes from reading to reading, summed, rad/s
+    jolts: np.ndarray  # sizes of the second differences of the velocity's readings, summed, rad/s
     torque: np.ndarray  # mean of the reported torque, N m
     strongest: np.ndarray  # largest reported torque in either direction, N m
     expected: np.ndarray  # mean of the torque that the last commands ask for, N m
@@ -68,7 +68,7 @@ class _Sums:
         self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
         self.minus_most: list[np.ndarray] = []
         self.expected, self.drive, self.obeyed = np.zeros((3, n))
-        self.travel, self.speed_changes = np.zeros((2, n))
+        self.travel, self.jolts = np.zeros((2, n))
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
         self.late_us = np.zeros(n)
         self.inertials: list[Inertial] = []
@@ -92,6 +92,7 @@ class JointWindows:
         self._added_us = now_us
         self._heard_us = heard_us.copy()
         self._last, self._target = joints, target
+        self._change = np.zeros(self._n)  # of the velocities from reading to reading, rad/s
         self._target_travel = np.zeros(self._n)
         self._ended = joints[0]  # where the last window ended, rad
         self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
@@ -137,7 +138,9 @@ class JointWindows:
         sums.travel += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + last[1])
         sums.starts += joints[0] - sums.travel
         self._heard_us = heard_us.copy()
-        sums.speed_changes += np.abs(joints[1] - last[1])
+        change = joints[1] - last[1]
+        sums.jolts += np.abs(change - self._change)
+        self._change = change
         sums.repeated &= joints == last
         self._last = joints
         sums.readings += joints
@@ -197,7 +200,7 @@ class JointWindows:
             position_error=position_error,
             late_s=1e-6 * sums.late_us,
             speed=np.abs(velocity),
-            speed_changes=sums.speed_changes,
+            jolts=sums.jolts,
             torque=torque,
             strongest=sums.strongest,
             expected=sums.expected / count,

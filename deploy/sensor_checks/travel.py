@@ -27,7 +27,7 @@ class TravelLimits:
     creep_rad: float = 0.03  # the same over `creep_memory_s`, in which noise adds up, too
     creep_memory_s: float = 5.0
     creep_rad_s: float = 0.1  # a joint that is slower hides it in the last digit of its velocity
-    creep_share: float = 0.04  # of what a velocity misses between two readings
+    creep_share: float = 0.03  # of what a velocity misses between two readings
     stuck_rad: float = 0.01  # the same, of a joint whose position or velocity repeats itself
     filter_s: float = 0.005  # by which a motor's velocity lags its position
 
@@ -122,8 +122,8 @@ class Creep(_SignedTravel):
     """The signed error of an encoder that drifts slowly, of the windows in which its joint moves.
 
     The last digit of a velocity is an error that stays the same while a joint rests. Windows in which
-    readings come unevenly do not count. A velocity that changes between two readings, as when a foot lands,
-    leaves the travel uncertain by half of the change over that time. Chance cancels most of it, but not in a
+    readings come unevenly do not count. A velocity that jumps between two readings, as when a foot lands,
+    leaves the travel uncertain by half of the jump over that time. Chance cancels most of it, but not in a
     gait whose strides keep step with the readings: `creep_share` of the sum is allowed.
     """
 
@@ -134,18 +134,18 @@ class Creep(_SignedTravel):
     limit = Limit("creep_rad")
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
-        self._uncertain_s = limits.creep_share * 0.5 * sample_s
+        self._uncertain_s = limits.creep_share * 0.25 * sample_s  # a jump shows in two second differences
         super().__init__(robot, limits, sample_s)
 
     def reset(self) -> None:
         super().reset()
-        self._changes = np.zeros(self._n)  # of the velocity, rad/s; fade
+        self._jolts = np.zeros(self._n)  # rad/s; fade
 
     def measure(self, window: JointWindow) -> np.ndarray:
         moves = (window.speed > self._least_rad_s) & (window.late_s < 0.5 * IMPACT_S)
         kept = math.exp(-window.elapsed_s / self._memory_s)
-        self._changes = kept * self._changes + moves * window.speed_changes
-        error = self._updated(window, moves=moves) - self._uncertain_s * self._changes
+        self._jolts = kept * self._jolts + moves * window.jolts
+        error = self._updated(window, moves=moves) - self._uncertain_s * self._jolts
         return self._trusted * error
 
 
