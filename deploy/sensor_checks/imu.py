@@ -194,8 +194,8 @@ class Lean(_MeanAcceleration):
 class LongLean(Lean):
     """Mean sideways acceleration over seconds, in which a robot's own accelerations cancel out.
 
-    A window counts with at most `lean_error`. A robot that was pushed hard slides until friction has stopped
-    it, and an accelerometer may have missed the push, which is short and beyond its range.
+    A window counts with at most twice the limit. A robot that was pushed hard slides until friction has
+    stopped it, and an accelerometer may have missed the push, which is short and beyond its range.
     """
 
     memory = "long_lean_memory_s"
@@ -205,7 +205,7 @@ class LongLean(Lean):
     def measure(self, window: BodyWindow) -> float:
         ahead, left, up = window.acceleration
         sideways = math.hypot(ahead, left)
-        share = min(1.0, self._limits.lean_error * GRAVITY_M_S2 / max(sideways, 1e-9))
+        share = min(1.0, 2.0 * self._limits.long_lean_error * GRAVITY_M_S2 / max(sideways, 1e-9))
         return super().measure(window._replace(acceleration=[share * ahead, share * left, up]))
 
 
