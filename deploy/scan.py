@@ -2,7 +2,8 @@
 
 First the scan only listens: some motors broadcast their state. Then it sends each id the frames that motors
 of each protocol answer while they are off (`MotorDriver.probes`). Identifiers of a motor that was heard
-before are left out: there the same frame would mean something else.
+before are left out: there the same frame would mean something else. Frames of CAN FD go only to buses that
+have such a motor in robot.yaml: nodes without CAN FD would destroy them.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,12 +16,9 @@ from footfall.deploy.clock import Clock, WallClock
 from footfall.deploy.drivers.choice import DRIVERS, driver_class, imu_driver_class
 from footfall.deploy.drivers.driver import CanFilter, MotorDriver
 from footfall.deploy.drivers.polled import MOTOR_IDS
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import FD, LONGEST, Frames, no_frames, takes_fd
 from footfall.deploy.wiring import Wiring
 
-EVERYTHING: tuple[CanFilter, ...] = tuple(
-    {"can_id": 0, "can_mask": 0, "extended": extended} for extended in (False, True)
-)
 PERIOD_US = 10_000
 LISTENING_TICKS = 25  # two heartbeats
 ROUNDS = 2  # probes of each id: a frame may be lost
@@ -40,6 +38,18 @@ class Found(NamedTuple):
     maker: str
 
 
+def everything(wiring: Wiring) -> tuple[CanFilter, ...]:
+    """Filters that all frames pass, those of CAN FD included where robot.yaml has motors that send them."""
+    fd = bool(_fd_channels(wiring))
+    return tuple({"can_id": 0, "can_mask": 0, "extended": extended, "fd": fd} for extended in (False, True))
+
+
+def _fd_channels(wiring: Wiring) -> set[int]:
+    """Buses with a motor of CAN FD."""
+    channels = zip(wiring.channel.tolist(), wiring.models, strict=True)
+    return {channel for channel, model in channels if takes_fd(driver_class(model).filters)}
+
+
 def expected(wiring: Wiring) -> dict[Found, str]:
     """The motors of robot.yaml, each with its joint."""
     rows = zip(
@@ -49,7 +59,7 @@ def expected(wiring: Wiring) -> dict[Found, str]:
 
 
 def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
-    """All motors on a robot's buses, which must be open for `EVERYTHING`.
+    """All motors on a robot's buses, which must be open for `everything`.
 
     Motors of robot.yaml that do not answer are probed again, up to `MOST_ROUNDS` times.
     """
@@ -71,7 +81,9 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
         return (channel, identifier) not in taken
 
     wanted = {motor for motor in expected(wiring) if motor.maker not in identifiers}
-    batches = _probes(len(wiring.buses), answering, is_free)
+    fd_channels, channels = _fd_channels(wiring), range(len(wiring.buses))
+    batches = _probes(channels, [each for each in answering if not takes_fd(each.filters)], is_free)
+    batches += _probes(sorted(fd_channels), [each for each in answering if takes_fd(each.filters)], is_free)
     for done in range(MOST_ROUNDS):
         if done >= ROUNDS and wanted <= found:
             break
@@ -89,21 +101,22 @@ def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
     """The motors of some protocols that sent frames."""
     found = set()
     for driver in drivers:
-        ids = driver.senders(frames)
+        own = frames.of_fd() if takes_fd(driver.filters) else frames.of_can()
+        ids = driver.senders(own)
         rows = ids >= 0
-        pairs = zip(frames.channel[rows].tolist(), ids[rows].tolist(), strict=True)
+        pairs = zip(own.channel[rows].tolist(), ids[rows].tolist(), strict=True)
         found |= {Found(channel, motor, driver.maker) for channel, motor in pairs}
     return found
 
 
-def _probes(buses: int, drivers: Drivers, is_free: Callable[[int, int], bool]) -> list[Frames]:
-    """Probes of all motor ids on all buses; each batch has those of one protocol to some ids."""
+def _probes(channels: Sequence[int], drivers: Drivers, is_free: Callable[[int, int], bool]) -> list[Frames]:
+    """Probes of all motor ids on some buses; each batch has those of one protocol to some ids."""
     batches: dict[tuple[Probe, ...], Frames] = {}  # protocols with the same probes share a batch
     for first in range(0, len(MOTOR_IDS), AT_ONCE):
         for driver in drivers:
             probes: tuple[Probe, ...] = tuple(
                 (channel, *probe)
-                for channel in range(buses)
+                for channel in channels
                 for motor in MOTOR_IDS[first : first + AT_ONCE]
                 for probe in driver.probes(motor)
                 if is_free(channel, probe[0])
@@ -115,5 +128,7 @@ def _probes(buses: int, drivers: Drivers, is_free: Callable[[int, int], bool]) -
 
 def _batch(probes: tuple[Probe, ...]) -> Frames:
     channel, identifier, content = zip(*probes, strict=True)
-    data = np.frombuffer(b"".join(content), np.uint8).reshape(-1, 8)
-    return Frames(np.array(channel), np.array(identifier), data, np.full(len(probes), 8))
+    width = LONGEST if identifier[0] & FD else 8
+    rows = b"".join(each.ljust(width, b"\0") for each in content)
+    data = np.frombuffer(rows, np.uint8).reshape(-1, width)
+    return Frames(np.array(channel), np.array(identifier), data, np.array([len(each) for each in content]))

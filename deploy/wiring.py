@@ -1,10 +1,12 @@
 """Places of motors and IMU on the buses, from `robot.yaml`."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from footfall.robots.description import Robot
+from footfall.robots.robot_yaml import MotorType
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,9 @@ class Wiring:
     timeout_s: np.ndarray  # (n,) longest time without a command after which a motor must disable itself
     watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
     drive_gains: np.ndarray  # (n, 2) a moteus' kp, N m per turn, and kd, N m s per turn; 0 for none
+    drive_limit: tuple[str, ...]  # (n,) of the drive, to be set: "torque", "current" or "" for none
+    highest: np.ndarray  # (n,) that limit: N m at the joint, A of the motor; NaN for none
+    current_endpoint: np.ndarray  # (n,) id of an ODrive's current_soft_max, 0 for none
     joint_names: tuple[str, ...]
     foot_channel: np.ndarray  # (feet,) intp, of each foot's force sensor; (0,) without such sensors
 
@@ -35,6 +40,9 @@ class Wiring:
             timeout_s=self.timeout_s[joints],
             watchdog_endpoints=self.watchdog_endpoints[joints],
             drive_gains=self.drive_gains[joints],
+            drive_limit=tuple(self.drive_limit[joint] for joint in joints),
+            highest=self.highest[joints],
+            current_endpoint=self.current_endpoint[joints],
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
@@ -49,6 +57,7 @@ def wire(robot: Robot) -> Wiring:
     joints = robot.description.joints
     of_feet = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]
     buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus, *of_feet]))
+    motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
     channel = np.array([buses.index(joint.bus) for joint in joints])
     motor_id = np.array([joint.id for joint in joints])
     return Wiring(
@@ -57,15 +66,22 @@ def wire(robot: Robot) -> Wiring:
         motor_id=motor_id,
         imu_channel=buses.index(robot.description.imu_bus),
         imu_protocol=robot.description.imu_protocol,
-        models=tuple(robot.description.motors[joint.motor].protocol for joint in joints),
+        models=tuple(motor.protocol for motor in motors),
         gear_ratio=robot.motor_figures("gear_ratio"),
         timeout_s=robot.motor_figures("timeout_s"),
-        watchdog_endpoints=np.array(
-            [robot.description.motors[joint.motor].watchdog_endpoints or (0, 0) for joint in joints]
-        ),
-        drive_gains=np.array(
-            [robot.description.motors[joint.motor].drive_gains or (0.0, 0.0) for joint in joints]
-        ),
+        watchdog_endpoints=np.array([motor.watchdog_endpoints or (0, 0) for motor in motors]),
+        drive_gains=np.array([motor.drive_gains or (0.0, 0.0) for motor in motors]),
+        drive_limit=tuple(motor.drive_limit or "" for motor in motors),
+        highest=np.array([_highest(motor) for motor in motors]),
+        current_endpoint=np.array([motor.current_endpoint or 0 for motor in motors]),
         joint_names=robot.joint_names,
         foot_channel=np.array([buses.index(bus) for bus in of_feet], np.intp),
     )
+
+
+def _highest(motor: MotorType) -> float:
+    """The drive's limit that peak_torque_nm is: N m at the joint, or A; NaN for none."""
+    if motor.drive_limit is None:
+        return math.nan
+    per_unit = motor.gear_ratio * motor.torque_constant_nm_a if motor.drive_limit == "current" else 1.0
+    return motor.peak_torque_nm / per_unit

@@ -189,10 +189,11 @@ class SimulatedMotors:
             values = values * self._gain_scale[:, motor]
         if kind is None:
             self._queue(step, motor, values)
+            self._watchdog.address(motor, step)
         else:
             self._follow_each(step, requests._replace(values=values), readings)
             self._watchdog.read_timeouts()
-        self._watchdog.address(motor, step)
+            self._watchdog.address(requests.take(kind != Request.READ, len(self.enabled)).motor, step)
         return self._reply(motor, readings)
 
     def _follow_each(self, step: int, requests: Requests, readings: np.ndarray) -> None:
@@ -216,7 +217,7 @@ class SimulatedMotors:
                 self._clear(motor)
             elif kind == Request.ZERO:
                 self.encoder_bias[motor] -= readings[0, motor]
-            elif kind == Request.COMMAND or not self._locked()[motor]:
+            elif kind != Request.READ and (kind == Request.COMMAND or not self._locked()[motor]):
                 self.enabled[motor] |= kind == Request.RUN
                 values = requests.values[:, row : row + 1]
                 self._queue(step, np.array([motor]), values)

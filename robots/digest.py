@@ -79,6 +79,8 @@ def _counted(description: Description) -> Any:
             "timeout_s",
             "watchdog_endpoints",
             "drive_gains",
+            "drive_limit",
+            "current_endpoint",
         ):
             del motor[name]
         for name in NOMINALLY_ABSENT:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -48,6 +48,9 @@ class MotorType:
     voltage_v: tuple[float, float] | None = None  # least and most at its supply; None for no limit
     watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
     drive_gains: tuple[float, float] | None = None  # kp, kd that a moteus scales: N m, N m s per turn
+    # Which limit of the drive is set to peak_torque_nm, as a torque or as a current; None for neither.
+    drive_limit: Literal["torque", "current"] | None = None
+    current_endpoint: int | None = None  # id of an ODrive's current_soft_max
     torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None for no lag
     stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
     stribeck_speed_rad_s: float | None = None  # half of it is left; None for 5 times friction_speed_rad_s
@@ -67,14 +70,14 @@ class MotorType:
         rest = (
             name
             for name in self.__dataclass_fields__
-            if name not in ("protocol", "voltage_driven", *may_be_zero)
+            if name not in ("protocol", "voltage_driven", "drive_limit", *may_be_zero)
         )
         require_positive(self, *rest)
         require_not_negative(self, *may_be_zero)
         require_ordered(self, "voltage_v")
         require_between(self, *MOTOR_TIMEOUT_S, "timeout_s")
         require_between(self, 0.0, 0.9, "load_friction")
-        require_between(self, 1, 0xFFFF, "watchdog_endpoints")
+        require_between(self, 1, 0xFFFF, "watchdog_endpoints", "current_endpoint")
         if (self.thermal_resistance_k_w is None) != (self.thermal_capacity_j_k is None):
             raise ValueError("thermal_resistance_k_w and thermal_capacity_j_k must be given together")
         if self.derating_c is not None:

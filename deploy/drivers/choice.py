@@ -88,6 +88,17 @@ def _opened(driver: type[MotorDriver], wiring: Wiring) -> Driver:
     return driver(wiring) if driver in DRIVERS else open_outside(driver, wiring)
 
 
+def _check_drive_limit(wiring: Wiring, joint: int, driver: type[MotorDriver]) -> None:
+    """Raises UserError if a driver does not set the limit of a joint's drive that robot.yaml asks for."""
+    limit, sets = wiring.drive_limit[joint], getattr(driver, "drive_limits", ())
+    if limit and limit not in sets:
+        instead = f"drive_limit: {' or '.join(sets)}" if sets else "no drive_limit"
+        raise UserError(
+            f"joint {wiring.joint_names[joint]}: {driver.maker} motors have no {limit} limit that a frame"
+            f" sets: give them {instead}"
+        )
+
+
 def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
     """The driver classes of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
     drivers = []
@@ -96,6 +107,7 @@ def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
             drivers.append(driver_class(protocol))
         except UserError as error:
             raise UserError(f"joint {joint}: {error}") from None
+        _check_drive_limit(wiring, len(drivers) - 1, drivers[-1])
     of_imu = imu_driver_class(wiring.imu_protocol).identifiers
     check_identifiers(wiring, [driver.identifiers for driver in drivers], of_imu)
     return [

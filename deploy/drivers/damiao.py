@@ -120,7 +120,7 @@ class DamiaoDriver(PolledDriver):
         for joint, register, value in self._settings.questions():
             motor = int(self._wiring.motor_id[joint])
             if value is not None:
-                rows.append((joint, struct.pack("<HBBI", motor, WRITE, register, value)))
+                rows.append((joint, struct.pack("<HBBI", motor, WRITE, register, int(value))))
             rows.append((joint, struct.pack("<HBBI", motor, READ, register, 0)))
         channel = self._wiring.channel[np.array([joint for joint, _ in rows], np.intp)]
         data = np.frombuffer(b"".join(row for _, row in rows), np.uint8).reshape(-1, 8)

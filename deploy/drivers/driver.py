@@ -127,7 +127,11 @@ class Driver(Protocol):
 
 
 class MotorDriver(Driver, Protocol):
-    """A driver class of one protocol, as `drivers/choice.py` lists it or robot.yaml names it."""
+    """A driver class of one protocol, as `drivers/choice.py` lists it or robot.yaml names it.
+
+    A class may have `drive_limits: tuple[str, ...]`: "torque" or "current", which it sets in the drive to
+    `wiring.highest` and reads back where robot.yaml asks for it as `drive_limit`.
+    """
 
     maker: str  # name in tables
     models: tuple[str, ...]  # motor models that robot.yaml may name; empty for a class that it names itself
@@ -148,9 +152,10 @@ class MotorDriver(Driver, Protocol):
 
     @staticmethod
     def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:
-        """Frames (identifier, 8 bytes) that a motor of this id answers, for `footfall can scan`.
+        """Frames (identifier, content) that a motor of this id answers, for `footfall can scan`.
 
-        They disable a motor or read from it. None for motors that broadcast their state.
+        The content has 8 bytes, or as many as a frame of CAN FD can have. They disable a motor or read from
+        it. None for motors that broadcast their state.
         """
         ...
 

@@ -33,16 +33,16 @@ SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # bytes that a CAN FD
 WRITE, READ, REPLY = 0x00, 0x10, 0x20
 TYPES = {0: "<b", 4: "<h", 8: "<i", 12: "<f"}
 
-MODE, POSITION_COMMAND, TIME_OUT, OUTPUT_EXACT = 0x000, 0x020, 0x027, 0x131
+MODE, POSITION_COMMAND, TORQUE_LIMIT, TIME_OUT, OUTPUT_EXACT = 0x000, 0x020, 0x025, 0x027, 0x131
 STOPPED, FAULT, POSITION, TIMED_OUT = 0, 1, 10, 11  # values of MODE
 TIME_OUT_UNIT_S = 0.001  # of an int16
 
 QUERY = bytes.fromhex("11 00 1f 01 13 0d")  # mode; position, velocity, torque; voltage, temperature, fault
 STOP = bytes.fromhex("01 00 00") + QUERY
 ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # the present position is 0.0
-# Position mode; five floats from 0x020 on (position, velocity, torque, scales of kp and kd), a time-out; no
-# limit of velocity and acceleration; no integral term.
-COMMAND_HEAD, COMMAND_TIME_OUT = bytes.fromhex("01 00 0a 0c 05 20"), bytes.fromhex("05 27")
+# Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, the torque limit,
+# NaN for the drive's own), a time-out; no limit of velocity and acceleration; no integral term.
+COMMAND_HEAD, COMMAND_TIME_OUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")
 COMMAND_TAIL = bytes.fromhex("02 28 ff ff 01 2b 00") + QUERY
 FLOATS = slice(len(COMMAND_HEAD), len(COMMAND_HEAD) + 20)  # of a command
 
@@ -136,11 +136,29 @@ def padded(content: bytes, count: int) -> tuple[np.ndarray, int]:
     return np.tile(row, (count, 1)), length
 
 
-def command_rows(timeout_s: np.ndarray) -> tuple[np.ndarray, int]:
+def limit_access(highest: float | None) -> bytes:
+    """Content that reads the torque limit, N m, after writing one unless `highest` is None.
+
+    A write without a mode takes no effect by itself: each command writes the limit again.
+    """
+    write = b"" if highest is None else bytes([0x0D, TORQUE_LIMIT]) + struct.pack("<f", highest)
+    return write + bytes([0x1D, TORQUE_LIMIT])
+
+
+def reported_limit(data: bytes) -> float | None:
+    """The torque limit in an answer to `limit_access`, N m; None for other frames."""
+    if data[:2] != bytes([0x2D, TORQUE_LIMIT]) or len(data) < 6:
+        return None
+    return float(struct.unpack_from("<f", data, 2)[0])
+
+
+def command_rows(timeout_s: np.ndarray, torque_limit: np.ndarray) -> tuple[np.ndarray, int]:
     """Data of command frames without their floats, (n, 64), and their length."""
     rows, length = [], 0
-    for count in np.rint(timeout_s / TIME_OUT_UNIT_S).astype(int).tolist():
-        content = COMMAND_HEAD + bytes(20) + COMMAND_TIME_OUT + struct.pack("<h", count) + COMMAND_TAIL
+    counts = np.rint(timeout_s / TIME_OUT_UNIT_S).astype(int).tolist()
+    for count, highest in zip(counts, torque_limit.tolist(), strict=True):
+        floats = bytes(20) + struct.pack("<f", highest)
+        content = COMMAND_HEAD + floats + COMMAND_TIME_OUT + struct.pack("<h", count) + COMMAND_TAIL
         row, length = padded(content, 1)
         rows.append(row)
     return np.concatenate(rows), length

@@ -8,6 +8,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.drivers import moteus
 from footfall.deploy.drivers.driver import CanFilter, Replies
 from footfall.deploy.drivers.polled import Orders, PolledDriver
+from footfall.deploy.drivers.settings import Limit, Settings
 from footfall.deploy.frames import Frames, fd_bits
 from footfall.deploy.wiring import Wiring
 
@@ -21,6 +22,7 @@ class MoteusDriver(PolledDriver):
 
     maker = "moteus"
     models: tuple[str, ...] = (moteus.MODEL,)
+    drive_limits: tuple[str, ...] = ("torque",)
     motor_end = "footfall.plant.motor_ends.moteus:MoteusMotorEnd"
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": moteus.HOST, "can_mask": 0xFF, "extended": extended, "fd": True}
@@ -36,7 +38,9 @@ class MoteusDriver(PolledDriver):
                     f"joint {joint}: a moteus needs drive_gains, its servo.pid_position kp and kd"
                 )
         self._identifier = moteus.to_motor(wiring.motor_id)
-        rows, length = moteus.command_rows(wiring.timeout_s)
+        rows, length = moteus.command_rows(wiring.timeout_s, wiring.highest)
+        limit = Limit(moteus.TORQUE_LIMIT, "torque limit (register 0x025, N m)", wiring.highest)
+        self._settings = Settings(wiring, {}, None, limit=limit)
         self._outgoing = Frames(wiring.channel, self._identifier, rows, np.full(n, length))
         stop, zero = (self._fixed(wiring, content) for content in (moteus.STOP, moteus.ZERO))
         super().__init__(wiring, Orders(self._outgoing, stop, zero, stop))
@@ -60,6 +64,27 @@ class MoteusDriver(PolledDriver):
         """All 11-bit identifiers: two nodes may not share one, whatever the kind of their frames."""
         reply = motor_id << 8 | moteus.HOST
         return (reply,) if reply < 0x800 else ()
+
+    @staticmethod
+    def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:
+        return ((int(moteus.to_motor(np.array(motor_id))), moteus.QUERY),)
+
+    @staticmethod
+    def senders(frames: Frames) -> np.ndarray:
+        frames = frames.of_fd()
+        return np.where(_answers(frames), frames.id >> 8 & 0x7F, -1)
+
+    def query_settings(self) -> Frames:
+        """Reads of the torque limit where robot.yaml asks for one; another one is written before."""
+        asked = self._settings.questions()
+        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in asked]
+        motor = np.array([each.motor for each in asked], np.intp)
+        data = np.concatenate([data for data, _ in rows]) if rows else np.zeros((0, 64), np.uint8)
+        length = np.array([length for _, length in rows], np.intp)
+        return Frames(self._wiring.channel[motor], self._identifier[motor], data, length)
+
+    def not_ready(self) -> str:
+        return self._settings.problem()
 
     def not_enabled(self) -> str:
         off = self._mode != moteus.POSITION
@@ -86,9 +111,12 @@ class MoteusDriver(PolledDriver):
     def replies(self, frames: Frames) -> Replies:
         frames = frames.of_fd()
         motor = self._lookup[frames.channel, frames.id >> 8 & 0x7F]
-        usable = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
-        for place, byte in moteus.REPLY_HEADS.items():
-            usable &= frames.data[:, place] == byte
+        answers = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST)
+        for row in np.flatnonzero(answers & (frames.length < moteus.REPLY_BYTES)).tolist():
+            limit = moteus.reported_limit(frames.data[row, : frames.length[row]].tobytes())
+            if limit is not None:
+                self._settings.note(int(motor[row]), moteus.TORQUE_LIMIT, limit)
+        usable = (motor >= 0) & _answers(frames)
         motor, frames = motor[usable], frames.take(usable)
         floats = np.ascontiguousarray(frames.data[:, 5:17]).view("<f4").astype(float).T
         usable = np.isfinite(floats).all(axis=0)
@@ -111,3 +139,11 @@ class MoteusDriver(PolledDriver):
 
     def error_name(self, code: int, joint: int = 0) -> str:
         return ERRORS.get(code, f"fault {code}")
+
+
+def _answers(frames: Frames) -> np.ndarray:
+    """Which frames of CAN FD answer `moteus.QUERY`, (k,) bool."""
+    found = (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
+    for place, byte in moteus.REPLY_HEADS.items():
+        found &= frames.data[:, place] == byte
+    return np.asarray(found)

@@ -7,7 +7,7 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | message | sender | content |
 | --- | --- | --- |
 | 0x01 heartbeat | axis, every 100 ms | active errors u32, state u8, result u8, trajectory done u8 |
-| 0x04 read or write | host | 0 to read, u8; endpoint u16; 0 u8 |
+| 0x04 read or write | host | 0 to read or 1 to write, u8; endpoint u16; 0 u8; value to write |
 | 0x05 was read | axis, after a read | 0 u8; endpoint u16; 0 u8; value |
 | 0x07 axis state | host | u32: 1 off, 8 closed loop |
 | 0x09 encoder | axis, at its set rate | position f32, velocity f32: turns and turns/s of the rotor |
@@ -25,6 +25,8 @@ Nothing but a read is answered: an axis broadcasts its measurements. `encoder_ms
 `torques_msg_rate_ms` must be set to a joint tick. Its watchdog, which is off by default, must be enabled with
 at most `timeout_s` of robot.yaml. It is read before an axis is enabled, where robot.yaml has its
 `watchdog_endpoints`: endpoint ids differ between firmwares, and stand in the `flat_endpoints.json` of each.
+So does that of `axis0.config.motor.current_soft_max` (`current_endpoint`), which is written and read back
+where robot.yaml asks for a current limit.
 """
 
 import math
@@ -121,6 +123,14 @@ def reads(endpoints: np.ndarray) -> np.ndarray:
     """Content of frames that read endpoints (k,), (k, 8)."""
     data = np.zeros((len(endpoints), 8), np.uint8)
     data[:, 1:3] = endpoints.astype(_SHORTS).view(np.uint8).reshape(-1, 2)
+    return data
+
+
+def writes(endpoints: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Content of frames that write floats (k,) to endpoints (k,), (k, 8)."""
+    data = reads(endpoints)
+    data[:, 0] = 1
+    data[:, 4:] = float_bytes(values)[:, :4]
     return data
 
 

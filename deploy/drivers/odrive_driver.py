@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 
+from footfall.common.errors import UserError
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.driver import CanFilter, Replies
 from footfall.deploy.drivers.odrive_watchdogs import Watchdogs
+from footfall.deploy.drivers.settings import Limit, Settings
 from footfall.deploy.frames import Frames, frame_bits, joined
 from footfall.deploy.wiring import Wiring
 
@@ -15,6 +17,7 @@ from footfall.deploy.wiring import Wiring
 OLDEST_READING = 5
 ENABLE_EVERY = 100  # ticks; longer than a heartbeat takes to confirm enable
 MOST_WITHOUT_TORQUE = 25
+CURRENT_LIMIT = 0  # the only setting of `Settings` here
 
 
 class _Axes:
@@ -35,6 +38,7 @@ class OdriveDriver:
 
     maker = "ODrive"
     models: tuple[str, ...] = (odrive.MODEL,)
+    drive_limits: tuple[str, ...] = ("current",)
     motor_end = "footfall.plant.motor_ends.odrive:OdriveMotorEnd"
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": message, "can_mask": 0x1F, "extended": False}
@@ -49,10 +53,14 @@ class OdriveDriver:
     )
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that is no node id."""
+        """Raises UserError for a motor id that is no node id, or a current limit without its endpoint."""
         n = len(wiring.motor_id)
         self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
-        self._watchdogs = Watchdogs(wiring)
+        self._watchdogs, limited = Watchdogs(wiring), np.isfinite(wiring.highest)
+        if (limited & (wiring.current_endpoint == 0)).any():
+            raise UserError("an ODrive with drive_limit needs current_endpoint, that of current_soft_max")
+        limit = Limit(CURRENT_LIMIT, "current_soft_max (A)", wiring.highest)
+        self._limits = Settings(wiring, {}, None, limit=limit)
         self._gear = wiring.gear_ratio
         self._per_turn = odrive.TURN / wiring.gear_ratio  # rad at the joint
         self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
@@ -85,14 +93,25 @@ class OdriveDriver:
         return np.where(heartbeat & (node >= odrive.NODES[0]) & (node <= odrive.NODES[-1]), node, -1)
 
     def query_settings(self) -> Frames:
-        """Torque control, and one read of each axis' watchdog that is not known."""
+        """Torque control, and one read of each axis: of its watchdog, then of its current limit."""
         axes, endpoints = self._watchdogs.questions()
-        if not axes.size:
-            return self._mode
+        asked = [] if axes.size else self._limits.questions()  # the interface's queue is short
+        limited = np.array([each.motor for each in asked], np.intp)
+        writes = np.array([each.motor for each in asked if each.write is not None], np.intp)
+        endpoint = self._wiring.current_endpoint
+        return joined(
+            [
+                self._mode,
+                self._access(writes, odrive.writes(endpoint[writes], self._wiring.highest[writes]), 8),
+                self._access(axes, odrive.reads(endpoints), 4),
+                self._access(limited, odrive.reads(endpoint[limited]), 4),
+            ]
+        )
+
+    def _access(self, axes: np.ndarray, data: np.ndarray, length: int) -> Frames:
+        """Frames that read or write endpoints of axes (k,)."""
         identifier = self._wiring.motor_id[axes] << 5 | odrive.READ
-        data = odrive.reads(endpoints)
-        reads = Frames(self._wiring.channel[axes], identifier, data, np.full(len(axes), 4))
-        return joined([self._mode, reads])
+        return Frames(self._wiring.channel[axes], identifier, data, np.full(len(axes), length))
 
     def not_ready(self) -> str:
         axes = self._axes
@@ -103,7 +122,7 @@ class OdriveDriver:
         ):
             if missing.any():
                 return f"motor {self._wiring.place(int(missing.argmax()))} {what}"
-        return self._watchdogs.problem()
+        return self._watchdogs.problem() or self._limits.problem()
 
     def enable(self) -> Frames:
         """Enable frames now and then only: an axis that is enabled again while it is on starts anew."""
@@ -197,6 +216,9 @@ class OdriveDriver:
                 self._note_heartbeats(axis, content)
             elif kind == odrive.WAS_READ:
                 self._watchdogs.note(axis, content)
+                limited = odrive.endpoint_of(content) == self._wiring.current_endpoint[axis]
+                for joint, value in zip(axis[limited].tolist(), second[limited].tolist(), strict=True):
+                    self._limits.note(joint, CURRENT_LIMIT, value)
             elif kind == odrive.TORQUES:
                 axes.values[2, sound] = second[finite] * self._gear[sound]
                 axes.without_torque[sound] = 0

@@ -5,7 +5,8 @@ identifier's 16 data bits, and position, velocity, stiffness and damping as four
 (type 2) carries position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
 and two bits of mode. A parameter (type 17) is read by its index, little-endian, in the first two bytes; the
 answer has its value, little-endian, in the last four. Type 18 writes it until the motor loses power, and is
-answered by a reply. The communication time-out is written where it is off or too long.
+answered by a reply. The communication time-out is written where it is off or too long, and the torque limit,
+a float, where robot.yaml asks for one.
 
 A motor reports its faults (type 21) as a word of bits, little-endian, in the first four bytes. They count for
 its next replies until it reports others or is cleared. The last four bytes are warnings, which are left out:
@@ -23,7 +24,7 @@ import numpy as np
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.polled import Orders, PolledDriver, to_every_motor
-from footfall.deploy.drivers.settings import Known, Settings, TimeOut
+from footfall.deploy.drivers.settings import Known, Limit, Settings, TimeOut
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.wiring import Wiring
 
@@ -42,7 +43,7 @@ RANGES = {
     "RS06": MotorRange(50.0, 36.0, _TURNS, kp=5000.0, kd=100.0),
 }
 
-RUN_MODE, TIME_OUT = PARAMETERS = (0x7005, 0x7028)
+RUN_MODE, TORQUE_LIMIT, TIME_OUT = PARAMETERS = (0x7005, 0x700B, 0x7028)
 _NAMES = {
     RUN_MODE: "run mode (parameter 0x7005)",
     TIME_OUT: "communication time-out (parameter 0x7028)",
@@ -117,11 +118,24 @@ def words_of(data: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(data).view(_WORDS).astype(np.intp).T
 
 
+def parameter_value(parameter: int, content: bytes) -> float:
+    """A parameter of the four bytes that carry it: the run mode is a byte, the torque limit a float."""
+    if parameter == TORQUE_LIMIT:
+        return float(struct.unpack("<f", content)[0])
+    return int.from_bytes(content[:1] if parameter == RUN_MODE else content, "little")
+
+
+def parameter_bytes(parameter: int, value: float) -> bytes:
+    """The inverse of `parameter_value`."""
+    return struct.pack("<f", value) if parameter == TORQUE_LIMIT else int(value).to_bytes(4, "little")
+
+
 class RobstrideDriver(PolledDriver):
     """The controller's end."""
 
     maker = "RobStride"
     models = tuple(RANGES)
+    drive_limits = ("torque",)
     motor_end = "footfall.plant.motor_ends.robstride:RobstrideMotorEnd"
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": kind << 24 | HOST, "can_mask": 0x1F00_00FF, "extended": True}
@@ -142,7 +156,8 @@ class RobstrideDriver(PolledDriver):
         self._codec = Codec(wiring.models)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
-        self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem)
+        limit = Limit(TORQUE_LIMIT, "torque limit (parameter 0x700b, N m)", wiring.highest)
+        self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem, limit)
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._reported = np.zeros(n, np.uint8)  # codes of reported faults, 0 for none
         self._outgoing = zeros._replace(id=identifier_of(CONTROL, 0, wiring.motor_id))
@@ -161,11 +176,12 @@ class RobstrideDriver(PolledDriver):
         return np.where(_to_host(frames, FEEDBACK), frames.id >> 8 & 0xFF, -1)
 
     def query_settings(self) -> Frames:
-        """Reads of unknown parameters; a wrong time-out is written before."""
+        """Reads of unknown parameters; a wrong time-out or torque limit is written before."""
         rows = []
         for joint, parameter, value in self._settings.questions():
             if value is not None:
-                rows.append((joint, WRITE, struct.pack("<HHI", parameter, 0, value)))
+                content = parameter_bytes(parameter, value)
+                rows.append((joint, WRITE, struct.pack("<HH", parameter, 0) + content))
             rows.append((joint, READ, struct.pack("<HHI", parameter, 0, 0)))
         joints = np.array([joint for joint, _, _ in rows], np.intp)
         kinds = np.array([kind for _, kind, _ in rows], np.intp)
@@ -217,8 +233,7 @@ class RobstrideDriver(PolledDriver):
     def _note_parameter(self, joint: int, row: bytes) -> None:
         parameter = int.from_bytes(row[:2], "little")
         if parameter in PARAMETERS:
-            value = row[4:5] if parameter == RUN_MODE else row[4:]  # the mode is a byte
-            self._settings.note(joint, parameter, int.from_bytes(value, "little"))
+            self._settings.note(joint, parameter, parameter_value(parameter, row[4:]))
 
     def _note_faults(self, joint: int, row: bytes) -> None:
         word = int.from_bytes(row[:4], "little")

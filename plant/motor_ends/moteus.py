@@ -1,5 +1,6 @@
 """moteus controllers in position mode, on CAN FD."""
 
+import struct
 from typing import NamedTuple
 
 import numpy as np
@@ -41,11 +42,36 @@ class MoteusMotorEnd(PolledMotorEnd):
             self._data[:, place] = byte
         self._length = np.full(n, length)
         self._timeout_s = np.full(n, 0.1)
+        self.torque_limit = np.full(n, np.nan)
         self._usual = _Usual((), np.zeros(0, int), np.zeros(0, int))
 
     @property
     def timeout_s(self) -> np.ndarray:
         return self._timeout_s
+
+    def settings_replies(self, frames: Frames) -> Frames | None:
+        """Torque limits, `torque_limit` (n,) N m: NaN for the drive's own."""
+        frames = frames.of_fd()
+        motor = self._lookup[frames.channel, frames.id & 0x7F]
+        joints, rows = [], []
+        for row in np.flatnonzero((motor >= 0) & (frames.id & 0x8080 == 0x8000)).tolist():
+            try:
+                parts = list(moteus.subframes(frames.data[row, : frames.length[row]].tobytes()))
+            except ValueError:
+                continue
+            about = [each for each in parts if each.first == moteus.TORQUE_LIMIT]
+            for each in about:
+                if each.kind == moteus.WRITE:
+                    self.torque_limit[motor[row]] = each.values[0]
+            if any(each.kind == moteus.READ for each in about):
+                joints.append(motor[row])
+                limit = struct.pack("<f", self.torque_limit[motor[row]])
+                rows.append(moteus.padded(bytes([0x2D, moteus.TORQUE_LIMIT]) + limit, 1))
+        if not rows:
+            return None
+        data = np.concatenate([data for data, _ in rows])
+        length = np.array([length for _, length in rows])
+        return Frames(self._wiring.channel[joints], self._identifier[joints], data, length)
 
     def requests(self, frames: Frames) -> Requests:
         """Modes other than stop and position are left out."""
@@ -62,10 +88,11 @@ class MoteusMotorEnd(PolledMotorEnd):
         usable = (motor >= 0) & (frames.id & 0x8080 == 0x8000)
         for row in np.flatnonzero(usable).tolist():
             try:
-                written = _written(frames.data[row, : frames.length[row]].tobytes())
+                content = frames.data[row, : frames.length[row]].tobytes()
+                written = _written(content)
             except ValueError:
                 continue
-            asked = self._kind(motor[row], written)
+            asked = self._kind(motor[row], written, moteus.QUERY in content)
             if asked is not None:
                 rows.append(row)
                 kinds.append(asked)
@@ -84,10 +111,12 @@ class MoteusMotorEnd(PolledMotorEnd):
         command = np.array([position * TURN, velocity * TURN, kp * gains[0], kd * gains[1], torque])
         return Requests(joints, command, kind)
 
-    def _kind(self, joint: int, written: dict[int, float]) -> Request | None:
-        """What a frame requests; notes its time-out."""
+    def _kind(self, joint: int, written: dict[int, float], queried: bool) -> Request | None:
+        """What a frame requests, which ends with `moteus.QUERY` or does not; notes its time-out."""
         if moteus.OUTPUT_EXACT in written:
             return Request.ZERO
+        if not written:
+            return Request.READ if queried else None
         mode = written.get(moteus.MODE)
         if mode == moteus.STOPPED:
             return Request.STOP

@@ -27,6 +27,7 @@ class Request(IntEnum):
     CLEAR = 4  # clear latched errors
     STOP = 5  # disable, and clear latched errors
     RUN = 6  # enable, unless an error is latched, and follow the command
+    READ = 7  # answer, and nothing else
 
 
 class Requests(NamedTuple):

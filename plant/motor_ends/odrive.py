@@ -10,6 +10,7 @@ from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 
 READING_US = 2000  # encoder_msg_rate_ms and torques_msg_rate_ms
 SLOW_US = 100_000  # heartbeat, temperature and supply
+DELIVERED_CURRENT_A = 10.0  # current_soft_max
 STAGGER_US = 7000  # axes begin at different times, so that their slow messages do not meet
 
 _SLOW = (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)  # each a third of the time after the one before
@@ -28,7 +29,7 @@ class OdriveMotorEnd:
     """The axes' end.
 
     `mode` (n, 2) are the control and input modes of each axis, `damping` (n,) its velocity gain at the joint,
-    N m s/rad, `watchdog` (2, n) whether its watchdog is on, and its time in s.
+    N m s/rad, `watchdog` (2, n) whether its watchdog is on, and its time in s, `current_limit` (n,) A.
     """
 
     filters: tuple[CanFilter, ...] = tuple(
@@ -48,6 +49,7 @@ class OdriveMotorEnd:
         self.mode = np.zeros((n, 2), np.intp)
         self.damping = np.zeros(n)
         self.watchdog = np.tile([[1.0], [0.1]], n)
+        self.current_limit = np.full(n, DELIVERED_CURRENT_A)
         self._stagger_us = STAGGER_US * np.arange(n)
         self._eights = np.full(n, 8)
         self._ids = {
@@ -89,7 +91,12 @@ class OdriveMotorEnd:
         motor = self._lookup[frames.channel, np.where(frames.id < 0x800, frames.id >> 5, 0)]
         rows = np.flatnonzero((motor >= 0) & (frames.id & 0x1F == odrive.READ) & (frames.length >= 4))
         endpoint = odrive.endpoint_of(frames.data[rows])
-        asked = endpoint[:, None] == self._wiring.watchdog_endpoints[motor[rows]]
+        limits = np.flatnonzero(endpoint == self._wiring.current_endpoint[motor[rows]])
+        for row in rows[limits[frames.data[rows[limits], 0] == 1]].tolist():
+            self.current_limit[motor[row]] = odrive.floats(frames.data[[row]])[1, 0]
+        rows, endpoint = rows[frames.data[rows, 0] == 0], endpoint[frames.data[rows, 0] == 0]
+        known = self._wiring.watchdog_endpoints, self._wiring.current_endpoint[:, None]
+        asked = endpoint[:, None] == np.hstack(known)[motor[rows]]
         rows, which = rows[asked.any(axis=1)], asked.argmax(axis=1)[asked.any(axis=1)]
         if not rows.size:
             return None
@@ -97,6 +104,7 @@ class OdriveMotorEnd:
         data[:, 4:] = odrive.float_bytes(self.watchdog[1, axes])[:, :4]
         data[which == 0, 4:] = 0
         data[which == 0, 4] = self.watchdog[0, axes[which == 0]]
+        data[which == 2, 4:] = odrive.float_bytes(self.current_limit[axes[which == 2]])[:, :4]
         identifier = self._wiring.motor_id[axes] << 5 | odrive.WAS_READ
         return Frames(self._wiring.channel[axes], identifier, data, np.where(which == 0, 5, 8))
 

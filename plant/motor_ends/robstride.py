@@ -10,6 +10,7 @@ from footfall.deploy.drivers.robstride import (
     FAULT,
     FEEDBACK,
     HOST,
+    RANGES,
     READ,
     REPLIED,
     REPORTED,
@@ -18,10 +19,13 @@ from footfall.deploy.drivers.robstride import (
     STOP,
     TIME_OUT,
     TIME_OUT_STEP_S,
+    TORQUE_LIMIT,
     WRITE,
     ZERO,
     Codec,
     identifier_of,
+    parameter_bytes,
+    parameter_value,
     payload,
     words_of,
 )
@@ -43,7 +47,10 @@ class RobstrideMotorEnd(PolledMotorEnd):
         super().__init__(wiring)
         self._lookup = motor_lookup(wiring)
         self._codec = Codec(wiring.models)
-        self.parameters = [{RUN_MODE: 0, TIME_OUT: DELIVERED_TIME_OUT} for _ in wiring.models]
+        self.parameters: list[dict[int, float]] = [
+            {RUN_MODE: 0, TORQUE_LIMIT: RANGES[model].torque, TIME_OUT: DELIVERED_TIME_OUT}
+            for model in wiring.models
+        ]
         self._length = np.full(len(wiring.models), 8)
 
     @property
@@ -72,8 +79,8 @@ class RobstrideMotorEnd(PolledMotorEnd):
         for row, joint, write in zip(data, joints.tolist(), (kind[rows] == WRITE).tolist(), strict=True):
             parameter, own = int(row[0]) | int(row[1]) << 8, self.parameters[joint]
             if write and parameter in own:
-                own[parameter] = int.from_bytes(row[4:].tobytes(), "little")
-            row[4:] = list(own.get(parameter, 0).to_bytes(4, "little"))
+                own[parameter] = parameter_value(parameter, row[4:].tobytes())
+            row[4:] = list(parameter_bytes(parameter, own.get(parameter, 0)))
         read = kind[rows] == READ
         if not read.any():
             return None

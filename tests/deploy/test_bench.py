@@ -44,10 +44,11 @@ EVERY_MAKER = [
     {"hip": "DM8006", "knee": "RS03"},
     {"hip": "ODrive", "first_id": 4},
     {"hip": "ODrive", "knee": "ODrive"},
+    {"hip": "moteus", "knee": "moteus"},
 ]
 
 
-@pytest.fixture(params=EVERY_MAKER, ids=["mit", "damiao-robstride", "odrive-mit", "odrive"])
+@pytest.fixture(params=EVERY_MAKER, ids=["mit", "damiao-robstride", "odrive-mit", "odrive", "moteus"])
 def stand(request: pytest.FixtureRequest, go1: Robot) -> OnStand:
     return OnStand(with_motors(go1, **request.param))
 
@@ -76,7 +77,7 @@ class TestBench:
         assert [s.temperature_c for s in states] == pytest.approx([30.0] * 12)
         assert all(s.error == "" and s.age_s < 0.1 for s in states)
         told = [not math.isnan(s.voltage) for s in states]
-        assert told == [s.model == "ODrive" for s in states]
+        assert told == [s.model in ("ODrive", "moteus") for s in states]
 
     def test_a_zero_is_where_the_joint_is(self, stand: OnStand) -> None:
         """The robot lies down with bent knees; the knee of one leg alone is zeroed."""
@@ -180,7 +181,13 @@ class TestBench:
 
 
 class TestScan:
-    MAKERS = (("MIT mode", "MIT mode"), ("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("ODrive", "ODrive"))
+    MAKERS = (
+        ("MIT mode", "MIT mode"),
+        ("Damiao", "RobStride"),
+        ("ODrive", "MIT mode"),
+        ("ODrive", "ODrive"),
+        ("moteus", "moteus"),
+    )
 
     @pytest.mark.parametrize(("motors", "makers"), list(zip(EVERY_MAKER, MAKERS, strict=True)))
     def test_ids_and_makers_are_found_and_nothing_is_switched_on(

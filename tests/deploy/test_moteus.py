@@ -76,8 +76,8 @@ class TestFrames:
         assert sent.id.tolist() == [EXTENDED | FD | 0xFD03] * 2
         assert sent.length.tolist() == [48, 48]
         assert hexed(sent)[0] == (
-            "01 00 0a 0c 05 20 00 00 80 3e 00 00 00 3f 00 00 c0 3f 00 00 00 3f 00 00 80 3e"
-            " 05 27 64 00 02 28 ff ff 01 2b 00 11 00 1f 01 13 0d 50 50 50 50 50"
+            "01 00 0a 0c 06 20 00 00 80 3e 00 00 00 3f 00 00 c0 3f 00 00 00 3f 00 00 80 3e 00 00 c0 7f"
+            " 05 27 64 00 02 28 ff ff 01 2b 00 11 00 1f 01 13 0d 50"
         )
         assert not sent.data[:, 48:].any()
 

@@ -50,6 +50,9 @@ def two_motors(
         timeout_s=np.array([0.1, 0.1]),
         watchdog_endpoints=np.zeros((2, 2), int),
         drive_gains=np.full((2, 2), [1000.0, 60.0]),
+        drive_limit=("", ""),
+        highest=np.full(2, np.nan),
+        current_endpoint=np.zeros(2, int),
         joint_names=("hip", "knee"),
         foot_channel=np.zeros(0, np.intp),
     )

@@ -44,12 +44,12 @@ class Place:
 @can.command
 def scan(*, place: Place = Place()) -> int:
     """Find motors by id and maker, and compare them with robot.yaml; exit 1 if they differ."""
-    from footfall.deploy.scan import EVERYTHING
+    from footfall.deploy.scan import everything
     from footfall.deploy.scan import expected as expected_motors
     from footfall.deploy.scan import scan as scan_buses
 
     robot, wiring = _wired(place)
-    with _opened(robot, wiring, place.bus, EVERYTHING) as bus:
+    with _opened(robot, wiring, place.bus, everything(wiring)) as bus:
         found = scan_buses(bus, wiring)
     expected = expected_motors(wiring)
     rows: list[tuple[str, ...]] = []

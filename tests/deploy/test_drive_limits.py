@@ -1,0 +1,109 @@
+"""Limits of the drives themselves: set from robot.yaml, read back, or refused by name."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+from some_motors import MAKERS, hexed, introduce, two_motors, with_motors
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.wiring import wire
+from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.robots.description import Robot
+
+LIMITS = {"RobStride": "torque", "moteus": "torque", "ODrive": "current"}
+
+
+def limited(robot: Robot, maker: str, limit: Any) -> Robot:
+    """The robot with motors of a maker whose drives have a limit."""
+    made = with_motors(robot, **MAKERS[maker])
+    motors = {
+        name: replace(motor, drive_limit=limit, current_endpoint=301)
+        for name, motor in made.description.motors.items()
+    }
+    return replace(made, description=replace(made.description, motors=motors))
+
+
+def set_in(end: Any, maker: str) -> np.ndarray:
+    """The limit of each simulated drive."""
+    if maker == "RobStride":
+        return np.array([own[0x700B] for own in end.parameters])
+    return np.array(end.torque_limit if maker == "moteus" else end.current_limit)
+
+
+@pytest.mark.parametrize("maker", LIMITS)
+def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
+    robot = limited(go1, maker, LIMITS[maker])
+    wiring = wire(robot)
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    assert not np.allclose(set_in(end, maker), wiring.highest)
+    if maker != "ODrive":
+        introduce(driver, end)
+    else:
+        for _ in range(5):
+            told = end.settings_replies(driver.query_settings())
+            if told is not None:
+                driver.replies(told)
+    motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
+    expected = [
+        motor.peak_torque_nm / (motor.gear_ratio * motor.torque_constant_nm_a if maker == "ODrive" else 1.0)
+        for motor in motors
+    ]
+    np.testing.assert_allclose(set_in(end, maker), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("maker", LIMITS)
+def test_a_robot_whose_drives_are_limited_stands_up(go1: Robot, maker: str) -> None:
+    robot = limited(go1, maker, LIMITS[maker])
+    outcome = run_episode(robot, Hold(robot), short_episode(duration_s=0.1))
+    assert (outcome.faults, outcome.final_state) == ((), "IDLE")
+
+
+@pytest.mark.parametrize("maker", LIMITS)
+def test_a_drive_that_keeps_another_limit_is_not_enabled(go1: Robot, maker: str) -> None:
+    """Its answers are those of a drive that ignores writes."""
+    wiring = wire(limited(go1, maker, LIMITS[maker]))
+    driver, end = open_driver(wiring), open_motor_end(replace(wiring, current_endpoint=np.full(12, 301)))
+    for _ in range(40):
+        reads = driver.query_settings()
+        reads = reads.take(reads.id >> 24 & 0x1F != 18)  # RobStride's writes
+        reads = reads.take((reads.id & 0x1F != 4) | (reads.data[:, 0] == 0) | (maker != "ODrive"))
+        told = end.settings_replies(reads)
+        if maker == "moteus":
+            end.torque_limit[:] = 3.0
+            told = end.settings_replies(reads._replace(data=_reads_alone(reads.data)))
+        if told is not None:
+            driver.replies(told)
+    problem = driver.not_ready()
+    assert "FR_hip_joint" in problem
+    if maker != "ODrive":  # whose heartbeat is missing here, too
+        assert "does not take" in problem
+
+
+def _reads_alone(data: np.ndarray) -> np.ndarray:
+    """moteus' frames that read the limit and write none."""
+    changed = np.full_like(data, 0x50)
+    changed[:, :2] = 0x1D, 0x25
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("maker", "limit"), [("MIT mode", "torque"), ("Damiao", "current"), ("moteus", "current")]
+)
+def test_a_limit_that_a_maker_lacks_is_refused_by_name(go1: Robot, maker: str, limit: str) -> None:
+    with pytest.raises(UserError, match=f"FR_hip_joint: .* no {limit} limit"):
+        open_driver(wire(limited(go1, maker, limit)))
+
+
+def test_a_moteus_limit_lies_in_its_register_and_in_each_command() -> None:
+    """1.5 N m for the first motor, none for the second."""
+    wiring = replace(two_motors("moteus", "moteus"), highest=np.array([1.5, np.nan]))
+    driver = open_driver(wiring)
+    assert hexed(driver.query_settings()) == ["1d 25"]
+    driver.replies(open_motor_end(wiring).settings_replies(driver.query_settings()) or driver.disable())
+    commands = hexed(driver.command(np.zeros((5, 2))))
+    assert [each[78:89] for each in commands] == ["00 00 c0 3f", "00 00 c0 7f"]
