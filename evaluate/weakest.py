@@ -1,7 +1,8 @@
-"""The smallest push, latency, lack of friction or loss of motor strength that fells a policy.
+"""The smallest push, latency, lack of friction or loss of motor strength that a policy does not bear.
 
-In each episode a bisection finds where the policy begins to fall: below it may be other falls, which no
-bisection sees. Of several disturbances together, CMA-ES looks for the direction in which the fewest suffice.
+It falls, or it stays up and gets nowhere, as on ice. In each episode a bisection finds where that begins:
+below it may be other failures, which no bisection sees. Of several disturbances together, CMA-ES looks for
+the direction in which the fewest suffice.
 """
 
 import math
@@ -14,7 +15,8 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.episodes import EpisodeTask, run_task
+from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
+from footfall.evaluate.metrics import ARRIVED
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import run_all
 from footfall.evaluate.scenarios import ScenarioFile
@@ -85,20 +87,28 @@ def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
 
 
 def bisect(ray: Ray) -> float:
-    """Share of a ray at which its policy falls; infinite if it walks on at the end."""
+    """Share of a ray at which its policy falls, or gets nowhere; infinite if it walks on at the end.
 
-    def falls(share: float) -> bool:
+    A push changes the way itself: on rays with a push, and for a policy that does not walk, only falls count.
+    """
+
+    def run(share: float) -> EpisodeOutcome:
         severities = {name: min(1.0, share * end) for name, end in ray.direction.items()}
-        outcome = run_task(replace(ray.task, plan=disturbed(ray.task.plan, severities)))
-        return bool(outcome.trouble)
+        return run_task(replace(ray.task, plan=disturbed(ray.task.plan, severities)))
 
-    return smallest(falls)
+    way_counts = "push" not in ray.direction and run(0.0).metrics.progress >= ARRIVED
+
+    def fails(share: float) -> bool:
+        outcome = run(share)
+        return bool(outcome.trouble) or (way_counts and outcome.metrics.progress < ARRIVED)
+
+    return smallest(fails)
 
 
 def weakest(
     policy: str, config: EvaluationConfig, file: ScenarioFile, names: Sequence[str]
 ) -> dict[str, Any]:
-    """What fells a policy, for each disturbance alone, and for all of them together if there are several.
+    """What a policy does not bear, for each disturbance alone, and for all together if there are several.
 
     Args:
         policy: as `load_policy` takes it.

@@ -105,6 +105,17 @@ def test_a_push_fells_a_policy_on_the_simulated_robot(
     assert math.isinf(bisect(Ray(task, {"push": 0.01})))
 
 
+def test_a_robot_on_ice_has_failed_though_it_stands(
+    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It falls at neither end; a robot that shall stand gets nowhere anyway."""
+    monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
+    task = EpisodeTask("go1-flat", "go1", replace(plan, duration_s=1.5), load_scenarios(go1).noise)
+    assert bisect(Ray(task, {"friction": 1.0})) == 1.0
+    assert math.isinf(bisect(Ray(task, {"friction": 0.01})))
+    assert math.isinf(bisect(Ray(replace(task, policy="stand"), {"friction": 1.0})))
+
+
 def test_the_command_prints_and_writes_what_it_found(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
