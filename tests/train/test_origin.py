@@ -172,8 +172,7 @@ class TestRun:
         assert not out.exists()
 
     def test_a_trainer_that_cannot_is_refused_by_name(self, tmp_path: Path) -> None:
-        pytest.importorskip("rsl_rl")
-        out = tmp_path / "tuned"
-        with pytest.raises(UserError, match=r"rsl_rl.*--from"):
-            begin(TrainRequest(preset="smoke", out=out, trainer="rsl_rl", start_from=ZOO / "go1-flat"))
+        out, own = tmp_path / "tuned", "own_trainer:StandingTrainer"
+        with pytest.raises(UserError, match=rf"{own}.*--from"):
+            begin(TrainRequest(preset="smoke", out=out, trainer=own, start_from=ZOO / "go1-flat"))
         assert not out.exists()

@@ -39,7 +39,7 @@ from footfall.train.rsl_rl.environment import TorchEnvironment
 from footfall.train.rsl_rl.ppo import LimitedPpo
 from footfall.train.rsl_rl.settings import runner_settings
 from footfall.train.rsl_rl.symmetry import make_augmentation
-from footfall.train.rsl_rl.trainer import RslRlTrainer
+from footfall.train.rsl_rl.trainer import RslRlTrainer, trained_actor
 from footfall.train.runs import checkpoint
 from footfall.train.runs.display import Display
 
@@ -452,3 +452,36 @@ def test_every_setting_reaches_upstream() -> None:
     algorithm = runner_settings(replace(config, desired_kl=None), max)["algorithm"]
     assert algorithm["schedule"] == "fixed"
     assert algorithm["symmetry_cfg"] == {"data_augmentation_func": max, "use_data_augmentation": True}
+
+
+# Fine-tuning
+
+
+def test_a_training_starts_from_the_networks_of_a_checkpoint(trainer: RslRlTrainer, run: Path) -> None:
+    algorithm = trainer.runner.alg
+    trained = {name: value.clone() for name, value in algorithm.critic.state_dict().items()}
+    for network in (algorithm.get_policy(), algorithm.critic):
+        for value in network.state_dict().values():
+            value.zero_()
+    said = trainer.start_from(newest(run))
+    for name, value in algorithm.critic.state_dict().items():
+        assert torch.equal(value, trained[name])
+    assert "critic and" in said[0]
+
+
+def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: Path) -> None:
+    """Its actions are those of the policy: the normaliser's scale and the layers are right."""
+    policy = trainer.runner.alg.get_policy()
+    seen = np.random.default_rng(0).normal(size=(5, trainer._seen.shape[1])).astype(np.float32)
+    before = trained_actor(policy).act(seen)
+    for value in policy.state_dict().values():
+        value.zero_()
+    trainer.start_from(run / "policy.onnx")
+    np.testing.assert_allclose(trained_actor(policy).act(seen), before, atol=1e-5)
+    assert policy.obs_normalizer.count == PPO.steps_per_iteration
+
+
+def test_a_file_that_is_no_network_is_refused(trainer: RslRlTrainer, tmp_path: Path) -> None:
+    (tmp_path / "start.pt").write_bytes(b"nothing")
+    with pytest.raises(UserError, match="cannot start from"):
+        trainer.start_from(tmp_path / "start.pt")

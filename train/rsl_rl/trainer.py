@@ -4,7 +4,6 @@ import io
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
-from pickle import PickleError
 from typing import ClassVar
 
 import jax
@@ -23,14 +22,12 @@ from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
 from footfall.train.export import export
 from footfall.train.rsl_rl.environment import TorchEnvironment
 from footfall.train.rsl_rl.settings import runner_settings
+from footfall.train.rsl_rl.start import DAMAGES, take_over
 from footfall.train.rsl_rl.symmetry import make_augmentation
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import TrainingFailedError, non_finite_leaves, not_finite
 from footfall.train.runs.folder import Run
 from footfall.train.trainer import Trainer
-
-# Errors of reading a damaged or foreign checkpoint.
-DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
 
 
 class RslRlTrainer(Trainer):
@@ -42,6 +39,7 @@ class RslRlTrainer(Trainer):
         torch.AcceleratorError,
     )
     packages: ClassVar[tuple[str, ...]] = ("torch", "rsl-rl-lib", "tensordict")
+    can_start_from: ClassVar[bool] = True
 
     def __init__(self, run: Run, robot: Robot) -> None:
         self._run = run
@@ -64,6 +62,11 @@ class RslRlTrainer(Trainer):
         """Show the environment's note: `__init__` has compiled, and drawn the networks from the seed."""
         if self._note:
             say(self._note)
+
+    def start_from(self, path: Path) -> list[str]:
+        """Take over networks and normalisers; see `footfall.train.trainer.Trainer`."""
+        algorithm = self.runner.alg
+        return take_over(path, algorithm.get_policy(), algorithm.critic, self._ppo.steps_per_iteration)
 
     def iterate(self) -> dict[str, float]:
         """Roll out and learn once; returns metrics under the names of the JAX trainer.

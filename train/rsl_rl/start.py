@@ -1,0 +1,72 @@
+"""Networks of another training as the start of one with rsl_rl."""
+
+from pathlib import Path
+from pickle import PickleError
+from typing import Any
+
+import torch
+from rsl_rl.models import MLPModel
+
+from footfall.common.errors import UserError
+from footfall.train.origin import EXPORTED, read_exported
+
+ANEW = "the optimiser, the schedules and the curriculum begin anew"
+# Errors of reading a damaged or foreign checkpoint.
+DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
+
+
+def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> list[str]:
+    """Copy networks and normalisers of a checkpoint or of an exported policy into fresh networks.
+
+    Args:
+        path: the file.
+        actor, critic: of the new training.
+        samples: that the normaliser of an exported policy counts as.
+
+    Returns:
+        What was taken over and what was not, one line each.
+
+    Raises:
+        UserError: the file is damaged, or its actor has other sizes.
+    """
+    try:
+        if path.suffix == EXPORTED:
+            _take_policy(path, actor, samples)
+            return [
+                "actor and normaliser are taken over; its noise is the preset's",
+                "the critic begins anew, from the seed: an exported policy has none",
+                ANEW,
+            ]
+        saved = torch.load(path, weights_only=True, map_location="cpu")  # runs no code from the file
+        actor.load_state_dict(saved["actor_state_dict"], strict=True)
+        if _fits(saved["critic_state_dict"], critic):
+            critic.load_state_dict(saved["critic_state_dict"], strict=True)
+            return ["actor, its noise, critic and normalisers are taken over", ANEW]
+        anew = "the critic begins anew, from the seed: it observes something else"
+        return ["actor, its noise and normaliser are taken over", anew, ANEW]
+    except DAMAGES as error:
+        reason = " ".join(str(error).split())[:120]
+        raise UserError(f"cannot start from {path}: {reason}") from None
+
+
+def _take_policy(path: Path, actor: MLPModel, samples: int) -> None:
+    exported, normalizer = read_exported(path), actor.obs_normalizer
+    layers = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
+    std = torch.tensor(exported.std) - normalizer.eps  # which it adds by itself
+    state = actor.state_dict() | {
+        "obs_normalizer._mean": torch.tensor(exported.mean)[None],
+        "obs_normalizer._std": std[None],
+        "obs_normalizer._var": (std**2)[None],
+        "obs_normalizer.count": torch.tensor(samples),
+    }
+    names = {id(value): name for name, value in actor.named_parameters()}
+    for layer, (kernel, bias) in zip(layers, exported.layers, strict=True):
+        state[names[id(layer.weight)]] = torch.tensor(kernel.T)
+        state[names[id(layer.bias)]] = torch.tensor(bias)
+    actor.load_state_dict(state, strict=True)
+
+
+def _fits(saved: dict[str, Any], model: MLPModel) -> bool:
+    """Whether saved values have the names and shapes of a model's."""
+    own = model.state_dict()
+    return own.keys() == saved.keys() and all(own[name].shape == saved[name].shape for name in own)
