@@ -10,10 +10,10 @@ from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.receiver import LastHeard, MotorHealth, Receiver
 from footfall.policies.policy import Sensed
-from footfall.robots.actuator import JointCommand, Motor, derated, limit_torque, pd_torque, weaker
+from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
 from footfall.robots.targets import approach, within
-from footfall.robots.winding import allowed
+from footfall.robots.winding import at_temperature
 
 
 class JointLayer:
@@ -169,11 +169,8 @@ class JointLayer:
     def _limited_motor(self) -> Motor:
         """The motors with the torque limits of this run, the battery and their reported temperatures."""
         allowed_by_battery = 1.0 if self._battery is None else self._battery.state.allowed
-        motor, winding = weaker(self._robot.motor, self._scale * allowed_by_battery), self._robot.winding
-        if winding is None:
-            return motor
-        left = allowed(self._receiver.temperature_c, winding)
-        return derated(motor, np.where(np.isnan(left), 1.0, left))
+        motor = weaker(self._robot.motor, self._scale * allowed_by_battery)
+        return at_temperature(motor, self._receiver.temperature_c, self._robot.winding)
 
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""

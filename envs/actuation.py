@@ -16,10 +16,10 @@ from footfall.domain_rand.transport import transport_of
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
-from footfall.robots.actuator import JointCommand, Motor, at_supply, derated, lag_over
+from footfall.robots.actuator import JointCommand, Motor, at_supply, lag_over
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
-from footfall.robots.winding import Winding, allowed, warmed
+from footfall.robots.winding import Winding, at_temperature, warmed
 
 KEPT_GOALS = 3  # control steps whose goals may still be on their way to the motors
 
@@ -90,9 +90,8 @@ class Actuation:
         motor = randomised_motor(self._motor, sample)
         if supply is not None:
             motor = at_supply(motor, supply)
-        winding = randomised_winding(self._winding, sample)
-        if winding is not None and winding_c is not None:
-            motor = derated(motor, allowed(winding_c, winding))
+        if winding_c is not None:
+            motor = at_temperature(motor, winding_c, randomised_winding(self._winding, sample))
         lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
         return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
 
@@ -111,10 +110,8 @@ class Actuation:
             torque: of the motors in each physics step, N m, (substeps, n).
             sample: of the robot.
         """
-        winding = randomised_winding(self._winding, sample)
-        if winding is None or winding_c is None:
-            return None
-        return warmed(winding_c, jnp.mean(torque**2, axis=0), winding, self._period_s)
+        winding, squared = randomised_winding(self._winding, sample), jnp.mean(torque**2, axis=0)
+        return warmed(winding_c, squared, winding, self._period_s)
 
     def no_torque(self, sample: Sample) -> jax.Array | None:
         """Torque of motors with lag before an episode, N m, (n,); None for motors without."""

@@ -22,13 +22,12 @@ from footfall.robots.actuator import (
     JointCommand,
     Motor,
     at_supply,
-    derated,
     friction_torque,
     lag_over,
     lagged,
     motor_torque,
 )
-from footfall.robots.winding import Winding, allowed, warmed
+from footfall.robots.winding import Winding, at_temperature, warmed
 
 TEMPERATURE_C = 30
 HOTTEST_REPORTED_C = 127  # some frames carry a signed byte
@@ -121,9 +120,7 @@ class SimulatedMotors:
             ratio, about = self._geared
             position, velocity = about + ratio * (position - about), ratio * velocity
         measured = position + self.encoder_bias
-        motor = self._motor
-        if self._winding is not None and self.winding_c is not None:
-            motor = derated(motor, allowed(self.winding_c, self._winding))
+        motor = at_temperature(self._motor, self.winding_c, self._winding)
         torque = motor_torque(self._command, measured, velocity, motor)
         if ratio is not None:
             torque = ratio * torque
@@ -134,8 +131,7 @@ class SimulatedMotors:
         mean = demand
         if self._lag is not None:
             mean, self._lagged = lagged(demand, self._lagged, self._lag)
-        if self._winding is not None:
-            self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
+        self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
         return mean
 
     def reboot(self, motors: np.ndarray) -> None:

@@ -54,11 +54,6 @@ def weaker(motor: Motor, share: float) -> Motor:
     return motor._replace(peak_torque=share * motor.peak_torque, stall_torque=share * motor.stall_torque)
 
 
-def derated(motor: Motor, share: Array) -> Motor:
-    """The motor with its current limit scaled by `share`, 0 to 1."""
-    return motor._replace(peak_torque=share * motor.peak_torque)
-
-
 def at_supply(motor: Motor, share: Array) -> Motor:
     """The motor with its supply voltage scaled by `share`.
 

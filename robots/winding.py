@@ -10,6 +10,9 @@ The winding's own resistance R is constant here.
 
 from typing import Any, NamedTuple
 
+from footfall.common.arrays import library
+from footfall.robots.actuator import Motor
+
 Array = Any  # a NumPy or a JAX array
 
 AMBIENT_C = 25.0
@@ -34,21 +37,31 @@ class Winding(NamedTuple):
         return self.ambient + self.start_rise
 
 
-def warmed(temperature_c: Array, squared_torque: Array, winding: Winding, elapsed_s: float) -> Array:
+def warmed(temperature_c: Array, squared_torque: Array, winding: Winding | None, elapsed_s: float) -> Array:
     """Temperatures after a time of constant power, degrees Celsius, (..., n).
 
     Args:
         temperature_c: before, degrees Celsius.
         squared_torque: mean square of the motor torque at the joint, (N m)^2.
-        winding: the parameters.
+        winding: the parameters; None for motors without a thermal model, whose temperature stays as it is.
         elapsed_s: the time.
     """
+    if winding is None:
+        return temperature_c
     xp = temperature_c.__array_namespace__()
     settled = winding.ambient + winding.heating * squared_torque
     return settled + (temperature_c - settled) * xp.exp(-elapsed_s * winding.cooling)
 
 
 def allowed(temperature_c: Array, winding: Winding) -> Array:
-    """Share of the peak torque that is left at these temperatures, 0 to 1, (..., n)."""
+    """Share of the peak torque left at these temperatures, (..., n), 0 to 1; 1 at unknown ones (NaN)."""
     share = (winding.derating_end - temperature_c) / winding.derating_span
-    return share.clip(0.0, 1.0)
+    xp = library(share)
+    return xp.maximum(xp.fmin(share, 1.0), 0.0)
+
+
+def at_temperature(motor: Motor, temperature_c: Array, winding: Winding | None) -> Motor:
+    """The motor with the current limit that its temperature leaves; unchanged without a thermal model."""
+    if winding is None:
+        return motor
+    return motor._replace(peak_torque=allowed(temperature_c, winding) * motor.peak_torque)
