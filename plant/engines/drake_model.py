@@ -5,6 +5,8 @@ masses, inertias, rotor inertia and friction as they are simulated, those of a d
 """
 
 import logging
+from collections.abc import Iterable, Iterator
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mujoco
@@ -39,6 +41,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from footfall.common.errors import UserError
+from footfall.robots.self_contact import adjacent, excluded_bodies
 
 if TYPE_CHECKING:
     from pydrake.geometry import GeometryId
@@ -97,12 +100,10 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
         geoms[
             plant.RegisterCollisionGeometry(body, pose, _shape(model, geom), f"geom_{geom}", properties)
         ] = geom
-    apart = CollisionFilterDeclaration()
-    for one, geom in geoms.items():
-        for other, against in geoms.items():
-            if geom < against and not meet(model, geom, against):
-                apart.ExcludeBetween(GeometrySet(one), GeometrySet(other))
-    scene.collision_filter_manager().Apply(apart)
+    filtered, shapes = CollisionFilterDeclaration(), {geom: shape for shape, geom in geoms.items()}
+    for one, other in apart(model, shapes):
+        filtered.ExcludeBetween(GeometrySet(shapes[one]), GeometrySet(shapes[other]))
+    scene.collision_filter_manager().Apply(filtered)
     plant.Finalize()
     positions, velocities = _places(model, [joint for joint in joints if joint is not None])
     return DrakePlant(builder.Build(), plant, positions, velocities, geoms)
@@ -135,23 +136,16 @@ def collidable(model: mujoco.MjModel) -> np.ndarray:
     return found
 
 
-def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """Whether MuJoCo looks for contacts of two geoms."""
-    pairs = {
-        frozenset(pair) for pair in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-    }
-    if frozenset((one, other)) in pairs:
-        return True
-    first, second = model.geom_contype, model.geom_conaffinity
-    if not (first[one] & second[other] or first[other] & second[one]):
-        return False
-    low, high = sorted(model.geom_bodyid[[one, other]].tolist())
-    rigid = model.body_weldid
-    if rigid[low] == rigid[high] or (low << 16) + high in model.exclude_signature.tolist():
-        return False
-    parents = rigid[model.body_parentid[rigid[[low, high]]]]
-    related = rigid[low] == parents[1] or rigid[high] == parents[0]
-    return not related or WORLD in rigid[[low, high]]
+def apart(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:
+    """Pairs of these geoms, the lower number first, for whose contacts MuJoCo does not look."""
+    listed = {tuple(sorted(pair)) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+    excluded, asks, answers = excluded_bodies(model), model.geom_contype, model.geom_conaffinity
+    for one, other in combinations(sorted(geoms), 2):
+        low, high = sorted(model.geom_bodyid[[one, other]].tolist())
+        bits = asks[one] & answers[other] or asks[other] & answers[one]
+        meet = bits and not adjacent(model, low, high) and (low, high) not in excluded
+        if not meet and (one, other) not in listed:
+            yield one, other
 
 
 def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, float]:
