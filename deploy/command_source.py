@@ -27,7 +27,7 @@ import numpy as np
 from footfall.deploy.battery import NO_BATTERY, BatteryState
 from footfall.deploy.field_mode import FieldMode, field_mode
 from footfall.deploy.modes import Mode
-from footfall.policies.live_settings import Span
+from footfall.policies.live_settings import NOTHING_APPLIED, Applied, Span
 from footfall.robots.commands import CommandRange
 
 VelocityFunction = Callable[[float], np.ndarray]  # time since walking began, s, to (3,) m/s, m/s, rad/s
@@ -102,6 +102,7 @@ class Status(NamedTuple):
     offer: Offer
     battery: BatteryState = NO_BATTERY
     autonomous: bool = True  # whether a program steers, not a person
+    applied: Applied = NOTHING_APPLIED  # gait and live settings that act now
 
     @property
     def charge(self) -> float:

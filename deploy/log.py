@@ -35,6 +35,7 @@ from footfall.deploy.telemetry.feed import listen
 from footfall.deploy.telemetry.process import NONE, READY
 from footfall.deploy.telemetry.robot_frames import robot_frames
 from footfall.deploy.wiring import wire
+from footfall.policies.live_settings import Applied
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -164,6 +165,10 @@ class McapLog:
     def change(self, now_us: int, change: Change) -> None:
         """What changes of the policy, its gait or its settings, from the policy step at this time on."""
         self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
+
+    def applied(self, now_us: int, applied: Applied) -> None:
+        """Gait and live settings that the present policy walks with."""
+        self._put(record(Kind.APPLIED, now_us, json.dumps(applied._asdict()).encode()))
 
     def order(self, now_us: int, order: Order) -> None:
         """What somebody ordered the run to do."""

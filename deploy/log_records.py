@@ -36,6 +36,7 @@ class Kind(IntEnum):
     RECEIVED_FD = 20  # CAN FD frames: for each, `FD_FRAME`
     SENT_FD = 21  # likewise
     ORDER = 22  # JSON: see `orders.Order`
+    APPLIED = 23  # JSON: see `live_settings.Applied`
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

@@ -245,7 +245,7 @@ class ControlLoop:
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
         log.tick(now_us, self.sensed, joints.health(now_us), None if nothing_commanded else joints.sent)
         log.battery(now_us, self.battery)
-        self._runner.tell_orders(now_us, log)
+        self._runner.tell_orders_and_notes(now_us, log)
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
             log.odometry(now_us, odometry, self._runner.footholds())
 

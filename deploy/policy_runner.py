@@ -21,6 +21,7 @@ from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
 from footfall.deploy.steering import Run, Steering
 from footfall.deploy.timing import Durations
+from footfall.policies.live_settings import NOTHING_APPLIED, applied_of
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
@@ -84,6 +85,7 @@ class PolicyRunner:
         self.decision: np.ndarray | None = None  # rows as of `JointCommand`
         self.durations_ms = Durations()
         self._command = np.zeros(3)  # that the policy was given
+        self._applied, self._logged = applied_of(policies.present.policy), NOTHING_APPLIED
         self._changes: list[Change] = []  # that were not told yet
         self._told = 0  # notes that were
         scanning = [] if height_scans is None else [height_scans]
@@ -101,21 +103,24 @@ class PolicyRunner:
         return notes
 
     def tell(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
-        """Log a step, with changes and notes that were not logged before; None for a step that failed."""
+        """Log a step, with changes that were not logged before; None for a step that failed."""
         for change in self._changes:
             log.change(now_us, change)
         self._changes.clear()
         if step is not None:
             log.policy_step(now_us, step[0], JointCommand.of(step[1]), self._policies.present.policy)
+        if self._applied != self._logged:
+            self._logged = self._applied
+            log.applied(now_us, self._applied)
+
+    def tell_orders_and_notes(self, now_us: int, log: RunLog) -> None:
+        """Log orders and notes that were not logged before, whether or not the robot walks."""
+        for order in self.steering.take_orders():
+            log.order(now_us, order)
         notes = self.notes
         for note in notes[self._told :]:
             log.note(now_us, note)
         self._told = len(notes)
-
-    def tell_orders(self, now_us: int, log: RunLog) -> None:
-        """Log orders that were not logged before."""
-        for order in self.steering.take_orders():
-            log.order(now_us, order)
 
     def status(
         self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
@@ -142,6 +147,7 @@ class PolicyRunner:
             steering.offer,
             battery,
             steering.autonomous,
+            self._applied,
         )
 
     def start(self, now_us: int) -> None:
@@ -269,6 +275,7 @@ class PolicyRunner:
         decision = policies.step(walked_us, given)
         if policies.present is not before:
             steering.serve(policies.present.policy.name)
+        self._applied = applied_of(policies.present.policy)
         return given, decision
 
     def _failed(self, error: BaseException) -> None:

@@ -10,6 +10,7 @@ from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.orders import Order
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
+from footfall.policies.live_settings import Applied
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
@@ -25,6 +26,9 @@ class RunLog(Protocol):
 
     def change(self, now_us: int, change: Change) -> None:
         """What changes of the policy, its gait or its settings, from the policy step at this time on."""
+
+    def applied(self, now_us: int, applied: Applied) -> None:
+        """Gait and live settings that the present policy walks with, where they have changed."""
 
     def order(self, now_us: int, order: Order) -> None:
         """What somebody ordered the run to do."""

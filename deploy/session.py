@@ -197,7 +197,8 @@ def run_session(
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
-        lacking = "" if log is None else log.close()
+        at_the_end = [*_unheard(loop), *_damaged(loop)]
+        lacking = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
         return SessionResult(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
@@ -208,7 +209,7 @@ def run_session(
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
-            notes=(*refused, *runner.notes, *filter(None, [lacking]), *_unheard(loop), *_damaged(loop)),
+            notes=(*refused, *runner.notes, *filter(None, [lacking]), *at_the_end),
         )
 
 
@@ -233,6 +234,14 @@ def _begin(log: "McapLog | None", start_ns: int, refused: list[str]) -> None:
         log.begin(start_ns)
         for note in refused:
             log.note(0, note)
+
+
+def _end(log: "McapLog", runner: PolicyRunner, now_us: int, notes: list[str]) -> str:
+    """End the log with the notes that no tick has logged; returns what it lacks."""
+    runner.tell_orders_and_notes(now_us, log)
+    for note in notes:
+        log.note(now_us, note)
+    return log.close()
 
 
 def _unheard(loop: ControlLoop) -> list[str]:

@@ -20,7 +20,7 @@ from footfall.deploy.command_source import (
 )
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.orders import Order, OrderKind
-from footfall.policies.live_settings import DECLARED, Span, Steerable
+from footfall.policies.live_settings import DECLARED, Span, Steerable, require_steerable
 from footfall.policies.policy import Policy
 from footfall.robots.commands import CommandRange
 
@@ -234,8 +234,13 @@ class Steering:
 
 
 def offer_of(policy: Policy) -> Offer:
-    """What a run takes while this policy decides, which is the only one."""
+    """What a run takes while this policy decides, which is the only one.
+
+    Raises:
+        UserError: see `require_steerable`.
+    """
     commands = None if policy.contract is None else policy.contract.commands
+    require_steerable(policy, policy.name)
     if not isinstance(policy, Steerable):
         return Offer((policy.name,), commands=commands)
     return Offer((policy.name,), policy.gaits, policy.live_settings, commands)

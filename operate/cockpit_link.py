@@ -120,6 +120,8 @@ def described(status: Status) -> dict[str, Any]:
         "policies": list(offer.policies),
         "get_up": offer.get_up,
         "gaits": list(offer.gaits),
+        "gait": status.applied.gait,
+        "applied": {name: _number(value) for name, value in status.applied.settings.items()},
         "ranges": None if offer.commands is None else [list(each) for each in vars(offer.commands).values()],
         "settings": [
             {"name": name, "about": DECLARED[name].about, "unit": DECLARED[name].unit, **span._asdict()}

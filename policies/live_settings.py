@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from footfall.common.errors import UserError
+
 
 class Access(StrEnum):
     """Who may change a setting."""
@@ -42,6 +44,15 @@ class Span(NamedTuple):
     default: float
 
 
+class Applied(NamedTuple):
+    """What a policy walks with now: a value that was asked for is approached, a gait waits for its moment."""
+
+    gait: str = ""  # empty for a policy without a choice
+    settings: Mapping[str, float] = {}  # by their names in `DECLARED`, in their units
+
+
+NOTHING_APPLIED = Applied()
+
 # Ranges as shares of a controller's own setting.
 SHARES = {
     "step_period_s": (0.75, 1.6),
@@ -64,6 +75,25 @@ def approached(value: float, goal: float, most: float) -> float:
     return value + min(max(goal - value, -most), most)
 
 
+def require_steerable(policy: object, name: str) -> None:
+    """Refuse a policy that takes live settings and lacks a part of `Steerable`: it could not be steered.
+
+    Raises:
+        UserError: a part is missing.
+    """
+    lacks = [part for part in ("live_settings", "gaits", "applied", "take_up") if not hasattr(policy, part)]
+    if hasattr(policy, "set_live") and lacks:
+        raise UserError(
+            f"policy '{name}' has set_live, but not {', '.join(lacks)}: see live_settings.Steerable"
+        )
+
+
+def applied_of(policy: object) -> Applied:
+    """What a policy walks with now; nothing of one that is not `Steerable`."""
+    applied: Applied = getattr(policy, "applied", NOTHING_APPLIED)
+    return applied
+
+
 @runtime_checkable
 class Steerable(Protocol):
     """A policy whose steps can be changed while it walks."""
@@ -75,6 +105,10 @@ class Steerable(Protocol):
     @property
     def gaits(self) -> Sequence[str]:
         """Names of the gaits that it can take up; empty if it has only one."""
+
+    @property
+    def applied(self) -> Applied:
+        """The gait and the values that act now; asked for at each step."""
 
     def set_live(self, values: Mapping[str, float]) -> None:
         """Approach new values, each within its range; a setting that is not named keeps its value."""

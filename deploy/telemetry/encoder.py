@@ -73,6 +73,8 @@ class Encoder:
             self._array(topic, time_ns, content, size)
         elif kind in TEXTS:
             self._text(kind, time_ns, content.decode())
+        elif kind is Kind.APPLIED:  # no event: it changes at each step on the way to a new value
+            self._put("/policy/applied", time_ns, messages.text(content.decode()))
         elif kind in FRAMES:
             self._frames(*FRAMES[kind], content)
         elif kind is Kind.READINGS:

@@ -56,6 +56,7 @@ TOPICS = {
     "/notes": Topic("std_msgs/msg/String"),  # what was changed of what was asked for
     "/orders": Topic("std_msgs/msg/String"),  # JSON: who steers, who wants it to walk, to stand, to stop
     "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings, and by whom
+    "/policy/applied": Topic("std_msgs/msg/String", latched=True),  # JSON: gait and settings that act now
     "/policy/observation": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/action": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/inputs": Topic(

@@ -25,6 +25,7 @@ from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
+from footfall.deploy.command_source import Request, Status
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog
@@ -76,7 +77,7 @@ class TestContent:
     def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
         found = {m.topic: m.kind for m in decoded(logged[0])}
         absent = {"/policy/observation", "/policy/action"}  # Sway has no network
-        absent |= {"/notes", "/orders", "/policy/changes"}
+        absent |= {"/notes", "/orders", "/policy/changes", "/policy/applied"}
         absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # nor does it ask for an estimate
         absent |= {"/foot_forces"}  # go1 has no such sensors
         absent |= {"/battery_state", "/loop_timing", "/from_can_bus", "/to_can_bus"}
@@ -208,6 +209,21 @@ class TestContent:
     def test_states_come_in_order(self, logged: tuple[Path, Trace]) -> None:
         states = [m.message.data for m in decoded(logged[0], "/state")]
         assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
+
+    def test_a_note_that_is_made_while_the_robot_does_not_walk_is_written_too(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        class Remarks:
+            stopped = None
+
+            def poll(self, status: Status) -> Request:
+                return Request(np.zeros(3), note=f"seen in {status.mode.value}")
+
+        path = tmp_path / "notes.mcap"
+        trace = run_episode(go1, Sway(go1), short_episode(duration_s=0.2, log=path, command_source=Remarks()))
+        written = [m.message.data for m in decoded(path, "/notes")]
+        assert "seen in RELEASING" in written
+        assert written == list(trace.notes)
 
     def test_a_fault_is_written_with_its_reason(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "bad.mcap"

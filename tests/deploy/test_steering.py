@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from deploy_policies import Hold
 
+from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Request, Status, Stop, Wish
 from footfall.deploy.modes import Mode
 from footfall.deploy.orders import Order, OrderKind
-from footfall.deploy.steering import Steering
-from footfall.policies.live_settings import Span
+from footfall.deploy.steering import Steering, offer_of
+from footfall.policies.live_settings import Applied, Span
 from footfall.robots.description import Robot
 
 FORWARD = np.array([0.4, 0.0, 0.0])
@@ -31,6 +32,8 @@ class Steps(Hold):
     @property
     def live_settings(self) -> dict[str, Span]:
         return {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)}
+
+    applied = Applied()
 
     def set_live(self, values: object) -> None: ...
 
@@ -144,3 +147,13 @@ def test_orders_and_changes_carry_who_gave_them(steering: Steering, source: Asks
 
 def test_every_wish_is_an_order() -> None:
     assert set(Wish) <= {kind.value for kind in OrderKind}
+
+
+def test_a_policy_that_lacks_a_part_of_its_live_settings_is_refused_by_name(go1: Robot) -> None:
+    class Partly(Hold):
+        name = "partly"
+
+        def set_live(self, values: object) -> None: ...
+
+    with pytest.raises(UserError, match=r"'partly'.*take_up"):
+        offer_of(Partly(go1))

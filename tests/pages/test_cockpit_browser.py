@@ -84,3 +84,23 @@ def test_a_motion_lasts_as_long_as_somebody_holds_it(opened: SimpleNamespace) ->
     assert page.value("document.documentElement.scrollWidth <= innerWidth")
     assert page.complaints == []
     assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)
+
+
+def test_sliders_and_lists_show_what_acts_now_and_what_comes(opened: SimpleNamespace) -> None:
+    page: Tab = opened.page
+    inbox: Inbox = opened.inbox
+    slider = "document.getElementById('set_body_height_m')"
+    page.wait_for(lambda page: bool(page.value(f"{slider} !== null")))
+
+    def shown() -> str:
+        inbox.poll(WALKING)
+        return str(page.value(f"{slider}.nextElementSibling.textContent"))
+
+    assert eventually(lambda: shown() == "0.250 m", PATIENCE_S)  # not the default, 0.28
+    assert page.value("document.getElementById('gait').value") == "wave"
+    page.value(f"{slider}.value = 0.22; {slider}.dispatchEvent(new Event('input'))")
+    page.value(f"{slider}.dispatchEvent(new Event('change'))")
+    assert eventually(lambda: inbox.poll(WALKING).settings == {"body_height_m": 0.22}, PATIENCE_S)
+    assert shown() == "0.250 → 0.220 m"
+    inbox.poll(WALKING._replace(applied=WALKING.applied._replace(settings={"body_height_m": 0.22})))
+    page.wait_for(lambda page: page.value(f"{slider}.nextElementSibling.textContent") == "0.220 m")

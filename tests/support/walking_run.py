@@ -10,7 +10,7 @@ from footfall.deploy.command_source import Offer, Pose, Request, Status
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities, Limits
 from footfall.operate.inbox import Inbox
-from footfall.policies.live_settings import Span
+from footfall.policies.live_settings import Applied, Span
 from footfall.robots.commands import CommandRange
 
 OFFER = Offer(
@@ -19,7 +19,18 @@ OFFER = Offer(
     {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)},
 )
 WALKING = Status(
-    0.0, 1.0, Mode.WALKING, "trot", np.zeros(3), np.zeros(3), 0.3, Pose(1.0, 2.0, 0.0), (), ("a",), OFFER
+    0.0,
+    1.0,
+    Mode.WALKING,
+    "trot",
+    np.zeros(3),
+    np.zeros(3),
+    0.3,
+    Pose(1.0, 2.0, 0.0),
+    (),
+    ("a",),
+    OFFER,
+    applied=Applied("wave", {"step_height_m": 0.05, "body_height_m": 0.25}),
 )
 
 

@@ -30,6 +30,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import Slope
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
+from footfall.policies.live_settings import Applied
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -120,6 +121,11 @@ class Mpc:
         self._swinging: list[int] = []
         self._legs_turn = np.zeros(3)
         self._ticks_to_solve = 0
+
+    @property
+    def applied(self) -> Applied:
+        """See `Steerable`."""
+        return self._live.applied
 
     def set_live(self, values: Mapping[str, float]) -> None:
         """See `Steerable`."""

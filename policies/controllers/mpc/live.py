@@ -8,7 +8,7 @@ from footfall.policies.controllers.gait import GaitConfig, GaitTiming, StepClock
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
-from footfall.policies.live_settings import Span, approached, shared
+from footfall.policies.live_settings import Applied, Span, approached, shared
 from footfall.robots.description import Robot
 
 _RATES = {  # of each setting, its unit in a second
@@ -40,6 +40,12 @@ class LiveMpc:
         self._wanted = dict(self._now)
         self._moves = False
         self.gait = ""  # to take up once all feet stand; empty for none
+        self._present = self._config.gait.name
+
+    @property
+    def applied(self) -> Applied:
+        """The gait and the values that act now."""
+        return Applied(self._present, self._now)
 
     def want(self, values: Mapping[str, float]) -> None:
         """Approach these values."""
@@ -63,4 +69,4 @@ class LiveMpc:
         """Begin the gait that was asked for; all feet stand."""
         new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
         clock.take_up(new.timing, new.offsets)
-        self.gait = ""
+        self._present, self.gait = self.gait, ""

@@ -17,10 +17,10 @@ from footfall.policies.controllers.walk.foot import Footing, rolling_of
 from footfall.policies.controllers.walk.ground import GroundForce, weight_torque
 from footfall.policies.controllers.walk.levelling import Levelling
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
-from footfall.policies.controllers.walk.live import ATTITUDE, all_gaits, changed_step, live_settings
+from footfall.policies.controllers.walk.live import ATTITUDE, all_gaits, applied, changed_step, live_settings
 from footfall.policies.controllers.walk.pacing import Pacing
 from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway
-from footfall.policies.live_settings import Span, approached
+from footfall.policies.live_settings import Applied, Span, approached
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -111,6 +111,12 @@ class Walk:
         """See `Steerable`."""
         wanted = self._wanted_gait
         return live_settings(self._config, self._all_gaits.get(wanted.name, wanted).period_s)
+
+    @property
+    def applied(self) -> Applied:
+        """See `Steerable`."""
+        period_s, attitude = self._cycle.timing.period_s, self._levelling.attitude
+        return applied(self._gait.name, period_s, self._step, self._height_m, attitude)
 
     def set_live(self, values: Mapping[str, float]) -> None:
         """See `Steerable` and `change`. The period and the attitude are approached."""

@@ -16,15 +16,16 @@ class Levelling:
 
     def reset(self) -> None:
         """Level, and no tilt measured."""
-        self._tilt, self._attitude = np.zeros(2), np.zeros(2)
+        self._tilt = np.zeros(2)
+        self.attitude = np.zeros(2)  # roll and pitch that the legs aim at now, rad
         self.wanted = np.zeros(2)  # roll and pitch, rad; approached slowly
 
     def apply(self, feet: np.ndarray, inputs: PolicyInput, dt_s: float) -> np.ndarray:
         """Feet (legs, 3) m, base frame, for a base that turns to the wanted attitude."""
         config = self._config
-        if self._attitude.tolist() != self.wanted.tolist():
+        if self.attitude.tolist() != self.wanted.tolist():
             most = config.attitude_rate_rad_s * dt_s
-            self._attitude = self._attitude + (self.wanted - self._attitude).clip(-most, most)
-        tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.most_rad, self._attitude)
+            self.attitude = self.attitude + (self.wanted - self.attitude).clip(-most, most)
+        tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.most_rad, self.attitude)
         self._tilt += min(1.0, dt_s / config.filter_s) * (tilt - self._tilt)
-        return level_feet(feet, self._tilt - self._attitude)
+        return level_feet(feet, self._tilt - self.attitude)
