@@ -180,15 +180,25 @@ class _MeanAcceleration(BodyCheck):
 
 
 class Lean(_MeanAcceleration):
-    """Mean sideways acceleration."""
+    """Mean sideways acceleration.
+
+    A window counts with at most gravity: no attitude is off by more. A robot that hits the ground at speed is
+    stopped within a window or two, at many times gravity.
+    """
 
     looks_at = "acceleration in motion against it, on average, sideways"
     message = "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}"
     limit = Limit("lean_error")
 
     def measure(self, window: BodyWindow) -> float:
-        ahead, left, _ = self._updated(window)
+        ahead, left, up = window.acceleration
+        share = min(1.0, self._most() * GRAVITY_M_S2 / max(math.hypot(ahead, left), 1e-9))
+        ahead, left, _ = self._updated(window._replace(acceleration=[share * ahead, share * left, up]))
         return math.hypot(ahead, left) / GRAVITY_M_S2
+
+    def _most(self) -> float:
+        """With how much a window counts at most, of gravity."""
+        return 1.0
 
 
 class LongLean(Lean):
@@ -202,11 +212,8 @@ class LongLean(Lean):
     looks_at = "the same over seconds: an attitude that leans slowly, and its gyro with it"
     limit = Limit("long_lean_error")
 
-    def measure(self, window: BodyWindow) -> float:
-        ahead, left, up = window.acceleration
-        sideways = math.hypot(ahead, left)
-        share = min(1.0, 2.0 * self._limits.long_lean_error * GRAVITY_M_S2 / max(sideways, 1e-9))
-        return super().measure(window._replace(acceleration=[share * ahead, share * left, up]))
+    def _most(self) -> float:
+        return 2.0 * self._limits.long_lean_error
 
 
 class Lift(_MeanAcceleration):

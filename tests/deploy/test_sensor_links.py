@@ -8,7 +8,7 @@ from sensor_readings import LIMITS, SAMPLE_US, BodyWindows, JointReadings, measu
 
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_checks import links
-from footfall.deploy.sensor_checks.imu import LongLean
+from footfall.deploy.sensor_checks.imu import Lean, LongLean
 from footfall.deploy.sensor_checks.link_window import LinkSums
 from footfall.deploy.sensor_checks.travel import Creep
 from footfall.deploy.sensor_checks.unexplained import Ignored, Unexplained
@@ -232,3 +232,11 @@ def test_a_robot_that_slides_after_a_hard_push_has_no_faulty_imu(go1: Robot) -> 
     windows = BodyWindows(go1, LongLean)
     slides = Inertial((0.0, 0.0, 0.0), (-0.7 * 9.81, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
     assert max(windows.look(slides, speed_rad_s=1.0) for _ in range(40)) <= LIMITS.long_lean_error
+
+
+def test_a_robot_that_hits_the_ground_at_speed_has_no_faulty_imu(go1: Robot) -> None:
+    """6 times gravity for 40 ms, and half of gravity before and after."""
+    windows = BodyWindows(go1, Lean)
+    for share in (0.5,) * 3 + (6.0,) + (0.5,) * 3:
+        hits = Inertial((0.0, 0.0, 0.0), (share * 9.81, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+        assert windows.look(hits, speed_rad_s=1.0) <= LIMITS.lean_error
