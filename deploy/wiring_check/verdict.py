@@ -13,6 +13,7 @@ from footfall.deploy.wiring_check.prediction import Prediction
 
 LIKELY = 4  # most likely causes to simulate, beside those of the `STRANGEST` joints
 STRANGEST = 2  # joints with the largest errors
+LIKELY_JOINTS = 12  # most likely causes of one joint to simulate, where no other explains the responses
 FLOOR = 0.5  # share of the median response: the least scale of errors
 LEAST_TILT = 0.06  # rad per rad: a base that tilts less says nothing of the IMU
 LEAST_TURN_RAD = 0.15  # least turn of an IMU about z that is a cause
@@ -92,10 +93,15 @@ def judged(
     errors, imu_error = measured.errors(right)
     verdict = Verdict("", float(errors.max()), imu_error)
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
-    if errors.max() <= config.alike and imu_error <= config.imu_alike and askew <= config.askew_rad:
+    passes = imu_error <= config.imu_alike and askew <= config.askew_rad
+    if passes and errors.max() <= config.doubtful:
         return verdict
     every = list(causes(wiring, legs))
-    fault = _cause(measured, right, errors, predicted, every, config)
+    passes = passes and errors.max() <= config.alike
+    left = config.explained_in_doubt if passes else config.explained
+    fault = _cause(measured, right, errors, predicted, every, left, config.imu_alike)
+    if passes:
+        return verdict._replace(fault=fault)
     strange = float(np.median(errors)) > config.unlike
     if not fault and askew > config.askew_rad and not strange:
         fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
@@ -122,11 +128,18 @@ def _cause(
     errors: np.ndarray,
     predicted: Callable[[Cause], np.ndarray],
     every: list[Cause],
-    config: WiringCheckConfig,
+    left: float,
+    noise: float,
 ) -> str:
-    """The text of the cause that explains the responses; empty if none does."""
-    noise = config.imu_alike
-    limit = config.explained * measured.cost(right, noise)
+    """The text of the cause that leaves at most a share `left` of the cost; empty if none does.
+
+    `noise` is the error of the IMU's tilts that does not count.
+    """
+    limit = left * measured.cost(right, noise)
+
+    def cost_of(cause: Cause) -> float:
+        return measured.cost(_responses(predicted(cause)), noise)
+
     found: list[tuple[float, str]] = []
     angle = turn_about_z(measured.tilt, right.tilt)
     if abs(angle) > LEAST_TURN_RAD:
@@ -139,7 +152,26 @@ def _cause(
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
     of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
     for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):
-        cause = every[row]
-        found.append((measured.cost(_responses(predicted(cause)), noise), cause.text))
+        found.append((cost_of(every[row]), every[row].text))
+    if min(found)[0] > limit:
+        found += _of_one_joint(every, rough_costs, cost_of)
     cost, text = min(found)
     return text if cost <= limit else ""
+
+
+def _of_one_joint(
+    every: list[Cause], rough_costs: np.ndarray, cost_of: Callable[[Cause], float]
+) -> list[tuple[float, str]]:
+    """Costs and texts of causes of one joint: the likely ones, then all of the joint of the best of these.
+
+    Where many legs stand, a wrong gear shows most in other joints, and the rough costs prefer a mild one.
+    """
+    alone = [row for row in np.argsort(rough_costs).tolist() if len(every[row].key) == 1]
+    found = [(cost_of(every[row]), every[row].text, every[row].key) for row in alone[:LIKELY_JOINTS]]
+    joint = min(found)[2]
+    found += [
+        (cost_of(every[row]), every[row].text, joint)
+        for row in alone[LIKELY_JOINTS:]
+        if every[row].key == joint
+    ]
+    return [(cost, text) for cost, text, _ in found]
