@@ -30,7 +30,7 @@ import numpy as np
 import yaml
 from fuzz_frames import ROBOT, fuzz_frames
 from fuzz_tally import Tally
-from resumable_runs import run_resumable
+from resumable_runs import add_options, run_resumable
 
 import footfall.policies
 from footfall.deploy.config import deploy_config
@@ -206,9 +206,7 @@ def main() -> int:
     parser.add_argument("--what", nargs="+", choices=FUZZ, default=list(FUZZ))
     parser.add_argument("--count", type=int, help="cases of each kind (default: COUNTS in this file)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first case; the others follow")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file of results; pieces in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds after which no further piece starts")
+    add_options(parser)
     options = parser.parse_args()
     tasks = []
     for what in options.what:

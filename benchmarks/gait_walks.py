@@ -11,11 +11,10 @@ import argparse
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from resumable_runs import run_resumable
+from resumable_runs import add_options, run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.command_source import CommandSource, Scheduled
@@ -169,9 +168,7 @@ def main() -> None:
     parser.add_argument("--gaits", default="", help="A,B: these only, of those that each robot has")
     parser.add_argument("--courses", default="straight,rectangle")
     parser.add_argument("--seeds", type=int, default=5, help="walks of each kind")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file that keeps every walk; those in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds until no walk begins")
+    add_options(parser)
     options = parser.parse_args()
     wanted = [name for name in options.gaits.split(",") if name]
     trials = [

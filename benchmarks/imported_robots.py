@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from resumable_runs import run_resumable
+from resumable_runs import add_options, run_resumable
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.mit import RANGES
@@ -165,9 +165,7 @@ def main() -> None:
     parser.add_argument("--robots", default="", help="comma-separated names (default: all)")
     parser.add_argument("--seconds", type=float, default=10.0, help="of each walk")
     parser.add_argument("--seeds", type=int, default=3, help="walks under each controller")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file of results; robots in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds after which no further robot starts")
+    add_options(parser)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folders = unpacked(options.wheels, options.models or Path(scratch))

@@ -10,11 +10,10 @@ import argparse
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from resumable_runs import run_resumable
+from resumable_runs import add_options, run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.config import deploy_config
@@ -44,6 +43,7 @@ class Trial(NamedTuple):
     plant: str
     size: str
     seed: int
+    speed_m_s: float | None = None  # None for the mission's default
 
 
 class TruePose:
@@ -72,7 +72,8 @@ def walk(trial: Trial) -> dict[str, Any]:
     """One mission and its figures."""
     robot = load_robot(trial.robot)
     policy = load_policy(trial.policy, robot)
-    mission = mission_of({"steps": [{"rectangle": trial.size}]}, "rectangle")
+    speed = {} if trial.speed_m_s is None else {"speed_m_s": trial.speed_m_s}
+    mission = mission_of({**speed, "steps": [{"rectangle": trial.size}]}, "rectangle")
     source = MissionSource(mission, policy.name, abilities_of({trial.policy: policy}, robot))
     poses = TruePose(source)
     sample = None
@@ -131,14 +132,13 @@ def main() -> None:
     parser.add_argument("--policies", default="", help="A,B: these (default: learned ones, one of each kind)")
     parser.add_argument("--plants", default=",".join(PLANTS))
     parser.add_argument("--size", default="2x1", help="of the rectangle, m")
+    parser.add_argument("--speed", type=float, help="m/s (default: half of the highest command)")
     parser.add_argument("--seeds", type=int, default=5, help="missions of each kind")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file of results; missions in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds after which no further mission starts")
+    add_options(parser)
     options = parser.parse_args()
     wanted = [name for name in options.policies.split(",") if name]
     trials = [
-        Trial(name, policy, plant, options.size, seed)
+        Trial(name, policy, plant, options.size, seed, options.speed)
         for seed in range(options.seeds)  # first, so that a run that is stopped has some of each kind
         for name in options.robots.split(",")
         for policy in _policies(name, wanted)

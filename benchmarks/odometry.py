@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from resumable_runs import read_runs, run_resumable
+from resumable_runs import add_options, read_runs, run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
@@ -232,9 +232,7 @@ def main() -> None:
         "--duration", type=float, default=20.0, help="duration of straight walks and curves, s"
     )
     parser.add_argument("--scale-error", type=float, help="instead of the estimator's own")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file of results; walks in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds after which no further walk starts")
+    add_options(parser)
     parser.add_argument("--read", type=Path, help="file that --out kept: nothing is run")
     parser.add_argument("--plot", type=Path, help="image")
     options = parser.parse_args()

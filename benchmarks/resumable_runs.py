@@ -4,6 +4,7 @@ No benchmark itself. A run is a line of JSON, `{"task": …, "result": …}`; wh
 again by a second call.
 """
 
+import argparse
 import json
 import tempfile
 import time
@@ -15,6 +16,13 @@ from typing import Any, TypeVar
 from footfall.evaluate.pool import run_all
 
 T = TypeVar("T", bound=tuple[Any, ...])
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add --workers, --out and --time-limit, which `run_resumable` takes."""
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--out", type=Path, help="file of results; runs in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds after which no further run starts")
 
 
 def run_resumable(

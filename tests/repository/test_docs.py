@@ -111,6 +111,8 @@ def test_options_of_scripts_are_theirs(page: Path) -> None:
     for code in codes(page):
         for script, arguments in SCRIPT.findall(code):
             source = (ROOT / script).read_text(encoding="utf-8")
+            if "add_options(parser)" in source:
+                source += (ROOT / "benchmarks/resumable_runs.py").read_text(encoding="utf-8")
             assert [o for o in re.findall(r"--[a-z-]+", arguments) if f'"{o}"' not in source] == [], code
 
 
