@@ -38,20 +38,11 @@ def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
     return f"the loop paused for {s.time.pause_s * 1e3:.0f} ms, without a frame to the motors"
 
 
-def _silent_motor(s: Signals, c: SafetyConfig) -> str:
-    if s.motors.silence_s <= c.silence_timeout_s:
+def _silent(silence_s: float, missing: str, s: Signals, c: SafetyConfig) -> str:
+    """The fault of a silence that has lasted for too long; `missing` is what was not heard."""
+    if silence_s <= c.silence_timeout_s:
         return ""
-    if own := _own_silence(s.motors.silence_s, s, c):
-        return own
-    return f"no reply from {s.motors.silent} for {c.silence_timeout_s * 1e3:.0f} ms"
-
-
-def _silent_imu(s: Signals, c: SafetyConfig) -> str:
-    if s.imu.silence_s <= c.silence_timeout_s:
-        return ""
-    if own := _own_silence(s.imu.silence_s, s, c):
-        return own
-    return f"no new IMU reading ({s.imu.oldest_part}) for {c.silence_timeout_s * 1e3:.0f} ms"
+    return _own_silence(silence_s, s, c) or f"no {missing} for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _never_started(s: Signals, c: SafetyConfig) -> str:
@@ -132,14 +123,14 @@ SIGNAL_CHECKS = (
     Check(
         "the age of each motor's reading: silence",
         HELD,
-        _silent_motor,
+        lambda s, c: _silent(s.motors.silence_s, f"reply from {s.motors.silent}", s, c),
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),
     Check(
         "the age of each part of the IMU's reading: silence",
         HELD,
-        _silent_imu,
+        lambda s, c: _silent(s.imu.silence_s, f"new IMU reading ({s.imu.oldest_part})", s, c),
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),

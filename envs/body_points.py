@@ -38,12 +38,11 @@ class BodyPoints:
         model = load_model(robot)
         links = [link for link in link_tree(robot, model) if link.body >= 0 or link.joint]
         self._base = Base(model, robot)
-        self._levels = list(_levels(model, links))
-        order = [link.name for level in _by_depth(links) for link in level]
+        by_depth = _by_depth(links)
+        self._levels = list(_levels(model, by_depth))
         feet = {name for foot in robot.description.feet for name in foot.geoms}
         found = []
-        for number, name in enumerate(order):
-            link = next(link for link in links if link.name == name)
+        for number, link in enumerate(itertools.chain.from_iterable(by_depth)):
             found += [
                 (number, link.body_origin + at, radius) for at, radius in _points(model, link.body, feet)
             ]
@@ -80,9 +79,8 @@ def _by_depth(links: list[Link]) -> list[list[Link]]:
         levels.append(below)
 
 
-def _levels(model: mujoco.MjModel, links: list[Link]) -> Iterator[Level]:
-    levels = _by_depth(links)
-    for above, level in itertools.pairwise(levels):
+def _levels(model: mujoco.MjModel, by_depth: list[list[Link]]) -> Iterator[Level]:
+    for above, level in itertools.pairwise(by_depth):
         names = [link.name for link in above]
         slides = np.array([link.kind == PRISMATIC for link in level])[:, None]
         axes = np.array([link.axis for link in level], dtype=np.float32)

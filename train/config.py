@@ -1,5 +1,6 @@
 """Settings of a training, as they stand in a preset or in a run folder's config.yaml."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,6 @@ from footfall.train.old_names import with_current_names
 
 PRESETS = Path(__file__).parent / "presets"
 TRAINING_FILE = "training.yaml"  # in a robot's folder
-OTHER_TASKS = (
-    "getup",
-)  # presets that do not teach to walk: the changes in TRAINING_FILE are for those that do
 BASE = "base"  # key of a preset's file: the shipped preset that the file changes
 
 
@@ -105,6 +103,7 @@ class TrainConfig:
     env: EnvConfig
     checkpoint_interval_s: float = 30.0  # of the wall clock; 0 for every iteration
     diverged_limit: float = 0.01  # share of control steps whose simulation may diverge before training stops
+    training_yaml: bool = True  # whether a robot's training.yaml, which is about walking, changes this preset
 
     def __post_init__(self) -> None:
         require_not_negative(self, "checkpoint_interval_s")
@@ -154,7 +153,7 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     base = changes.pop(BASE)
     if base not in available_presets():
         raise UserError(f"{path}: {BASE}: no preset '{base}': there are {', '.join(available_presets())}")
-    settings, source = _adapted(base, robot)
+    settings, source = _adapted(base, robot, changes)
     return train_config(_merged(settings, changes, str(path)), f"{path} over {source}")
 
 
@@ -166,7 +165,7 @@ def _copied(settings: dict[str, Any], path: Path, robot: Robot | None) -> TrainC
     settings = settings | {"env": with_lists(env)}
     originals = {name: read_preset(name) for name in available_presets()}
     nearest = min(originals, key=lambda name: differences(settings, originals[name]))
-    adapted, source = _adapted(nearest, robot)
+    adapted, source = _adapted(nearest, robot, settings)
     return train_config(adapted_copy(settings, originals[nearest], adapted), f"{path} over {source}")
 
 
@@ -175,7 +174,10 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 
     Raises:
         UserError: there is no such setting, or a value does not fit it; the message names `source`.
+            `training_yaml` acts while a preset is loaded, and is no setting here.
     """
+    if "training_yaml" in settings:
+        raise UserError(f"{source}: training_yaml stands in a preset's file: it acts while that is loaded")
     data = unstructure(config)
     changes: dict[str, Any] = {}
     for key, value in settings.items():
@@ -230,15 +232,22 @@ def _listed_anywhere(part: str) -> set[str]:
     return older.union(*(by_label(env.get(part) or default_terms(part)) for env in lists))
 
 
-def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
-    """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from."""
+def _adapted(name: str, robot: Robot | None, file: Mapping[str, Any] | None = None) -> tuple[Any, str]:
+    """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from.
+
+    Args:
+        name: of the preset.
+        robot: whose own settings replace the preset's; None for none.
+        file: settings of a user's file over the preset, which decides on `training_yaml` where it has it.
+    """
     path = PRESETS / f"{name}.yaml"
     preset = read_preset(name)
     if robot is None:
         return preset, str(path)
     own = robot.folder / TRAINING_FILE
     preset = _with_own_ranges(preset, robot)
-    changes = read_yaml(own) if own.is_file() and name not in OTHER_TASKS else None
+    wanted = (preset | dict(file or {})).get("training_yaml", True)
+    changes = read_yaml(own) if own.is_file() and wanted else None
     if changes is None:
         return preset, str(path)
     return _merged(preset, changes, str(own)), f"{own} over {path}"

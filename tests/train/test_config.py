@@ -139,6 +139,24 @@ def test_an_old_name_beside_the_new_one_is_refused(own_folder: Path) -> None:
         load_preset("smoke", robot)
 
 
+def test_a_preset_says_whether_the_robots_own_changes_act(own_folder: Path, tmp_path: Path) -> None:
+    robot = load_robot(own_training(own_folder, "env: {episode_s: 7.5}"))
+    assert load_preset("smoke", robot).env.episode_s == 7.5
+    assert load_preset("getup", robot) == load_preset("getup")
+    path = tmp_path / "mine.yaml"
+    for text, acts in {
+        "base: smoke": True,
+        "base: smoke\ntraining_yaml: false": False,
+        "base: getup": False,
+        "base: getup\ntraining_yaml: true": True,
+        "training_yaml: false\n" + (PRESETS / "smoke.yaml").read_text(): False,
+    }.items():
+        path.write_text(text)
+        assert (load_preset(str(path), robot).env.episode_s == 7.5) is acts, text
+    with pytest.raises(UserError):  # too late: the preset is loaded
+        with_settings(load_preset("smoke", robot), {"training_yaml": False}, "--set")
+
+
 def test_a_robot_without_one_has_the_presets_as_they_are(own_folder: Path) -> None:
     assert load_preset("smoke", load_robot(own_folder)) == load_preset("smoke")
 
