@@ -5,7 +5,6 @@ docstrings of terms.
 """
 
 import ast
-import html
 import inspect
 import io
 import json
@@ -20,6 +19,7 @@ from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import yaml
+from fault_reference import faults
 
 from footfall.cli import app
 from footfall.deploy.config import DeployConfig
@@ -41,20 +41,6 @@ from footfall.train.config import TrainConfig
 
 ROOT = Path(__file__).parents[1]
 MEASUREMENTS = ROOT / "docs" / "measurements.yaml"
-FAULTS = ROOT / "docs" / "faults.json"
-FAULT_COLUMNS = {
-    "policy": "policy",
-    "group": "part",
-    "fault": "fault",
-    "noticed": "noticed",
-    "runs": "of runs",
-    "median_ms": "median, ms",
-    "longest_ms": "longest, ms",
-    "limit_ms": "limit, ms",
-    "ends": "final state",
-    "as_expected": "as expected",
-    "reason": "reason",
-}
 
 
 def command_line() -> str:
@@ -228,29 +214,6 @@ def _measurement(table: dict[str, Any]) -> str:
     return "\n".join(
         [f"## {table['title']}", "", table.get("condition", ""), "", *lines, "", ". ".join(facts)]
     )
-
-
-def faults() -> str:
-    """The fault table: all rows as HTML, which a script sorts and filters where there is one."""
-    rows = json.loads(FAULTS.read_text(encoding="utf-8"))["rows"]
-    head = "".join(f"<th>{html.escape(title)}</th>" for title in FAULT_COLUMNS.values())
-    body = "\n".join(
-        "<tr>" + "".join(f"<td>{html.escape(_shown(row[key]))}</td>" for key in FAULT_COLUMNS) + "</tr>"
-        for row in rows
-    )
-    table = f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
-    return f'<div id="faults" markdown="0">\n{table}\n</div>'
-
-
-def _shown(value: Any) -> str:
-    match value:
-        case None:
-            return "–"
-        case bool():
-            return "yes" if value else "no"
-        case dict():
-            return ", ".join(f"{state} {count}" for state, count in value.items())
-    return str(value)
 
 
 def ros2() -> str:

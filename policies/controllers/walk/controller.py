@@ -7,7 +7,7 @@ import numpy as np
 
 from footfall.common.rotations import rotation_matrix, wrap_angle, yaw_of
 from footfall.policies.controllers.command import ShapedCommand
-from footfall.policies.controllers.gait import GaitConfig, GaitTiming, contact_trust
+from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import Slope
 from footfall.policies.controllers.stance import nominal_feet
@@ -138,7 +138,7 @@ class Walk:
         sensed = inputs.sensed
         pose = self._legs.pose(sensed.joint_position)
         settled = inputs.time_s >= config.settle_s
-        inputs = self._slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
+        inputs = self._slope.follow(inputs, pose.foot, self.stance(), dt_s)
         if settled:
             self._walk(inputs, dt_s)
         if self._ground is not None:
@@ -160,17 +160,8 @@ class Walk:
         torque = self._legs.scatter(held, self._no_torque)
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
-    def stance(self) -> np.ndarray | None:
-        return self._planned_stance()
-
-    def _planned_stance(self) -> np.ndarray:
-        cycle = self._cycle
-        if not self._steps:
-            return np.ones(self._legs.count)
-        phases = cycle.phases()
-        trust = contact_trust(phases, cycle.timing.duty, edge=0.1)
-        waits = phases >= cycle.timing.duty
-        return np.where(cycle.swings, 0.0, np.where(waits, 1.0, trust))
+    def stance(self) -> np.ndarray:
+        return self._cycle.stance() if self._steps else np.ones(self._legs.count)
 
     def footholds(self) -> np.ndarray:
         return self._cycle.footholds(self._sway.at(self._cycle.clock), self._height_m)

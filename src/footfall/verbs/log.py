@@ -2,18 +2,15 @@
 
 import math
 import sys
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
+from footfall.log_findings import findings_of, headline
 from footfall.options import AS_TYPED, JsonFile, OptionalPath
-
-if TYPE_CHECKING:
-    from footfall.deploy.log_analysis.findings import LogFindings
 
 log = App(name="log", help="Work on the log of a run.")
 
@@ -36,9 +33,9 @@ def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
 
     from footfall.deploy.telemetry.topics import TOPICS
 
-    found = _findings(file, robot)
+    found = findings_of(file, robot)
     columns, console = found.columns, Console()
-    for line in (_headline(found), *found.verdicts()):
+    for line in (headline(found), *found.verdicts()):
         console.print(line, highlight=False, soft_wrap=True)
     facts = Table(show_header=False, box=None)
     for what, value in found.extremes():
@@ -151,11 +148,11 @@ def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -
     page = file.with_suffix(".html") if out is None else out
     check_outputs(page)
     check_installed()
-    found = _findings(file, robot)
+    found = findings_of(file, robot)
     from footfall.common.outputs import write_text
     from footfall.evaluate.report.log_page import render
 
-    write_text(page, render(found, _headline(found)))
+    write_text(page, render(found, headline(found)))
     print(f"{page}: {' '.join(found.verdicts())}")
     return 0
 
@@ -271,42 +268,3 @@ def _beside(file: Path, what: str, out: Path | None) -> Path:
 
 def _lost(damaged: int) -> str:
     return f", {damaged} damaged parts left out" if damaged else ""
-
-
-def _findings(file: Path, robot: str | None) -> "LogFindings":
-    """What a log tells; of feet only if its robot is here."""
-    from footfall.deploy.log_analysis.columns import read_columns
-    from footfall.deploy.log_analysis.findings import LogFindings
-    from footfall.deploy.log_analysis.robot import logged_robot
-    from footfall.robots.description import load_robot
-
-    columns = read_columns(file)
-    found = None
-    if robot is not None:
-        found = load_robot(robot)
-        if list(found.joint_names) != columns.joints:
-            raise UserError(
-                f"{file} is of another robot than {robot}: its joints are {', '.join(columns.joints)}"
-            )
-    with suppress(UserError):
-        found = found or logged_robot(columns.log)
-    return LogFindings(columns, found)
-
-
-def _headline(found: "LogFindings") -> str:
-    """When, what and for how long."""
-    from datetime import UTC, datetime
-
-    from footfall.deploy.clock import LOCKSTEP_START_NS
-
-    columns = found.columns
-    about = columns.log.metadata
-    simulated = columns.start_ns < LOCKSTEP_START_NS + 10**14  # a day of simulated time
-    when = (
-        ""
-        if simulated
-        else f" on {datetime.fromtimestamp(columns.start_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
-    )
-    walked = sum(end - start for start, end in found.walking)
-    policy, robot, bus = (str(about.get(key, "?")) for key in ("policy", "robot", "bus"))
-    return f"{policy} on {robot}, bus {bus}{when}: {columns.duration_s:.1f} s, walking {walked:.1f} s."

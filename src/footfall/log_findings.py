@@ -1,0 +1,49 @@
+"""What `footfall log` says of a log: its findings, and one line above them."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from footfall.common.errors import UserError
+
+if TYPE_CHECKING:
+    from footfall.deploy.log_analysis.findings import LogFindings
+
+
+def findings_of(file: Path, robot: str | None) -> "LogFindings":
+    """What a log tells; of feet only if its robot is here."""
+    from footfall.deploy.log_analysis.columns import read_columns
+    from footfall.deploy.log_analysis.findings import LogFindings
+    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.robots.description import load_robot
+
+    columns = read_columns(file)
+    found = None
+    if robot is not None:
+        found = load_robot(robot)
+        if list(found.joint_names) != columns.joints:
+            raise UserError(
+                f"{file} is of another robot than {robot}: its joints are {', '.join(columns.joints)}"
+            )
+    with suppress(UserError):
+        found = found or logged_robot(columns.log)
+    return LogFindings(columns, found)
+
+
+def headline(found: "LogFindings") -> str:
+    """When, what and for how long."""
+    from datetime import UTC, datetime
+
+    from footfall.deploy.clock import LOCKSTEP_START_NS
+
+    columns = found.columns
+    about = columns.log.metadata
+    simulated = columns.start_ns < LOCKSTEP_START_NS + 10**14  # a day of simulated time
+    when = (
+        ""
+        if simulated
+        else f" on {datetime.fromtimestamp(columns.start_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    )
+    walked = sum(end - start for start, end in found.walking)
+    policy, robot, bus = (str(about.get(key, "?")) for key in ("policy", "robot", "bus"))
+    return f"{policy} on {robot}, bus {bus}{when}: {columns.duration_s:.1f} s, walking {walked:.1f} s."
