@@ -24,7 +24,7 @@ from footfall.deploy.modes import COMMANDED, DAMPED, DECIDING, Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.postures import Postures
 from footfall.deploy.recovery import Recovery
-from footfall.deploy.run_end import RunEnd
+from footfall.deploy.run_end import TAKEN_OVER, RunEnd
 from footfall.deploy.run_log import RunLog
 from footfall.deploy.safety import State, advance, damped
 from footfall.deploy.signal_source import SignalSource
@@ -34,8 +34,6 @@ from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
-
-TAKEN_OVER = "the loop did not come back in time: a guard damped the robot and switched its motors off"
 
 
 class ControlLoop:

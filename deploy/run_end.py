@@ -3,6 +3,7 @@
 from footfall.deploy.modes import DAMPED, Mode
 from footfall.deploy.signals import EndSignals
 
+TAKEN_OVER = "the loop did not come back in time: a guard damped the robot and switched its motors off"
 CUT_SHORT = (Mode.STOPPING, Mode.LOWERING)  # modes in which asking again ends the run at once
 
 

@@ -20,6 +20,7 @@ from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.lateness import Lateness
+from footfall.envs.metrics import tracking_metrics
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
 from footfall.envs.physics.interface import Motion, Trace
@@ -288,14 +289,3 @@ def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> N
             f" {1e3 * config.timestep_s:.3g} ms: joint {joint} of {robot.name} is too stiff for steps beyond"
             f" {1e3 * longest_s:.3g} ms"
         )
-
-
-def tracking_metrics(data: StepData) -> dict[str, jax.Array]:
-    """How far the robot is from its command, and whether it fell."""
-    velocity = jnp.concatenate([data.linear_velocity[:2], data.angular_velocity[2:]])
-    error = data.command - velocity
-    return {
-        "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
-        "tracking/yaw_error_rad_s": jnp.abs(error[2]),
-        "episode/falls": data.fell,
-    }

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,19 @@ SAFE, FALLEN = "IDLE", "FALLING"  # final states
 WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
 
 
+class Run(NamedTuple):
+    """What a run needs on any bus."""
+
+    robot: "Robot"
+    policy: "Policy"
+    spec: str  # of the policy, as a log keeps it
+    others: Others
+    consent: "GetUp | None"
+    options: DeployOptions
+    steering: "Steered"
+    scans: "HeightScanSource | None"
+
+
 def deploy(
     policy: PolicyName, /, *, options: DeployOptions = DEFAULTS, pages: RunPageOptions = NO_PAGES
 ) -> int:
@@ -53,7 +66,7 @@ def deploy(
     decider, consent = load_policy(spec, robot), _consent(options, robot)
     others = {lasting_spec(each): load_policy(each, robot) for each in also}
     others |= mission_policies(options.by, [decider, *others.values()], robot)
-    run = _simulated if options.bus == SIMULATED else _on_interface
+    act = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
         everyone, inbox = {spec: decider, **others}, inbox_of(pages)
@@ -63,30 +76,21 @@ def deploy(
             height_scan_source(options.height_scan) as scans,
         ):
             options = replace(options, feed=feed)
-            figures = about | run(
-                robot, decider, lasting_spec(spec), others, consent, options, steering, scans
-            )
+            run = Run(robot, decider, lasting_spec(spec), others, consent, options, steering, scans)
+            figures = about | act(run)
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
         status = 0 if safe and not steering.failed() else 1
         return write_and_show(figures, options.json, lambda: show(figures), status)
 
 
-def _simulated(
-    robot: "Robot",
-    policy: "Policy",
-    spec: str,
-    others: "Others",
-    consent: "GetUp | None",
-    options: DeployOptions,
-    steering: "Steered",
-    scans: "HeightScanSource | None",
-) -> dict[str, Any]:
+def _simulated(run: Run) -> dict[str, Any]:
     """A run on the simulated robot; what it has to tell."""
     from footfall.deploy.wiring_check.proof import must_check
     from footfall.plant.episode import Episode, run_episode
     from footfall.terrain.declaration import load_ground
 
+    robot, options, steering = run.robot, run.options, run.steering
     if steering.odometry and options.ground_truth:
         raise UserError(
             "--ground-truth takes the place of the odometry that --from and pages need: leave it out"
@@ -110,16 +114,16 @@ def _simulated(
         log=options.log,
         log_frames=options.log_frames,
         feed=_feed(options, steering),
-        policy_spec=spec,
-        others=others,
-        get_up=consent,
+        policy_spec=run.spec,
+        others=run.others,
+        get_up=run.consent,
         record=False,
         config=_config(robot, options, steering),
         display=display,
         check_wiring=must_check(robot, options.bus, options.wiring),
-        height_scans=scans,
+        height_scans=run.scans,
     )
-    trace = run_episode(robot, policy, episode)
+    trace = run_episode(robot, run.policy, episode)
     return _figures(trace, options, steering) | {
         "fell": trace.fell,
         "fall_reason": trace.fall_reason,
@@ -128,24 +132,16 @@ def _simulated(
     }
 
 
-def _on_interface(
-    robot: "Robot",
-    policy: "Policy",
-    spec: str,
-    others: "Others",
-    consent: "GetUp | None",
-    options: DeployOptions,
-    steering: "Steered",
-    scans: "HeightScanSource | None",
-) -> dict[str, Any]:
+def _on_interface(run: Run) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
     from footfall.deploy.log_store import default_store
     from footfall.deploy.session import Session, run_on_interface
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
 
+    robot, options, steering = run.robot, run.options, run.steering
     if what := _for_simulation_alone(options):
         raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
-    facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
+    facts = {"seed": options.seed, "policy_spec": run.spec, "bus": options.bus, "plant": None}
     check = must_check(robot, options.bus, options.wiring)
     notes = [] if check else [unproven_note(robot, options.bus)]
     said = [*filter(None, notes), *[WIRING_CHECK] * check]
@@ -169,13 +165,13 @@ def _on_interface(
         log_frames=options.log_frames,
         feed=_feed(options, steering),
         facts=facts,
-        others=others,
-        get_up=consent,
+        others=run.others,
+        get_up=run.consent,
         config=config,
         lie_down=options.lie_down,
         display=display,
         check_wiring=check,
-        height_scans=scans,
+        height_scans=run.scans,
         wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
     with ExitStack() as resources:
@@ -183,7 +179,7 @@ def _on_interface(
             from footfall.plant.serve import serving
 
             resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
-        outcome = run_on_interface(robot, policy, options.bus, session)
+        outcome = run_on_interface(robot, run.policy, options.bus, session)
     tipped = outcome.final_state == FALLEN
     return _figures(outcome, options, steering) | {
         "notes": [*outcome.notes, *filter(None, notes)],
