@@ -80,6 +80,12 @@ CONTROLLERS = {
         f"{_HERE}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
+    "jump": Controller(
+        f"{_HERE}.jump:Jump",
+        f"{_HERE}.jump.config:JumpConfig",
+        "stands, and jumps ahead while a forward command lasts",
+        walks=False,
+    ),
     **{name: _flight(name) if name in FLIGHT else _gait(name) for name in gait_names()},
 }
 

@@ -12,7 +12,11 @@ from footfall.operate.missions.follow import Tracking, along, arrived, distance,
 from footfall.operate.missions.path import Path
 
 STILL = np.zeros(3)
-TAKES_OVER_S = 10.0  # longest that a policy needs to take over
+TAKES_OVER_S = 10.0  # longest that a policy needs to take over, or to begin a jump
+LEAP = np.array([0.3, 0.0, 0.0])  # command that asks for a jump
+LEAPT_M = 0.2  # a robot that is so far from where it stood has left the ground
+LANDED_S = 1.5  # after that it stands again
+JUMP_S = 3.0  # one jump takes, about
 
 
 class Act(NamedTuple):
@@ -117,6 +121,37 @@ class Change:
         done = self.policy in ("", now.policy)
         late = not done and now.time_s > TAKES_OVER_S
         return Act(request, 0.0, done, trouble=f"'{self.policy}' does not take over" if late else "")
+
+
+@dataclass
+class Leap:
+    """Jumps one after the other by a policy that jumps, then the policy before decides again."""
+
+    policy: str
+    times: int
+    _back_to: str = field(default="", init=False)
+    _from: Pose | None = field(default=None, init=False)  # where the present jump began
+    _since_s: float = field(default=0.0, init=False)  # when the present part began
+    _leapt: bool = field(default=False, init=False)
+
+    def act(self, now: Now) -> Act:
+        self._back_to = self._back_to or now.policy
+        if not self.times:
+            return self._request(now, self._back_to, done=now.policy == self._back_to)
+        if now.policy != self.policy:
+            return self._request(now, self.policy)
+        if self._from is None:
+            self._from, self._since_s, self._leapt = now.pose, now.time_s, False
+        if not self._leapt and distance(self._from, now.pose) > LEAPT_M:
+            self._leapt, self._since_s = True, now.time_s
+        if self._leapt and now.time_s - self._since_s > LANDED_S:
+            self.times, self._from, self._since_s = self.times - 1, None, now.time_s
+        return self._request(now, self.policy, STILL if self._leapt else LEAP)
+
+    def _request(self, now: Now, policy: str, velocity: np.ndarray = STILL, done: bool = False) -> Act:
+        late = not done and now.time_s - self._since_s > TAKES_OVER_S
+        trouble = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if late else ""
+        return Act(Request(velocity, policy=policy), self.times * JUMP_S, done, trouble=trouble)
 
 
 @dataclass

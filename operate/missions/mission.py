@@ -13,7 +13,7 @@ from footfall.deploy.command_source import Pose
 from footfall.operate.abilities import Abilities, Limits
 from footfall.operate.missions.follow import Tracking
 from footfall.operate.missions.step import Scene, Step
-from footfall.operate.missions.steps import STEPS, UsePolicy
+from footfall.operate.missions.steps import STEPS, Jump, UsePolicy
 
 HERE = Pose(0.0, 0.0, 0.0)
 SPEED_SHARE = 0.5  # of the highest forward command, where a mission names no speed
@@ -59,7 +59,7 @@ class Mission:
     def policies(self) -> tuple[str, ...]:
         """Policies that its steps name."""
         steps = (each.step for each in self.steps)
-        return tuple(dict.fromkeys(step.name for step in steps if isinstance(step, UsePolicy)))
+        return tuple(dict.fromkeys(step.name for step in steps if isinstance(step, UsePolicy | Jump)))
 
     def planned_s(self, policy: str, abilities: Callable[[str], Abilities]) -> list[float]:
         """Go through the steps without a robot: the time that each takes, about.

@@ -13,10 +13,13 @@ from footfall.common.config import require_between, takes_other_keys
 from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.deploy.command_source import Offer, Pose, Request, Wish
 from footfall.operate.abilities import Limits
-from footfall.operate.missions.activities import STILL, Change, Cover, Hold, LieDown
+from footfall.operate.missions.activities import JUMP_S, STILL, Change, Cover, Hold, Leap, LieDown
 from footfall.operate.missions.courses import FARTHEST_M, Circle, GoTo, Rectangle, Turn, Waypoints
 from footfall.operate.missions.path import placed
 from footfall.operate.missions.step import Plan, Scene, Step
+
+MOST_JUMPS = 100
+JUMP_M = 0.4  # ahead, about
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,26 @@ class UsePolicy:
         return Plan(0.0, begin, Change(policy=self.name))
 
 
+@dataclass(frozen=True)
+class Jump:
+    """Jumps ahead by the policy `jump`; then the policy before decides again."""
+
+    times: int = 1
+
+    name = "jump"  # of the policy
+
+    def __post_init__(self) -> None:
+        require_between(self, 1, MOST_JUMPS, "times")
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        if self.name not in offer.policies:
+            raise ValueError(f"no policy '{self.name}' in this run: {', '.join(offer.policies)}")
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        ahead = _after(begin, (JUMP_M, 0.0, 0.0), self.times)
+        return Plan(self.times * JUMP_S, ahead, Leap(self.name, self.times))
+
+
 @takes_other_keys("settings")
 @dataclass(frozen=True)
 class Set:
@@ -149,6 +172,7 @@ STEPS: dict[str, type[Step]] = {
     "circle": Circle,
     "gait": UseGait,
     "policy": UsePolicy,
+    "jump": Jump,
     "set": Set,
     "lie_down": End,
 }

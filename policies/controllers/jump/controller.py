@@ -1,0 +1,151 @@
+"""Jumps ahead while a forward command lasts, and stands before and after that.
+
+The model-predictive controller stands, and steps where a landing was too fast to stop. Whole-body control
+moves the base along the planned crouch and push, within friction and the motors' torques. In the air the
+joints follow the feet's planned way, level whatever the base's attitude is. Soft joints take the landing.
+"""
+
+import numpy as np
+
+from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix
+from footfall.policies.controllers.jump.config import JointGains, JumpConfig
+from footfall.policies.controllers.jump.motion import LeapPlan
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import nominal_feet
+from footfall.policies.controllers.whole_body.control import WholeBodyControl
+from footfall.policies.controllers.whole_body.feedback import observed
+from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.rigid_body import nominal_body
+
+_STILL = np.zeros(3)
+
+
+class Jump:
+    """Stands; a forward command makes it jump, again and again while it lasts."""
+
+    name = "jump"
+    needs_estimate = True
+    contract = None
+
+    def __init__(self, robot: Robot, config: JumpConfig | None = None) -> None:
+        self._config = config = config or controller_settings(robot, self.name, JumpConfig)
+        self.rate_hz = config.plan.rate_hz
+        self._robot, self._legs = robot, robot.legs
+        self._stand = Mpc(robot, config.plan)
+        self._control = WholeBodyControl(robot, config.whole_body, 1.0 / self.rate_hz)
+        self._plan = LeapPlan(config)
+        self._inertia = nominal_body(robot).inertia
+        stance, body = config.plan.stance, self._control.body
+        self._places = nominal_feet(self._legs, 0.0, stance.outward_m, stance.shift_m)
+        self._most_force = np.full(body.points, config.push.most_force_n)
+        self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
+        self._begin()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self._control.notes
+
+    def reset(self, inputs: PolicyInput) -> None:
+        self._begin()
+        self._take_stand(inputs)
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        if self._time_s is None and self._asked(inputs):
+            self._jump_from(inputs)
+        if self._time_s is None:
+            return self._stand.act(self._since_landing(inputs))
+        self._time_s += 1.0 / self.rate_hz
+        flown_s = self._time_s - self._plan.take_off_s
+        if flown_s < 0.0:
+            return self._push(inputs, self._time_s)
+        landing = self._config.landing
+        if flown_s < self._plan.flight_s + landing.lasts_s:
+            gains = self._config.air if flown_s < self._plan.flight_s else landing.gains
+            return self._fly(inputs, flown_s, gains)
+        self._take_stand(inputs)
+        return self._stand.act(self._since_landing(inputs))
+
+    def stance(self) -> np.ndarray | None:
+        if self._time_s is None:
+            return self._stand.stance()
+        flown_s = self._time_s - self._plan.take_off_s
+        return np.full(self._legs.count, 0.0 if 0.0 <= flown_s < self._plan.flight_s else 1.0)
+
+    def _begin(self) -> None:
+        self._time_s: float | None = None  # since the crouch began; None while it stands
+        self._stood_s = 0.0  # time of the policy when the present stance began
+        self._yaw, self._height = 0.0, self._config.plan.stance.height_m
+
+    def _asked(self, inputs: PolicyInput) -> bool:
+        """Whether the command asks for a jump, and the robot has stood long enough on all feet."""
+        plan = self._stand.stance()
+        if plan is None or plan.min() < 1.0:
+            self._stood_s = inputs.time_s
+        rested = inputs.time_s - self._stood_s >= self._config.settle_s
+        return rested and bool(inputs.command[0] > self._config.plan.command.standing_command)
+
+    def _take_stand(self, inputs: PolicyInput) -> None:
+        self._time_s, self._stood_s = None, inputs.time_s
+        self._stand.reset(inputs)
+
+    def _since_landing(self, inputs: PolicyInput) -> PolicyInput:
+        return inputs._replace(time_s=inputs.time_s - self._stood_s, command=_STILL)
+
+    def _jump_from(self, inputs: PolicyInput) -> None:
+        self._time_s = 0.0
+        self._yaw, self._height = _yaw(inputs), inputs.base_height
+        self._control.reset()
+
+    def _push(self, inputs: PolicyInput, time_s: float) -> JointCommand:
+        """The base along its planned way, the feet where they stand."""
+        config, body, sensed = self._config.push, self._control.body, inputs.sensed
+        dynamics = observed(body, inputs)
+        rotation = rotation_matrix(sensed.quaternion)
+        ahead = heading_matrix(self._yaw)
+        aim = self._plan.base(time_s, self._height)
+        place, velocity = -dynamics.middle.dot(ahead), rotation.dot(inputs.base_velocity).dot(ahead)
+        place[0] += self._config.plan.stance.shift_m
+        deviation, rate = place.copy(), velocity.copy()
+        deviation[[0, 2]] -= aim.place
+        rate[[0, 2]] -= aim.velocity
+        wanted = config.centre(deviation, rate)
+        wanted[[0, 2]] += aim.acceleration
+        roll, pitch, yaw = roll_pitch_yaw(rotation)
+        turn = np.array([roll, pitch, np.arctan2(np.sin(yaw - self._yaw), np.cos(yaw - self._yaw))])
+        turning = config.attitude(turn, sensed.gyro)
+        still = np.zeros_like(sensed.joint_position)
+        goal = Wanted(
+            centre=ahead.dot(wanted),
+            momentum_rate=rotation.dot(self._inertia.dot(turning)),
+            attitude=turning,
+            feet=np.zeros((body.feet, 6)),
+            joints=still,
+        )
+        position, rates = sensed.joint_position, sensed.joint_velocity
+        return self._control.command(dynamics, position, rates, goal, self._most_force)
+
+    def _fly(self, inputs: PolicyInput, flown_s: float, gains: JointGains) -> JointCommand:
+        """The feet along their planned way, level."""
+        legs, sensed = self._legs, inputs.sensed
+        way, velocity = self._plan.feet(flown_s)
+        level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level
+        angles = legs.solve((self._places + way).dot(level))
+        motion = np.tile(velocity.dot(level), (legs.count, 1))[:, :, None]
+        pose = legs.pose(legs.scatter(angles, self._robot.default_pose))
+        rates = legs.joint_rates(pose.jacobian, motion)[:, :, 0]
+        zero = np.zeros_like(sensed.joint_position)
+        return JointCommand(
+            legs.scatter(angles, self._robot.default_pose),
+            legs.scatter(rates, zero),
+            zero + gains.kp,
+            zero + gains.kd,
+            zero,
+        )
+
+
+def _yaw(inputs: PolicyInput) -> float:
+    return float(roll_pitch_yaw(rotation_matrix(inputs.sensed.quaternion))[2])

@@ -1,0 +1,70 @@
+"""The planned motion of a jump: of the base until the feet leave the ground, and of the feet after that."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.policies.controllers.gait import swing_curve
+from footfall.policies.controllers.jump.config import JumpConfig
+
+
+class Aim(NamedTuple):
+    """Where the base shall be: each (2,), ahead of its place in stance and above the ground."""
+
+    place: np.ndarray  # m
+    velocity: np.ndarray  # m/s
+    acceleration: np.ndarray  # m/s^2
+
+
+class LeapPlan:
+    """Times and speeds of a jump. Times count from the beginning of the crouch.
+
+    The push is an even acceleration from rest: it needs the least force for its way.
+
+    Attributes:
+        take_off_s: when the feet leave the ground.
+        flight_s: how long the feet are in the air.
+    """
+
+    def __init__(self, config: JumpConfig) -> None:
+        leap, landing, stance_m = config.leap, config.landing, config.plan.stance.height_m
+        self._crouch_s = leap.crouch_s
+        self._low = np.array([-leap.back_m, leap.crouch_m])
+        self._stance_m, self._tuck_m = stance_m, config.tuck_m
+        upward = math.sqrt(2.0 * GRAVITY_M_S2 * (stance_m + leap.rise_m - leap.take_off_m))
+        push_s = 2.0 * (leap.take_off_m - leap.crouch_m) / upward
+        fall_m = stance_m + leap.rise_m - landing.height_m
+        self.flight_s = upward / GRAVITY_M_S2 + math.sqrt(2.0 * fall_m / GRAVITY_M_S2)
+        self.take_off_s = leap.crouch_s + push_s
+        way = leap.ahead_m + leap.back_m - landing.feet_ahead_m
+        self._speed = np.array([way / (0.5 * push_s + self.flight_s), upward])
+        self._acceleration = self._speed / push_s
+        leaves = self._low + 0.5 * push_s * self._speed
+        self._lift_off = np.array([-leaves[0], 0.0, -leaves[1]])
+        self._touch_down = np.array([landing.feet_ahead_m, 0.0, -landing.height_m])
+
+    def base(self, time_s: float, from_m: float) -> Aim:
+        """The base's motion until take-off; it begins at a height of `from_m` above its feet."""
+        if time_s < self._crouch_s:
+            share = time_s / self._crouch_s
+            along, high = swing_curve(share).along, np.array([0.0, from_m])
+            way = self._low - high
+            return Aim(
+                high + along.value * way,
+                along.slope / self._crouch_s * way,
+                along.bend / self._crouch_s**2 * way,
+            )
+        push_s = min(time_s, self.take_off_s) - self._crouch_s
+        gained = self._acceleration * push_s
+        return Aim(self._low + 0.5 * push_s * gained, gained, self._acceleration)
+
+    def feet(self, flown_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Way (3,) m and velocity (3,) m/s of all feet from the base's place, x ahead, z up."""
+        share = min(max(flown_s / self.flight_s, 0.0), 1.0)
+        curve, way = swing_curve(share), self._touch_down - self._lift_off
+        up = np.array([0.0, 0.0, self._tuck_m])
+        place = self._lift_off + curve.along.value * way + curve.height.value * up
+        velocity = (curve.along.slope * way + curve.height.slope * up) / self.flight_s
+        return place, velocity

@@ -1,0 +1,70 @@
+"""A jump ahead on command, by the truth of the simulated robot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.deploy.config import deploy_config
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.operate.abilities import abilities_of
+from footfall.operate.missions.mission import mission_of
+from footfall.operate.missions.source import MissionSource
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+STANDS_S = 0.6
+
+
+def run(until_s: float, duration_s: float) -> Trace:
+    """A forward command until then."""
+    episode = Episode(
+        command_source=lambda time_s: np.array([0.5 * (time_s < until_s), 0.0, 0.0]),
+        duration_s=duration_s,
+        noise=load_scenarios(ROBOT).noise,
+        record_rate_hz=250.0,
+    )
+    return run_episode(ROBOT, load_policy("jump", ROBOT), episode)
+
+
+def jumps(trace: Trace) -> int:
+    """How often the robot rises by a tenth of a metre."""
+    high = trace.base_position[:, 2] > 0.38
+    return int((high[1:] & ~high[:-1]).sum())
+
+
+def test_a_command_makes_it_jump_up_and_ahead_and_it_stands_again() -> None:
+    trace = run(1.2, 3.0)
+    assert (trace.fell, trace.faults) == (False, ())
+    begin = int(np.searchsorted(trace.time_s, STANDS_S))
+    base, feet = trace.base_position - trace.base_position[begin], trace.foot_position[:, :, 2]
+    assert base[:, 2].max() >= 0.15
+    assert feet.min(axis=1).max() - feet[begin].mean() >= 0.15
+    assert 0.4 <= np.hypot(*base[-1, :2]) <= 0.7
+    assert np.linalg.norm(trace.base_velocity[-1]) < 0.05
+    assert base[-1, 2] == pytest.approx(0.0, abs=0.02)
+    assert (np.abs(trace.motor_torque) <= ROBOT.motor.peak_torque * 1.001).all()
+    assert jumps(trace) == 1
+
+
+def test_it_jumps_again_while_the_command_lasts_and_not_without_one() -> None:
+    assert jumps(run(3.0, 4.0)) == 2
+    assert jumps(run(0.0, 2.0)) == 0
+
+
+def test_a_mission_has_it_jump_twice_and_another_policy_decides_again() -> None:
+    policies = {name: load_policy(name, ROBOT) for name in ("stand", "jump")}
+    source = MissionSource(
+        mission_of({"steps": [{"jump": 2}, {"wait": 0.5}]}, "mission"),
+        "stand",
+        abilities_of(policies, ROBOT),
+    )
+    config = replace(deploy_config(ROBOT), odometry=True)
+    episode = Episode(source, 30.0, config=config, record_rate_hz=100.0, others={"jump": policies["jump"]})
+    trace = run_episode(ROBOT, policies["stand"], episode)
+    assert source.progress.done
+    assert (trace.fell, trace.faults) == (False, ())
+    assert jumps(trace) == 2
