@@ -154,7 +154,9 @@ def _cause(
     for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):
         found.append((cost_of(every[row]), every[row].text))
     if min(found)[0] > limit:
-        found += _of_one_joint(every, rough_costs, cost_of)
+        found += [(cost_of(each), each.text) for each in every if len(each.key) > 2]  # legs and buses: few
+        if min(found)[0] > limit:
+            found += _of_one_joint(every, rough_costs, cost_of)
     cost, text = min(found)
     return text if cost <= limit else ""
 

@@ -1,9 +1,11 @@
 """The base as model-predictive control sees it, and its place by dead reckoning."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import cross, roll_pitch_yaw, rotation_matrix
 from footfall.policies.controllers.mpc.config import Restart
 from footfall.policies.controllers.mpc.problem import BodyState
@@ -75,15 +77,37 @@ class Disturbance:
         """Forget earlier disturbances."""
         self._left_s = 0.0
 
-    def present(self, base: Base, walking: bool, dt_s: float) -> bool:
-        """Whether the base is too fast or tilted, or has been within `calm_s`."""
+    def present(self, base: Base, walking: bool, off_m: float, dt_s: float) -> bool:
+        """Whether the base is too fast, tilted or off its feet, or has been within `calm_s`.
+
+        Args:
+            base: its state.
+            walking: whether the robot steps; its capture point may then be where it likes.
+            off_m: distance of the capture point from the middle of the feet, m.
+            dt_s: time since the last call.
+        """
         config = self._config
         limit = config.stop_speed_m_s if walking else config.start_speed_m_s
-        if abs(base.speed) > limit or max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad:
+        tilted = max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad
+        if abs(base.speed) > limit or tilted or (not walking and off_m > config.most_off_m):
             self._left_s = config.calm_s
         else:
             self._left_s = max(0.0, self._left_s - dt_s)
         return self._left_s > 0.0
+
+
+def capture_offset_m(base: Base, centre_of_mass: np.ndarray, feet: np.ndarray) -> float:
+    """Horizontal distance of the capture point from the middle of all feet, m.
+
+    Args:
+        base: its state.
+        centre_of_mass: (3,) m, in the base's frame.
+        feet: (feet, 3) m, likewise.
+    """
+    ahead, left, up = (base.rotation @ (centre_of_mass - feet.mean(axis=0))).tolist()
+    x, y, _ = base.velocity.tolist()
+    fall_s = math.sqrt(max(up, 0.0) / GRAVITY_M_S2)
+    return math.hypot(ahead + x * fall_s, left + y * fall_s)
 
 
 def body_state(

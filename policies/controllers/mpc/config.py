@@ -120,9 +120,11 @@ class Restart:
     stop_speed_m_s: float  # below which it stands again
     start_tilt_rad: float
     calm_s: float  # how long it must have been calm
+    most_off_m: float = 1.0  # of the capture point from the middle of the feet that stand, before it steps
 
     def __post_init__(self) -> None:
         require_not_negative(self, "start_speed_m_s", "stop_speed_m_s", "start_tilt_rad", "calm_s")
+        require_not_negative(self, "most_off_m")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,13 @@ from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rot
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import contact_trust
 from footfall.policies.controllers.lookahead import Lookahead
-from footfall.policies.controllers.mpc.base import Base, BaseFollower, Disturbance, body_state
+from footfall.policies.controllers.mpc.base import (
+    Base,
+    BaseFollower,
+    Disturbance,
+    body_state,
+    capture_offset_m,
+)
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points
 from footfall.policies.controllers.mpc.grip import Grip
@@ -142,7 +148,7 @@ class Mpc:
         inputs = self.slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
         base = self.follower.follow(inputs, dt_s)
         self._legs_turn = self._turn_of_legs(inputs)
-        self._step_clock(inputs, base, dt_s)
+        self._step_clock(inputs, base, pose, dt_s)
         planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
         self.reference.advance(base, self.command.value, dt_s)
@@ -224,13 +230,14 @@ class Mpc:
             return np.ones(self._legs.count)
         return contact_trust(self.clock.phases(), self.clock.timing.duty, edge=0.1)
 
-    def _step_clock(self, inputs: PolicyInput, base: Base, dt_s: float) -> None:
+    def _step_clock(self, inputs: PolicyInput, base: Base, pose: LegPose, dt_s: float) -> None:
         settled = inputs.time_s >= self._config.settle_s
         if settled:
             self.command.advance(inputs.command, dt_s)
-        walk = self.command.wants_walk(inputs.command) or self._disturbance.present(
-            base, self.clock.walking, dt_s
-        )
+        walking = self.clock.walking
+        off_m = 0.0 if walking else capture_offset_m(base, self._body.centre, pose.foot)
+        disturbed = self._disturbance.present(base, walking, off_m, dt_s)
+        walk = self.command.wants_walk(inputs.command) or disturbed
         self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
         if self._live.gait and not self.clock.walking:
             self._live.take_up(self.clock)
