@@ -27,6 +27,7 @@ def rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     for subject in SUBJECTS:
         for kind in KINDS:
             of = [run for run in runs if _subject(run) == subject and run["kind"] == title_of(kind)]
+            of = [run for run in of if run.get("came", True)]
             if of:
                 found.append(_row(subject, kind, of))
     return found

@@ -66,6 +66,7 @@ class Run:
     rate_share: float
     stiff: bool  # whether any motor got stiffness
     stiff_when_damped: bool  # likewise, while the loop damped the robot
+    came: bool  # whether the fault came at all: not if a robot that shall get up did not fall
 
 
 def kind_of(name: str) -> FaultKind:
@@ -195,6 +196,7 @@ def run_fault(task: FaultTask) -> dict[str, Any]:
         rate_share=audit.rate_share,
         stiff=audit.stiff,
         stiff_when_damped=damped.stiff,
+        came=watch.injected_us is not None,
     )
     return asdict(run)
 
