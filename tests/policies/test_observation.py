@@ -117,20 +117,6 @@ def test_unknown_term_is_refused_with_the_known_ones(contract: Contract) -> None
         term_size(Term("base_velocity"), contract)
 
 
-@pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.0), (0.09, 0.0), (0.11, 1.0)])
-def test_small_commands_mean_stand(contract: Contract, speed: float, expected: float) -> None:
-    assert moving(np.array([speed, 0.0, 0.0]), contract) == [expected]
-    assert moving(np.array([speed, 0.0, 0.0]), replace(contract, standing_command=0.0)) == [1.0]
-
-
-def test_clock_stands_still_with_the_robot(contract: Contract) -> None:
-    clock = replace(contract, observation=(Term("clock"),))
-    inputs = random_inputs(np.random.default_rng(6))
-    np.testing.assert_array_equal(frame(inputs._replace(command=np.zeros(3)), clock), [0.0, 0.0])
-    walking = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
-    assert np.hypot(*walking) == pytest.approx(1.0)
-
-
 def test_joint_target_agrees_between_libraries(contract: Contract) -> None:
     rng = np.random.default_rng(7)
     action, phase, command = (rng.normal(size=(4, k)).astype(np.float32) for k in (12, 1, 3))
@@ -172,22 +158,6 @@ def test_the_action_is_a_residual_around_the_reference(contract: Contract) -> No
     reference = gait_reference(phase, go, contract)
     assert np.abs(reference).max() > 0.1
     np.testing.assert_allclose(target, contract.default_pose_rad + reference)
-
-
-def test_the_reference_rests_while_the_robot_is_asked_to_stand(contract: Contract) -> None:
-    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.zeros(3), contract), np.zeros(12))
-
-
-def test_the_clock_is_sine_then_cosine(contract: Contract) -> None:
-    clock = replace(contract, observation=(Term("clock"),))
-    inputs = random_inputs(np.random.default_rng(8))._replace(phase=np.array([1 / 12]))
-    seen = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
-    np.testing.assert_allclose(seen, [0.5, np.sqrt(0.75)])
-
-
-def test_no_gait_means_no_reference(contract: Contract) -> None:
-    bare = replace(contract, gait=None)
-    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.ones(3), bare), np.zeros(12))
 
 
 RNG = np.random.default_rng(12)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from one_motor import ONE_MOTOR
 
 from footfall.robots.actuator import (
     JointCommand,
@@ -21,15 +22,7 @@ from footfall.robots.actuator import (
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target, soft_limits
 
-MOTOR = Motor(
-    peak_torque=np.array([20.0]),
-    stall_torque=np.array([30.0]),
-    no_load_speed=np.array([30.0]),
-    friction=np.array([0.5]),
-    friction_speed=np.array([0.2]),
-    damping=np.array([0.05]),
-    strength=np.array([0.9]),
-)
+MOTOR = ONE_MOTOR._replace(strength=np.array([0.9]))
 
 wide = st.floats(-1e4, 1e4)
 speeds = st.floats(-100.0, 100.0)

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from one_motor import ONE_MOTOR
 
 from footfall.robots.actuator import (
     JointCommand,
@@ -14,16 +15,6 @@ from footfall.robots.actuator import (
     lag_over,
     lagged,
     motor_torque,
-)
-
-MOTOR = Motor(
-    peak_torque=np.array([20.0]),
-    stall_torque=np.array([30.0]),
-    no_load_speed=np.array([30.0]),
-    friction=np.array([0.5]),
-    friction_speed=np.array([0.2]),
-    damping=np.array([0.05]),
-    strength=np.array([1.0]),
 )
 
 
@@ -59,29 +50,29 @@ def test_a_lag_attenuates_a_sine_as_its_bandwidth_says() -> None:
 
 
 def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
-    motor = MOTOR._replace(stribeck=np.array([0.4]), stribeck_speed=np.array([2.0]))
+    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]), stribeck_speed=np.array([2.0]))
     for speed, dry in ((2.0, 0.5 + 0.2), (6.0, 0.5 + 0.04), (0.1, (0.5 + 0.4 / (1 + 0.0025)) * 0.5)):
         loss = friction_torque(np.array([-speed]), motor)
         assert loss == pytest.approx(dry + 0.05 * speed, rel=1e-12)
 
 
 def test_a_stribeck_speed_that_is_not_given_is_five_ramps() -> None:
-    motor = MOTOR._replace(stribeck=np.array([0.4]))
+    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))
     assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 
 
 def test_load_friction_is_a_share_of_the_motor_torque() -> None:
     """A gearbox that takes 10 % of 8 N m: 0.8 N m more against motion, whatever the torque's sign."""
-    motor = MOTOR._replace(load_friction=np.array([0.1]))
+    motor = ONE_MOTOR._replace(load_friction=np.array([0.1]))
     for sign in (-1.0, 1.0):
         command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 0.0, 8.0 * sign)))
-        more = [joint_torque(command, np.zeros(1), np.array([1.0]), m) for m in (MOTOR, motor)]
+        more = [joint_torque(command, np.zeros(1), np.array([1.0]), m) for m in (ONE_MOTOR, motor)]
         assert more[1] - more[0] == pytest.approx(-0.8)
 
 
 def test_damping_of_a_lagged_torque_is_that_of_its_mean() -> None:
     """Minus the derivative of the step's mean torque in the speed, beyond the ramp."""
-    motor = MOTOR._replace(lag_s=np.array([0.004]))
+    motor = ONE_MOTOR._replace(lag_s=np.array([0.004]))
     lag, before = lag_over(motor.lag_s, 0.005), np.array([2.0])
     command = JointCommand(*(np.array([x]) for x in (0.1, 0.0, 30.0, 0.8, 0.0)))
 
@@ -105,7 +96,7 @@ def at(angle: float, speed: float, command: JointCommand, motor: Motor) -> float
 def test_play_and_compliance_are_in_equilibrium_with_the_loop() -> None:
     """The rotor's place that `kp (e - x) + ff = k dead_zone(x)` holds at, found by bisection."""
     stiffness, half, kp, feed = 400.0, 0.01, 60.0, 0.3
-    motor = MOTOR._replace(backlash=np.array([2 * half]), compliance=np.array([1 / stiffness]))
+    motor = ONE_MOTOR._replace(backlash=np.array([2 * half]), compliance=np.array([1 / stiffness]))
     for error in (-0.1, -0.02, -0.012, 0.0, 0.004, 0.011, 0.2):
         low, high = -1.0, 1.0
         for _ in range(80):
@@ -117,7 +108,7 @@ def test_play_and_compliance_are_in_equilibrium_with_the_loop() -> None:
 
 def test_within_the_play_the_joint_is_free() -> None:
     """No stiffness and no damping; beyond it the damping is back. Damping alone acts without a gap."""
-    motor = MOTOR._replace(backlash=np.array([0.02]))
+    motor = ONE_MOTOR._replace(backlash=np.array([0.02]))
     assert at(0.009, 3.0, one(0, 0, 50, 2, 0), motor) == 0.0
     assert at(0.011, 3.0, one(0, 0, 50, 2, 0), motor) == pytest.approx(-0.05 - 6.0)
     assert at(0.009, 3.0, one(0, 0, 0, 2, 0), motor) == pytest.approx(-6.0)
@@ -125,7 +116,7 @@ def test_within_the_play_the_joint_is_free() -> None:
 
 def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
     """Stiffness 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
-    motor = MOTOR._replace(compliance=np.array([1 / 300.0]))
+    motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
     assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
     assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)
 
