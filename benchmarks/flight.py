@@ -1,0 +1,111 @@
+"""How controllers leave the ground: on robots drawn from the declared family, by the simulation's truth.
+
+    python benchmarks/flight.py jump --robots 100 --workers 2 [--json FILE]
+    python benchmarks/flight.py pronk --robots 20
+
+`jump` gets a forward command for 1.2 s, which makes one jump, and is watched for 2 s more. It has jumped if
+it rose by 0.15 m, stands 0.4 m ahead of where it began, and neither fell nor had a fault. Gaits are commanded
+0.6 m/s straight ahead, and counted from 1 s on. A foot's force is the ground's; torques are shares of each
+motor's peak.
+"""
+
+import argparse
+import json
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from footfall.domain_rand.randomisation import randomisation_of
+from footfall.domain_rand.sample import draw
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+from footfall.robots.mjcf import load_spec
+
+RISE_M, AHEAD_M = 0.15, 0.4
+STANDS_S, JUMP_UNTIL_S, JUMP_S = 0.6, 1.2, 3.2
+GAIT_M_S, GAIT_FROM_S, GAIT_S = 0.6, 1.0, 10.0
+
+
+@dataclass
+class Result:
+    """One episode."""
+
+    seed: int
+    fell: bool
+    stopped: bool  # by the supervisor, without a fall
+    flight: float  # share of the time without any foot on the ground
+    rise_m: float  # of the base, above its height at the beginning
+    ahead_m: float  # from there
+    feet_m: float  # the lowest foot at its highest
+    force_n: float  # greatest on a foot
+    torque: float  # greatest, as a share
+
+    @property
+    def jumped(self) -> bool:
+        """Whether this was the jump that was asked for."""
+        return not (self.fell or self.stopped) and self.rise_m >= RISE_M and self.ahead_m >= AHEAD_M
+
+
+def one(robot_name: str, controller: str, seed: int) -> Result:
+    """One robot, from one seed."""
+    robot = load_robot(robot_name)
+    jumps = controller.startswith("jump")
+    speed, until_s = (0.5, JUMP_UNTIL_S) if jumps else (GAIT_M_S, GAIT_S)
+    bodies = load_spec(robot.xml_path).compile().nbody - 1
+    joints = len(robot.joint_names)
+    episode = Episode(
+        command_source=lambda time_s: np.array([speed * (time_s < until_s), 0.0, 0.0]),
+        duration_s=JUMP_S if jumps else GAIT_S,
+        seed=seed,
+        sample=draw(randomisation_of(robot), np.random.default_rng(seed).random, joints, bodies),
+        noise=load_scenarios(robot).noise,
+        record_rate_hz=500.0,
+    )
+    trace = run_episode(robot, load_policy(controller, robot), episode)
+    begin = int(np.searchsorted(trace.time_s, STANDS_S if jumps else GAIT_FROM_S))
+    if begin >= len(trace.time_s):
+        return Result(seed, trace.fell, not trace.fell, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    way = trace.base_position[begin:] - trace.base_position[begin]
+    feet = trace.foot_position[begin:, :, 2]
+    return Result(
+        seed,
+        fell=trace.fell,
+        stopped=bool(trace.faults) and not trace.fell,
+        flight=float((~trace.foot_contact[begin:].any(axis=1)).mean()),
+        rise_m=float(way[:, 2].max()),
+        ahead_m=float(np.hypot(way[-1, 0], way[-1, 1])),
+        feet_m=float(feet.min(axis=1).max() - feet.min()),
+        force_n=float(trace.foot_force[begin:].max()),
+        torque=float((np.abs(trace.motor_torque[begin:]) / robot.motor.peak_torque).max()),
+    )
+
+
+def main() -> None:
+    """Measure, and print medians with the least and the most."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("controller")
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--robots", type=int, default=20, help="how many are drawn")
+    parser.add_argument("--seed", type=int, default=4711)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    seeds = range(options.seed, options.seed + options.robots)
+    with ProcessPoolExecutor(options.workers) as pool:
+        results = list(pool.map(partial(one, options.robot, options.controller), seeds))
+    if options.json is not None:
+        options.json.write_text(json.dumps([asdict(each) for each in results], indent=1))
+    for name in ("fell", "stopped", *(["jumped"] if options.controller.startswith("jump") else [])):
+        print(f"{name:10} {sum(getattr(each, name) for each in results)} of {len(results)}")
+    for name in ("flight", "rise_m", "ahead_m", "feet_m", "force_n", "torque"):
+        values = np.array([getattr(each, name) for each in results])
+        print(f"{name:10} {np.median(values):.3f} ({values.min():.3f} to {values.max():.3f})")
+
+
+if __name__ == "__main__":
+    main()
