@@ -19,6 +19,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.policies.contract import FASTEST_CONTROL_HZ
 from footfall.robots.commands import CommandRange
+from footfall.robots.self_contact import Contacts
 from footfall.terrain.declaration import GroundConfig
 
 FASTEST = 100.0  # m/s or rad/s: no legged robot is; more is a unit mistaken
@@ -145,9 +146,7 @@ class EnvConfig:
     task: str = ""  # MODULE:NAME of a function from robot and configuration to an Environment
     # Generated for the robot, for GPUs and processors; MJX, for all that JAX runs on; MuJoCo C, on all cores.
     physics: Literal["generated", "mjx", "c"] = "generated"
-    contacts: Literal["feet", "whole_body"] = (
-        "feet"  # what meets the ground; whole_body: joint limits act, too
-    )
+    contacts: Contacts = "feet"  # what meets the ground; all but `feet`: joint limits act, too
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
     action_scale: float = 1.0  # multiplies the robot's: how far joints move per unit of action
@@ -167,7 +166,7 @@ class EnvConfig:
     @property
     def whole_body(self) -> bool:
         """Whether all collision shapes meet the ground, not only the feet."""
-        return self.contacts == "whole_body"
+        return self.contacts != "feet"
 
     @property
     def timestep_s(self) -> float:
@@ -184,7 +183,7 @@ class EnvConfig:
             period_s = 1.0 / self.control_rate_hz
             raise ValueError(f"episode_s {self.episode_s:g} is shorter than a control step, {period_s:g} s")
         if self.whole_body and self.terrain is not None:
-            raise ValueError("contacts 'whole_body' needs level ground: leave out terrain")
+            raise ValueError(f"contacts '{self.contacts}' needs level ground: leave out terrain")
         if self.substeps < LEAST_SUBSTEPS:
             raise ValueError(f"substeps must be at least {LEAST_SUBSTEPS}, not {self.substeps}")
 

@@ -44,7 +44,7 @@ def made_from(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
     """
     return (
         robot.digest,
-        model_bytes(robot, config.timestep_s, config.whole_body),
+        model_bytes(robot, config.timestep_s, config.contacts),
         config,
         outside_sources(config),
     )

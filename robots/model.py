@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet, foot_geoms
 from footfall.robots.leg_bodies import leg_of_bodies
 from footfall.robots.mjcf import load_spec
-from footfall.robots.self_contact import add_self_contacts
+from footfall.robots.self_contact import Contacts, add_self_contacts
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
@@ -23,14 +23,14 @@ ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
 
 def training_model(
-    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, whole_body: bool = False
+    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, contacts: Contacts = "feet"
 ) -> mujoco.MjModel:
     """The model that policies are trained on; see `training_spec`."""
-    return training_spec(robot, timestep_s, whole_body).compile()
+    return training_spec(robot, timestep_s, contacts).compile()
 
 
 def training_spec(
-    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, whole_body: bool = False
+    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, contacts: Contacts = "feet"
 ) -> mujoco.MjSpec:
     """The robot's bodies, its feet and a floor, nothing else.
 
@@ -41,8 +41,8 @@ def training_spec(
     Args:
         robot: whose model.
         timestep_s: of the physics.
-        whole_body: for robots that fall and lie: all collision shapes meet the floor and each other, and
-            joints keep their limits, which the weight of a lying robot reaches.
+        contacts: of robots that fall and lie all collision shapes meet the floor and each other, and joints
+            keep their limits, which the weight of a lying robot reaches.
     """
     spec = load_spec(robot.xml_path)
     make_inertia_explicit(spec)
@@ -53,10 +53,11 @@ def training_spec(
     for key in list(spec.keys):
         spec.delete(key)
     feet = {name for foot in robot.description.feet for name in foot.geoms}
+    whole_body = contacts != "feet"
     if whole_body:
         for number, geom in enumerate(spec.geoms):
             geom.name = geom.name or f"unnamed_geom_{number}"  # pairs name their geoms
-        add_self_contacts(spec)
+        add_self_contacts(spec, rough=contacts == "rough_limbs")
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
         lands = whole_body and _collides(geom)

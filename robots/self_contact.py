@@ -7,6 +7,7 @@ that their joint limits permit; a robot that walks needs the pairs that its MJCF
 import math
 from collections.abc import Iterator
 from itertools import combinations, product
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -14,18 +15,26 @@ import numpy as np
 from footfall.common.rotations import rotation_matrix
 
 CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-SMOOTH = 1  # condim: no friction, with which a GPU trains at a quarter of the speed
+SMOOTH, ROUGH = 1, 3  # condim; with friction a GPU trains at a quarter of the speed
 POSES = 1000  # drawn inside the joint limits
 LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
 WORLD = 0  # body
 NEAR_M = 0.01  # a pair that comes as near in any of them can touch
 
+# What meets the ground in training: the feet alone, or all shapes, which then meet each other, too.
+# With rough limbs there is friction between them.
+Contacts = Literal["feet", "whole_body", "rough_limbs"]
 
-def add_self_contacts(spec: mujoco.MjSpec) -> None:
+
+def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
     """List every pair of shapes of the robot that can touch, but for those of the same or of adjacent bodies.
 
     Geoms that the MJCF's own pairs name stand for all shapes of their bodies. Of the other bodies spheres and
     capsules stand for themselves, and each other shape for its bounding box, filled with capsules.
+
+    Args:
+        spec: of the robot; its geoms have names.
+        rough: whether there is friction between them, by MuJoCo's rule for two geoms.
     """
     listed = {frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs}
     named = {name for pair in listed for name in pair}
@@ -40,6 +49,16 @@ def add_self_contacts(spec: mujoco.MjSpec) -> None:
     for one, other in _that_can_touch(spec.copy().compile(), shapes):
         if frozenset((one, other)) not in listed:
             spec.add_pair(name=f"{one}/{other}", geomname1=one, geomname2=other, condim=SMOOTH)
+    for pair in spec.pairs if rough else ():
+        pair.condim = ROUGH
+        pair.friction[:2] = _friction(spec.geom(pair.geomname1), spec.geom(pair.geomname2))
+
+
+def _friction(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> float:
+    """Of a contact of two geoms (MuJoCo's documentation, "Contact parameters")."""
+    if one.priority != other.priority:
+        return float(max(one, other, key=lambda geom: geom.priority).friction[0])
+    return float(max(one.friction[0], other.friction[0]))
 
 
 def _round(body: mujoco.MjsBody, geom: mujoco.MjsGeom, model: mujoco.MjModel) -> list[str]:
@@ -63,6 +82,8 @@ def _round(body: mujoco.MjsBody, geom: mujoco.MjsGeom, model: mujoco.MjModel) ->
             type=CAPSULE,
             size=[radius, 0.0, 0.0],
             fromto=np.concatenate(ends),
+            friction=geom.friction,
+            priority=geom.priority,
             contype=0,
             conaffinity=0,
         )

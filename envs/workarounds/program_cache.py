@@ -31,6 +31,7 @@ from footfall.common.sources import TRAINING, read_sources
 from footfall.common.versions import versions
 from footfall.robots.description import Robot
 from footfall.robots.model import training_model
+from footfall.robots.self_contact import Contacts
 
 SOURCES = Path(__file__).parents[2]
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
@@ -106,9 +107,9 @@ def fingerprint(parts: Iterable[Any]) -> str:
     return digest.hexdigest()[:32]
 
 
-def model_bytes(robot: Robot, timestep_s: float, whole_body: bool = False) -> bytes:
+def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") -> bytes:
     """The compiled model that a robot is trained on, with whatever its file includes."""
-    model = training_model(robot, timestep_s, whole_body)
+    model = training_model(robot, timestep_s, contacts)
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, buffer=content)
     return content.tobytes()

@@ -54,7 +54,14 @@ def test_a_step_is_mujocos_to_rounding_in_single_precision(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_robots_that_lie_move_as_mujocos(name: str) -> None:
     robot = load_robot(name)
-    model = training_model(robot, whole_body=True)
+    model = training_model(robot, contacts="whole_body")
+    assert not_generated(model) == ""
+    assert np.quantile(errors(robot, model, count=20, fallen=True), 0.9) < DOUBLE
+
+
+def test_limbs_that_rub_on_each_other_move_as_mujocos() -> None:
+    robot = load_robot("go1")
+    model = training_model(robot, contacts="rough_limbs")
     assert not_generated(model) == ""
     assert np.quantile(errors(robot, model, count=20, fallen=True), 0.9) < DOUBLE
 

@@ -13,7 +13,7 @@ DEEP_M = 0.01  # by which shapes may overlap before what stands for them touches
 @pytest.mark.parametrize("name", ["go1", "g1"])
 def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     robot = load_robot(name)
-    plant, trained = plant_model(robot), training_model(robot, whole_body=True)
+    plant, trained = plant_model(robot), training_model(robot, contacts="whole_body")
     (plant_joints, _), (joints, _) = joint_addresses(plant, robot), joint_addresses(trained, robot)
     theirs, ours, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
     touching = missed = invented = 0
