@@ -26,7 +26,7 @@ class UnexplainedLimits:
     unexplained_memory_s: float = 1.0  # time constant of that mean
     explained_s: float = 0.05  # highest age of a command that explains a report
     strength_share: float = 0.55  # of its torque that a motor may lack: a robot walks with half
-    ignored: float = 0.75  # share of the commands' changes that a motor does not follow, over `ignored_s`
+    ignored: float = 0.9  # share of the commands' changes that a motor does not follow, over `ignored_s`
     ignored_s: float = 0.6  # longer than a gait's step, in which commands may come back to where they were
 
     def __post_init__(self) -> None:
