@@ -101,7 +101,7 @@ def test_logs_of_version_0_2_are_read_by_the_names_of_today(tmp_path: Path) -> N
 
 
 def test_every_topic_is_read(messages: dict[str, list[Any]]) -> None:
-    assert set(messages) == set(TOPICS)
+    assert set(messages) == set(TOPICS) - {"/policy/applied"}  # of a policy that is steered
 
 
 def test_a_walk_is_drawn(messages: dict[str, list[Any]]) -> None:
