@@ -138,7 +138,7 @@ class Walk:
         sensed = inputs.sensed
         pose = self._legs.pose(sensed.joint_position)
         settled = inputs.time_s >= config.settle_s
-        inputs = self._slope.follow(inputs, pose.foot, self.stance(), dt_s)
+        inputs = self._slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
         if settled:
             self._walk(inputs, dt_s)
         if self._ground is not None:
@@ -160,7 +160,10 @@ class Walk:
         torque = self._legs.scatter(held, self._no_torque)
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
-    def stance(self) -> np.ndarray:
+    def stance(self) -> np.ndarray | None:
+        return self._planned_stance()
+
+    def _planned_stance(self) -> np.ndarray:
         return self._cycle.stance() if self._steps else np.ones(self._legs.count)
 
     def footholds(self) -> np.ndarray:
