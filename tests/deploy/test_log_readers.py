@@ -25,6 +25,7 @@ from footfall.deploy.safety import State
 from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.messages import text
 from footfall.deploy.telemetry.topics import TOPICS
+from footfall.policies.live_settings import Applied
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -58,6 +59,7 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     log.note(0, "a note")
     log.change(0, Change(gait="walk"))
     log.order(0, Order(OrderKind.STEER, "page 1"))
+    log.applied(0, Applied("walk", {"step.period_s": 0.5}))
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
         log.frames(now_us, Kind.RECEIVED, fd.at(np.array([now_us])))
@@ -101,7 +103,7 @@ def test_logs_of_version_0_2_are_read_by_the_names_of_today(tmp_path: Path) -> N
 
 
 def test_every_topic_is_read(messages: dict[str, list[Any]]) -> None:
-    assert set(messages) == set(TOPICS) - {"/policy/applied"}  # of a policy that is steered
+    assert set(messages) == set(TOPICS)
 
 
 def test_a_walk_is_drawn(messages: dict[str, list[Any]]) -> None:
