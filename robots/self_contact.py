@@ -15,7 +15,7 @@ import numpy as np
 from footfall.common.rotations import rotation_matrix
 
 CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-SMOOTH, ROUGH = 1, 3  # condim; with friction a GPU trains at a quarter of the speed
+SMOOTH, ROUGH = 1, 3  # condim; with friction a GPU trains go1 at 0.7 of the speed
 POSES = 1000  # drawn inside the joint limits
 LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
 WORLD = 0  # body

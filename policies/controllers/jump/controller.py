@@ -7,7 +7,7 @@ joints follow the feet's planned way, level whatever the base's attitude is. Sof
 
 import numpy as np
 
-from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix
+from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix, yaw_of
 from footfall.policies.controllers.jump.config import JointGains, JumpConfig
 from footfall.policies.controllers.jump.motion import LeapPlan
 from footfall.policies.controllers.mpc import Mpc
@@ -135,11 +135,12 @@ class Jump:
         level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level
         angles = legs.solve((self._places + way).dot(level))
         motion = np.tile(velocity.dot(level), (legs.count, 1))[:, :, None]
-        pose = legs.pose(legs.scatter(angles, self._robot.default_pose))
+        position = legs.scatter(angles, self._robot.default_pose)
+        pose = legs.pose(position)
         rates = legs.joint_rates(pose.jacobian, motion)[:, :, 0]
         zero = np.zeros_like(sensed.joint_position)
         return JointCommand(
-            legs.scatter(angles, self._robot.default_pose),
+            position,
             legs.scatter(rates, zero),
             zero + gains.kp,
             zero + gains.kd,
@@ -148,4 +149,4 @@ class Jump:
 
 
 def _yaw(inputs: PolicyInput) -> float:
-    return float(roll_pitch_yaw(rotation_matrix(inputs.sensed.quaternion))[2])
+    return yaw_of(inputs.sensed.quaternion.tolist())
