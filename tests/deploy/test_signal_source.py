@@ -182,7 +182,7 @@ def test_a_bodys_contradiction_counts_also_at_a_tick_at_which_readings_are_added
     until(loop, Mode.STANDING)
     body.quaternion = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))  # a turn of 0.6 rad that no gyro reports
     until(loop, Mode.ESTOP, most=30)
-    assert "its quaternion turned by 0.59 rad" in loop.state.faults[0]
+    assert "its quaternion turned by 0.60 rad" in loop.state.faults[0]
     assert np.all(body.readings[0] == go1.default_pose)
 
 
