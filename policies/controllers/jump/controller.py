@@ -7,7 +7,7 @@ joints follow the feet's planned way, level whatever the base's attitude is. Sof
 
 import numpy as np
 
-from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix, yaw_of
+from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle, yaw_of
 from footfall.policies.controllers.jump.config import JointGains, JumpConfig
 from footfall.policies.controllers.jump.motion import LeapPlan
 from footfall.policies.controllers.mpc import Mpc
@@ -115,7 +115,7 @@ class Jump:
         wanted = config.centre(deviation, rate)
         wanted[[0, 2]] += aim.acceleration
         roll, pitch, yaw = roll_pitch_yaw(rotation)
-        turn = np.array([roll, pitch, np.arctan2(np.sin(yaw - self._yaw), np.cos(yaw - self._yaw))])
+        turn = np.array([roll, pitch, wrap_angle(yaw - self._yaw)])
         turning = config.attitude(turn, sensed.gyro)
         still = np.zeros_like(sensed.joint_position)
         goal = Wanted(
