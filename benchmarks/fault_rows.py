@@ -15,6 +15,7 @@ from fault_kinds import KINDS
 from fault_kinds.kind import FaultKind
 from fault_runs import title_of
 from fault_subjects import SUBJECTS, Subject
+from healthy_runs import KINDS as HEALTHY
 
 from footfall.deploy.modes import Mode
 
@@ -87,15 +88,15 @@ def table(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) ->
 def _healthy_rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
     for subject in SUBJECTS:
-        for randomised in (False, True):
-            of = [run for run in runs if _subject(run) == subject and run["randomised"] is randomised]
+        for kind in HEALTHY:
+            of = [run for run in runs if _subject(run) == subject and run["kind"] == kind]
             if of:
                 rows.append(
                     {
                         "policy": subject.policy,
                         "robot": subject.robot,
                         "ground": subject.ground or "level",
-                        "plant": "randomised" if randomised else "nominal",
+                        "kind": kind,
                         "runs": len(of),
                         "false_alarms": sum(bool(run["alarm"]) for run in of),
                         "fell": sum(run["fell"] for run in of),

@@ -38,6 +38,7 @@ SUBJECTS = {  # whether all rows are tried, or the main ones
     Subject("g1", "step"): False,
     Subject("go1", "go1-rough-blind", "rough"): False,
     Subject("go1", "go1-rough", "rough"): False,
+    Subject("hexapod", "hexapod-rough", "rough"): False,
 }
 GET_UP = {"go1": "go1-getup"}  # of the robots that can get up
 PUSHED_OVER_M_S = 9.0  # fells a robot, which then gets up
@@ -63,7 +64,7 @@ class HealthyTask(NamedTuple):
 
     robot: str
     policy: str
-    randomised: bool
+    kind: str  # of `healthy_runs.KINDS`
     seed: int
     ground: str = ""
 

@@ -1,6 +1,6 @@
 """Puts robots through every kind of fault in `benchmarks/fault_kinds`, and counts false alarms without any.
 
-    python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.jsonl
+    python benchmarks/fault_table.py --seeds 100 --healthy 1000 --out faults.jsonl
     python benchmarks/fault_table.py --read faults.jsonl --json docs/faults.json
 
 Runs are kept in the file as they end, and not run again by a second call.
@@ -18,6 +18,7 @@ from fault_kinds.kind import FaultKind
 from fault_rows import rows, table
 from fault_runs import run_fault, title_of
 from fault_subjects import GET_UP, SUBJECTS, FaultTask, HealthyTask, Subject, is_first, policy_of, robot_of
+from healthy_runs import KINDS as HEALTHY
 from healthy_runs import run_healthy
 from resumable_runs import read_runs, run_resumable
 
@@ -57,11 +58,10 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         for kind in rows_of[subject]
     ]
     healthy = [
-        HealthyTask(subject.robot, subject.policy, randomised, seed, subject.ground)
-        for seed in range(max(options.nominal, options.randomised))
+        HealthyTask(subject.robot, subject.policy, kind, seed, subject.ground)
+        for seed in range(options.healthy)
         for subject in chosen
-        for randomised, count in ((False, options.nominal), (True, options.randomised))
-        if seed < (count if SUBJECTS[subject] or len(chosen) == 1 else count // 10)
+        for kind in HEALTHY
     ]
     kept = (options.out, options.workers, options.time_limit)
     runs, errors = run_resumable(run_fault, faults, *kept)
@@ -72,7 +72,7 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
 def read(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Runs with a fault and runs without in a file."""
     runs = list(read_runs(path).values())
-    return [run for run in runs if "kind" in run], [run for run in runs if "kind" not in run]
+    return [run for run in runs if "alarm" not in run], [run for run in runs if "alarm" in run]
 
 
 def main() -> None:
@@ -82,10 +82,7 @@ def main() -> None:
         "--first-seed", type=int, default=0, help="where several machines share the seeds of faults"
     )
     parser.add_argument("--workers", type=int)
-    parser.add_argument(
-        "--nominal", type=int, default=0, help="runs without a fault; a tenth where rows are few"
-    )
-    parser.add_argument("--randomised", type=int, default=0, help="the same on randomised robots")
+    parser.add_argument("--healthy", type=int, default=0, help="runs without a fault, of each kind")
     parser.add_argument("--policy", help="this policy alone")
     parser.add_argument("--ground", help="this ground alone: level or rough")
     parser.add_argument("--main", action="store_true", help="main rows alone, for every policy")

@@ -1,4 +1,4 @@
-"""Runs of healthy robots that are pushed, on which the supervisor shall not stop: false alarms.
+"""Runs of healthy robots, on which the supervisor shall not stop: false alarms.
 
 No benchmark itself: `fault_table.py` calls it.
 """
@@ -10,21 +10,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from fault_subjects import NOISE, HealthyTask, drawn_command, ground_of, policy_of, robot_of
 
+from footfall.deploy.command_source import VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
+from footfall.evaluate.plan import plan_episodes
+from footfall.evaluate.scenarios import load_scenarios
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
 
-EPISODE_S = 6.0  # of each run
+KINDS = ("nominal", "pushed", "randomised")  # not pushed; pushed; another robot each time, and pushed
+EPISODE_S = 6.0  # of a run with pushes
+NOMINAL_S = 12.0  # of one without
 FALL_S = 1.0  # that a robot takes at most to lie on the ground once it cannot be held any more
 PUSH_M_S = 0.6
 
 
 def run_healthy(task: HealthyTask) -> dict[str, Any]:
-    """One run of a healthy robot that is pushed: what its supervisor said, if anything.
+    """One run of a healthy robot: what its supervisor said, if anything.
 
     Whatever it said is a false alarm unless the robot was falling. The same run tells by limits that no fall
     reaches: it goes the same way until then, and within `FALL_S` the simulator sees the robot down, or not.
@@ -52,6 +58,9 @@ def _beyond_falls(config: DeployConfig) -> DeployConfig:
     return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
 
+Course = tuple[VelocityFunction, tuple[Push, ...], float]  # commands, pushes, duration in s
+
+
 class Walk(NamedTuple):
     """How a healthy robot's walk ended. Times are of walking, s."""
 
@@ -62,18 +71,17 @@ class Walk(NamedTuple):
 
 def _walk(task: HealthyTask, config: DeployConfig) -> Walk:
     robot, seed = robot_of(task.robot), task.seed
-    rng = np.random.default_rng([seed, int(task.randomised)])
+    rng = np.random.default_rng([seed, KINDS.index(task.kind)])
     sample = None
-    if task.randomised:
+    if task.kind == "randomised":
         bodies = SimulatedRobot(robot, wire(robot), SimulatedWires(wire(robot).buses)).model.nbody - 1
         sample = draw(
             randomisation_of(robot), lambda count: rng.uniform(size=count), len(robot.joint_names), bodies
         )
-    schedule = [drawn_command(rng) for _ in range(3)]
-    pushes = tuple(_drawn_push(rng, at_s) for at_s in (1.5, 4.0))
+    schedule, pushes, duration_s = (_nominal if task.kind == "nominal" else _pushed)(robot, rng)
     episode = Episode(
-        command_source=lambda t: schedule[min(int(t / 2.0), 2)],
-        duration_s=EPISODE_S,
+        command_source=schedule,
+        duration_s=duration_s,
         seed=seed,
         sample=sample,
         ground=ground_of(task.subject, seed),
@@ -86,6 +94,20 @@ def _walk(task: HealthyTask, config: DeployConfig) -> Walk:
     fault = trace.faults[0] if trace.faults else ""
     seen = trace.fell and trace.fall_reason != fault  # by the simulator, not by the supervisor
     return Walk(fault, trace.walked_s if fault else None, trace.walked_s if seen else None)
+
+
+def _nominal(robot: Robot, rng: np.random.Generator) -> Course:
+    """Commands over the robot's whole range, those of the scenario `nominal`."""
+    scenario = replace(load_scenarios(robot).scenarios["nominal"], duration_s=NOMINAL_S)
+    (plan,) = plan_episodes("nominal", scenario, int(rng.integers(2**31)), 1)
+    return plan.schedule, (), NOMINAL_S
+
+
+def _pushed(robot: Robot, rng: np.random.Generator) -> Course:
+    """Slow commands and two pushes."""
+    commands = [drawn_command(rng) for _ in range(3)]
+    pushes = tuple(_drawn_push(rng, at_s) for at_s in (1.5, 4.0))
+    return lambda time_s: commands[min(int(time_s / 2.0), 2)], pushes, EPISODE_S
 
 
 def _drawn_push(rng: np.random.Generator, at_s: float) -> Push:

@@ -136,7 +136,7 @@ def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
 class TestAHealthyRun:
     """A fault in it is a false alarm, unless the robot was falling."""
 
-    TASK = HealthyTask("go1", "go1-flat", False, 0)
+    TASK = HealthyTask("go1", "go1-flat", "pushed", 0)
 
     def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
         """A second of walking; after 0.3 s of it a push."""
