@@ -23,9 +23,9 @@ import numpy as np
 
 import footfall.gym
 from footfall.envs.batch import step_batch
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.engines import ENGINES
 from footfall.envs.physics.interface import Drive, Motion
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.brax.iteration import make_iteration
@@ -110,7 +110,7 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     substeps = config.env.substeps
     model = training_model(ROBOT, config.env.timestep_s)
     simulate = jax.vmap(ENGINES[config.env.physics](model, ROBOT))
-    state, _ = begin(VelocityEnv(ROBOT, config.env), batch)
+    state, _ = begin(LocomotionEnv(ROBOT, config.env), batch)
 
     def each(values: np.ndarray) -> jax.Array:
         return jnp.tile(jnp.asarray(values, jnp.float32), (batch, 1))
@@ -135,7 +135,7 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 
 def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     """Steps and restarts of episodes, with random actions, in one compiled program."""
-    env = VelocityEnv(ROBOT, config.env)
+    env = LocomotionEnv(ROBOT, config.env)
     state, _ = begin(env, batch)
 
     @jax.jit
@@ -178,7 +178,7 @@ def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 def ppo(config: TrainConfig, batch: int) -> Round:
     """Whole iterations: acting and learning."""
     config = replace(config, ppo=replace(config.ppo, num_envs=batch))
-    env = VelocityEnv(ROBOT, config.env)
+    env = LocomotionEnv(ROBOT, config.env)
     networks = make_networks(env.observation_sizes, env.action_size, config.ppo)
     iterate = jax.jit(make_iteration(env, networks, config.ppo))
 
@@ -191,7 +191,7 @@ def ppo(config: TrainConfig, batch: int) -> Round:
     return going_on(advance, state, config.ppo.steps_per_iteration, batch)
 
 
-def begin(env: VelocityEnv, batch: int) -> Any:
+def begin(env: LocomotionEnv, batch: int) -> Any:
     return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), batch))
 
 

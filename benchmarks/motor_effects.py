@@ -15,7 +15,7 @@ from footfall import load_policy, load_robot
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.domain_rand.sample import draw
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.plant.episode import Episode, run_episode
 from footfall.robots.model import plant_model
 from footfall.train.config import load_preset
@@ -35,7 +35,7 @@ def training(effects: bool) -> Callable[[], None]:
     """Environment steps of the preset `cpu`, compiled, without learning."""
     config = load_preset("cpu").env
     randomisation = replace(config.randomisation, **EFFECTS) if effects else config.randomisation
-    env = VelocityEnv(ROBOT, replace(config, randomisation=randomisation))
+    env = LocomotionEnv(ROBOT, replace(config, randomisation=randomisation))
     begun = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), ENVIRONMENTS))[0]
     action = 0.3 * jax.random.normal(jax.random.PRNGKey(1), (ENVIRONMENTS, len(ROBOT.joint_names)))
     step = jax.jit(jax.vmap(env.step))

@@ -33,10 +33,10 @@ from rich.table import Table
 
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.engines import ENGINES
 from footfall.envs.physics.generated.expression import schedule
 from footfall.envs.physics.generated.substep import SINGLE, substep
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.brax.devices import device_mesh
@@ -145,7 +145,7 @@ def measure_footfall(
     parts, config, first, compiled = prepared_training(robot, preset, settings)
     ready_s = time.perf_counter() - began
     env, ppo = parts.env, config.ppo
-    assert isinstance(env, VelocityEnv)  # whose physics is measured by itself
+    assert isinstance(env, LocomotionEnv)  # whose physics is measured by itself
     _, keys, _ = iteration_keys(first, ppo)
     actions = jax.random.normal(jax.random.key(0), (ppo.num_steps_per_env, ppo.num_envs, env.action_size))
 
@@ -183,7 +183,7 @@ def measure_footfall(
     }
 
 
-def share_of_peak(env: VelocityEnv, steps_per_s: float) -> float | None:
+def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
     """Operations per second of the generated physics over the device's peak; None if the peak is unknown."""
     peak = PEAK_FLOP_S.get(jax.devices()[0].device_kind)
     if env.engine.name != "generated" or peak is None:

@@ -6,7 +6,7 @@ from footfall.common.errors import UserError
 from footfall.common.outside import find, in_a_line, is_place, sources
 from footfall.envs.config import TERM_LISTS, EnvConfig
 from footfall.envs.environment import Environment
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.workarounds.program_cache import model_bytes
 from footfall.robots.description import Robot
 
@@ -18,7 +18,7 @@ def make_environment(robot: Robot, config: EnvConfig) -> Environment:
         UserError: the configuration names something unknown, or does not fit the robot.
     """
     if not config.task:
-        return VelocityEnv(robot, config)
+        return LocomotionEnv(robot, config)
     if not is_place(config.task):
         raise UserError(f"env.task: '{config.task}' is no MODULE:NAME")
     make = find(config.task, "task")

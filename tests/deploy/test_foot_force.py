@@ -21,7 +21,7 @@ from footfall.deploy.replay import replay
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
@@ -107,7 +107,7 @@ class TestDeclaration:
         """It has nothing that reads force sensors."""
         family = Randomisation(foot_force_scale=Distribution(0.9, 1.1))
         with pytest.raises(UserError, match="foot_force_scale"):
-            VelocityEnv(sensing, replace(load_preset("smoke").env, randomisation=family))
+            LocomotionEnv(sensing, replace(load_preset("smoke").env, randomisation=family))
 
 
 def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:

@@ -14,8 +14,8 @@ from footfall.domain_rand.quantity import SCALE, quantity, scales
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
 from footfall.domain_rand.sample import randomised_motor, sample_shapes
 from footfall.envs.config import NamedTermConfig, ObservationConfig
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.terms import critic
-from footfall.envs.velocity import VelocityEnv
 from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, Inputs, frame, reading_term, term_size
 from footfall.robots import kinds
@@ -73,7 +73,7 @@ class TestReading:
             structure({"joint_torque": "much"}, WithTorque, "x.yaml")
 
     def test_training_and_the_robot_see_it_alike(self) -> None:
-        env = VelocityEnv(ROBOT, self.CONFIG)
+        env = LocomotionEnv(ROBOT, self.CONFIG)
         assert term_size(Term("joint_torque"), env.contract) == 12
         state, seen = env.reset(jax.random.PRNGKey(0))
         assert seen["state"].shape == (2 * 12 + 3,)
@@ -88,7 +88,7 @@ class TestReading:
         np.testing.assert_allclose(frame(inputs, env.contract)[:12], 0.1 * torque)
 
     def test_it_has_noise_of_its_own(self) -> None:
-        env = VelocityEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
+        env = LocomotionEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
         assert env.observer.numbers == 30 + 12
         state, _ = env.reset(jax.random.PRNGKey(0))
         true = env.observer.readings(state.qpos, state.qvel, jnp.zeros(12))
@@ -96,7 +96,7 @@ class TestReading:
         np.testing.assert_allclose(seen[12:24], np.full(12, 0.2), rtol=1e-6)
 
     def test_it_has_a_mirror_image(self) -> None:
-        env = VelocityEnv(ROBOT, self.CONFIG)
+        env = LocomotionEnv(ROBOT, self.CONFIG)
         mirror = env.mirror().observation["state"]
         vector = np.arange(27.0)
         np.testing.assert_array_equal(mirror(vector)[12:24], find_symmetry(ROBOT).joints(vector[12:24]))
@@ -113,7 +113,7 @@ class TestQuantity:
             structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
 
     def test_it_acts_in_training_and_on_the_plant(self) -> None:
-        env = VelocityEnv(ROBOT, self.CONFIG)
+        env = LocomotionEnv(ROBOT, self.CONFIG)
         state, _ = env.reset(jax.random.PRNGKey(0))
         half = 0.5 * ROBOT.motor.no_load_speed
         drive = env.actuation.drive(jnp.zeros((4, 12)), state.sample)
@@ -123,7 +123,7 @@ class TestQuantity:
 
     def test_the_critic_sees_it_and_knows_its_mirror_image(self) -> None:
         nominal = replace(CONFIG, randomisation=WithSpeed())
-        plain, env = VelocityEnv(ROBOT, nominal), VelocityEnv(ROBOT, self.CONFIG)
+        plain, env = LocomotionEnv(ROBOT, nominal), LocomotionEnv(ROBOT, self.CONFIG)
         size = env.observation_sizes["privileged_state"]
         assert size == plain.observation_sizes["privileged_state"] + 12
         mirror = env.mirror().observation["privileged_state"]
@@ -132,11 +132,11 @@ class TestQuantity:
 
 
 def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = VelocityEnv(ROBOT, CONFIG).observation_sizes["privileged_state"]
+    plain = LocomotionEnv(ROBOT, CONFIG).observation_sizes["privileged_state"]
     standing = critic.CriticTerm(kinds.SCALAR, lambda data: jnp.sum(data.contact))
     monkeypatch.setitem(critic.CRITIC, "feet_on_the_ground", standing)
     entries = (*CONFIG.critic, NamedTermConfig("feet_on_the_ground"))
-    env = VelocityEnv(ROBOT, replace(CONFIG, critic=entries))
+    env = LocomotionEnv(ROBOT, replace(CONFIG, critic=entries))
     assert env.observation_sizes["privileged_state"] == plain + 1
     assert len(env.mirror().observation["privileged_state"].source) == plain + 1
 

@@ -11,8 +11,8 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.actuation import Actuation
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.interface import Drive, joint_effort
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import JointCommand, joint_torque, motor_torque
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
@@ -88,10 +88,10 @@ class TestActuation:
         """Three goals are kept and two control steps' readings, of 25 ms each."""
         config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, high)}))
         if not complaint:
-            VelocityEnv(ROBOT, config)
+            LocomotionEnv(ROBOT, config)
         else:
             with pytest.raises(UserError, match=f"{name}: {complaint}"):
-                VelocityEnv(ROBOT, config)
+                LocomotionEnv(ROBOT, config)
 
     def test_targets_stay_within_the_soft_limits_and_the_rate(self) -> None:
         actuation = Actuation(ROBOT, CONFIG)

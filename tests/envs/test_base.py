@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.domain_rand.noise import Noise
 from footfall.envs.base import Base
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -58,7 +58,7 @@ def test_it_is_found_behind_other_joints(tmp_path: Path) -> None:
     flag = '<body name="flag" pos="5 5 1"><joint name="wind" axis="0 0 1"/><geom size=".1" mass="1"/></body>'
     path.write_text(re.sub(r"(<worldbody>)", rf"\1{flag}", path.read_text(), count=1))
     robot = load_robot(str(folder))
-    env = VelocityEnv(robot, replace(CONFIG, noise=Noise()))
+    env = LocomotionEnv(robot, replace(CONFIG, noise=Noise()))
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(1))
     data = mujoco.MjData(training_model(robot, env.timestep_s))
     assert data.qpos.shape == (20,)

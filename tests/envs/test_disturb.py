@@ -14,13 +14,13 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import CurriculumConfig, EventConfig
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.state import State
 from footfall.envs.task import Task
 from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
 from footfall.envs.terms.events import Occasion, begin_late, drop, push, reset_pose
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
@@ -48,7 +48,7 @@ class Rest(NamedTuple):
 
 @pytest.fixture(scope="module")
 def begun() -> State:
-    return jax.jit(VelocityEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
+    return jax.jit(LocomotionEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
 
 
 class TestCommands:

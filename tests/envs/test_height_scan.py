@@ -10,8 +10,8 @@ import pytest
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.envs.config import ObservationConfig, TerrainConfig
 from footfall.envs.height_scan import Scanner
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.state import State
-from footfall.envs.velocity import VelocityEnv
 from footfall.plant.height_scan import SimulatedScanner
 from footfall.policies.height_scan import HeightScan
 from footfall.robots.description import Robot
@@ -23,9 +23,9 @@ STAIRS = GroundConfig("stairs", settings={"step_m": 0.12, "start_m": 0.4})
 
 
 @pytest.fixture(scope="module")
-def env(go1: Robot) -> VelocityEnv:
+def env(go1: Robot) -> LocomotionEnv:
     config = load_preset("smoke", go1).env
-    return VelocityEnv(
+    return LocomotionEnv(
         go1,
         replace(
             config,
@@ -39,7 +39,7 @@ def moved(state: State, x: float, steps: int) -> State:
     return state._replace(qpos=state.qpos.at[0].set(x), steps=jnp.int32(steps))
 
 
-def test_training_and_the_simulated_robot_scan_alike(env: VelocityEnv) -> None:
+def test_training_and_the_simulated_robot_scan_alike(env: LocomotionEnv) -> None:
     ground = make_ground(STAIRS, 0)
     for seed in range(4):
         state, observation = env.reset(jax.random.PRNGKey(seed))
@@ -52,9 +52,9 @@ def test_training_and_the_simulated_robot_scan_alike(env: VelocityEnv) -> None:
         assert np.ptp(ours) > 0.1
 
 
-def test_the_critic_sees_the_exact_scan(env: VelocityEnv, go1: Robot) -> None:
+def test_the_critic_sees_the_exact_scan(env: LocomotionEnv, go1: Robot) -> None:
     errors = HeightScanErrors(noise_m=0.1, lost_share=1.0, lost_before_s=0.0)
-    blinded = VelocityEnv(go1, replace(env.config, height_scan_errors=errors))
+    blinded = LocomotionEnv(go1, replace(env.config, height_scan_errors=errors))
     _, observation = blinded.reset(jax.random.PRNGKey(0))
     _, exact = env.reset(jax.random.PRNGKey(0))
     actor, frame = 2 * 3 + SCAN.size + 1, 3 + SCAN.size + 1
@@ -65,7 +65,7 @@ def test_the_critic_sees_the_exact_scan(env: VelocityEnv, go1: Robot) -> None:
         assert seen[-1] == 2.0
 
 
-def test_scans_arrive_late_and_at_their_own_rate(env: VelocityEnv) -> None:
+def test_scans_arrive_late_and_at_their_own_rate(env: LocomotionEnv) -> None:
     """On a slope along x the first height tells where the robot was when the scan was taken."""
     late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), env.scene.base, env.period_s)
     state, _ = env.reset(jax.random.PRNGKey(0))

@@ -11,8 +11,8 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import EnvConfig, ObservationConfig
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.state import State
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 
@@ -28,7 +28,7 @@ ENVIRONMENTS, STEPS = 16, 6
 def walked(config: EnvConfig, **drawn: float) -> tuple[State, np.ndarray]:
     """The last state, and the observations (steps, environments, 2n), under fixed actions."""
     ranges = {name: Distribution(value, value) for name, value in drawn.items()}
-    env = VelocityEnv(ROBOT, replace(config, randomisation=Randomisation(**ranges)))
+    env = LocomotionEnv(ROBOT, replace(config, randomisation=Randomisation(**ranges)))
     state, _ = jax.vmap(env.reset)(jax.random.split(jax.random.PRNGKey(4), ENVIRONMENTS))
     step = jax.jit(jax.vmap(env.step))
     seen = []
@@ -76,4 +76,4 @@ def test_late_commands_change_the_motion_and_no_other_draw(nominal: tuple[State,
 def test_what_the_buffers_do_not_hold_is_refused(name: str, high: float, complaint: str) -> None:
     randomisation = Randomisation(**{name: Distribution(0.0, high)})
     with pytest.raises(UserError, match=complaint):
-        VelocityEnv(ROBOT, replace(CONFIG, randomisation=randomisation))
+        LocomotionEnv(ROBOT, replace(CONFIG, randomisation=randomisation))

@@ -10,9 +10,9 @@ from physics_parity import compare, random_arguments
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.engines import ENGINES
 from footfall.envs.physics.interface import Motion
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -43,7 +43,7 @@ def test_a_control_step_is_the_same_generated_and_in_c() -> None:
     """
     moved = {}
     for name, randomisation in (("c", EFFECTS), ("none", Randomisation())):
-        env = VelocityEnv(ROBOT, replace(SMOKE, physics="c", randomisation=randomisation))
+        env = LocomotionEnv(ROBOT, replace(SMOKE, physics="c", randomisation=randomisation))
         state = jax.vmap(env.reset)(jax.random.split(jax.random.PRNGKey(0), 2))[0]
         state = state._replace(goals=state.goals + 0.2)
         targets = jax.vmap(env.actuation.targets)(state.goals, state.target, state.sample)
@@ -60,7 +60,7 @@ def test_a_control_step_is_the_same_generated_and_in_c() -> None:
 
 
 def test_the_lag_of_one_episode_does_not_reach_the_next() -> None:
-    env = VelocityEnv(ROBOT, replace(SMOKE, physics="c", randomisation=EFFECTS))
+    env = LocomotionEnv(ROBOT, replace(SMOKE, physics="c", randomisation=EFFECTS))
     state = env.reset(jax.random.PRNGKey(3))[0]
     assert not state.lagged_torque.any()
     later = env.simulate(state._replace(goals=state.goals + 0.2))[0]

@@ -14,9 +14,9 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import ObservationConfig
 from footfall.envs.contract import make_contract
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.observe import Observer
 from footfall.envs.state import State
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -29,7 +29,7 @@ N = 12
 
 @pytest.fixture(scope="module")
 def begun() -> State:
-    return jax.jit(VelocityEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
+    return jax.jit(LocomotionEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
 
 
 class TestObserver:
@@ -40,10 +40,10 @@ class TestObserver:
         ObservationConfig("joint_velocity"),
     )
 
-    def make(self, noise: Noise, **biases: float) -> tuple[Observer, VelocityEnv]:
+    def make(self, noise: Noise, **biases: float) -> tuple[Observer, LocomotionEnv]:
         ranges = {name: Distribution(value, value) for name, value in biases.items()}
         config = replace(CONFIG, observation=self.TERMS, noise=noise, randomisation=Randomisation(**ranges))
-        env = VelocityEnv(ROBOT, config)
+        env = LocomotionEnv(ROBOT, config)
         return env.observer, env
 
     def test_readings_are_mujocos(self) -> None:
@@ -102,7 +102,7 @@ class TestObserver:
 
     def test_an_episode_begins_with_its_first_frame_as_the_whole_history(self) -> None:
         config = replace(CONFIG, observation=(ObservationConfig("gyro", 1.0, 3),), noise=Noise())
-        env = VelocityEnv(ROBOT, config)
+        env = LocomotionEnv(ROBOT, config)
         state, first = env.reset(jax.random.PRNGKey(0))
         np.testing.assert_array_equal(first["state"][:3], first["state"][6:])
         turning = jnp.zeros((8, 30)).at[:, :3].set(7.0)

@@ -17,12 +17,12 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs import batch
 from footfall.envs.batch import step_batch
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
 from footfall.envs.physics.engines import ENGINES
 from footfall.envs.physics.interface import Drive, Fields, Motion
 from footfall.envs.physics.mjx import mjx_physics
 from footfall.envs.state import State
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque, lag_over
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
@@ -42,17 +42,17 @@ IN_C = pytest.mark.parametrize("engine", ["c"], indirect=True)
 
 
 @pytest.fixture(scope="module")
-def env(engine: str) -> VelocityEnv:
-    return VelocityEnv(ROBOT, replace(SMOKE, physics=engine))
+def env(engine: str) -> LocomotionEnv:
+    return LocomotionEnv(ROBOT, replace(SMOKE, physics=engine))
 
 
 @pytest.fixture(scope="module")
-def begun(env: VelocityEnv) -> State:
+def begun(env: LocomotionEnv) -> State:
     return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), ROBOTS))[0]
 
 
 @pytest.fixture(scope="module")
-def step(env: VelocityEnv) -> Callable[..., Any]:
+def step(env: LocomotionEnv) -> Callable[..., Any]:
     return jax.jit(lambda state, action: step_batch(env, state, action))
 
 
@@ -297,7 +297,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 @pytest.mark.parametrize("at_once", [3, 16])
 def test_every_episode_that_ends_begins_anew_and_no_other(
-    at_once: int, monkeypatch: pytest.MonkeyPatch, env: VelocityEnv, begun: State
+    at_once: int, monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State
 ) -> None:
     monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", at_once)
     ends = np.arange(len(begun.steps)) % 3 > 0

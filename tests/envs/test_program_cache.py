@@ -150,7 +150,7 @@ def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch
 def test_changed_source_makes_another_program(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = tmp_path / "source" / "envs" / "velocity.py"
+    source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
     for text, made in (("one", 1), ("two", 2), ("one", 2)):
@@ -174,7 +174,7 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was traced is then not what the file says: it would be found under the new text for good."""
-    source = tmp_path / "source" / "envs" / "velocity.py"
+    source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     source.write_text("new")
     os.utime(source, (0, 0))  # as an editor or a checkout may do

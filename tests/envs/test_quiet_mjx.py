@@ -17,7 +17,7 @@ def said_by(code: str) -> str:
 @pytest.mark.parametrize(
     "code",
     [
-        "import footfall.envs.velocity",
+        "import footfall.envs.locomotion",
         "from footfall.train.entry import learning_libraries\n"
         "with learning_libraries(): import footfall.train.api",
         "import gymnasium; gymnasium.make('footfall.gym:footfall/Go1Velocity-v0')",

@@ -10,7 +10,7 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.robots.battery import Battery
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
@@ -23,7 +23,7 @@ CONFIG = replace(load_preset("smoke").env, physics="c", randomisation=DRAWN)
 
 
 def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_speed_line() -> None:
-    env = VelocityEnv(POWERED, CONFIG)
+    env = LocomotionEnv(POWERED, CONFIG)
     state = env.reset(jax.random.PRNGKey(0))[0]
     charge = float(state.sample["battery_charge"])
     assert 0.2 <= charge <= 0.4
@@ -43,10 +43,10 @@ def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_sp
 
 
 def test_without_a_drawn_charge_the_supply_is_nominal() -> None:
-    env = VelocityEnv(POWERED, replace(CONFIG, randomisation=Randomisation()))
+    env = LocomotionEnv(POWERED, replace(CONFIG, randomisation=Randomisation()))
     assert env.reset(jax.random.PRNGKey(0))[0].supply is None
 
 
 def test_a_charge_is_refused_for_a_robot_without_a_battery() -> None:
     with pytest.raises(UserError, match="battery_charge"):
-        VelocityEnv(GO1, CONFIG)
+        LocomotionEnv(GO1, CONFIG)

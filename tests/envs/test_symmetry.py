@@ -10,8 +10,8 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.terms.data import example_data
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
 from footfall.robots.symmetry import ROTATION, VECTOR, find_symmetry
@@ -20,7 +20,8 @@ from footfall.train.config import load_preset
 ROBOT = load_robot("go1")
 QUIET = Noise()
 PRESETS = {
-    name: VelocityEnv(ROBOT, replace(load_preset(name).env, noise=QUIET)) for name in ("smoke", "cpu", "gpu")
+    name: LocomotionEnv(ROBOT, replace(load_preset(name).env, noise=QUIET))
+    for name in ("smoke", "cpu", "gpu")
 }
 
 
@@ -83,7 +84,7 @@ def test_a_robot_with_a_missing_image_is_refused() -> None:
         find_symmetry(replace(ROBOT, description=description))
 
 
-def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
+def _observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
     """Everything that is observed in a random state, or in its mirror image."""
     state, contact, clearance, torque = _random_state(env)
     joints, feet, bodies, _ = find_symmetry(env.robot)
@@ -126,7 +127,7 @@ def _up(q: jax.Array) -> jax.Array:
     return jnp.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
 
 
-def _random_state(env: VelocityEnv) -> tuple:
+def _random_state(env: LocomotionEnv) -> tuple:
     state, _ = env.reset(jax.random.key(3))
     rng = np.random.default_rng(1)
 

@@ -41,7 +41,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import RewardConfig
 from footfall.envs.terms.critic import critic_term
 from footfall.envs.terms.events import event_term
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.observation import observation_term
 from footfall.robots import kinds
 
@@ -102,7 +102,7 @@ def late(level, *, after: float = 0.5):
 
 
 def kneel(robot, config):
-    return VelocityEnv(robot, replace(config, rewards=(RewardConfig("alive", 2.0),), episode_s=0.5))
+    return LocomotionEnv(robot, replace(config, rewards=(RewardConfig("alive", 2.0),), episode_s=0.5))
 
 
 def nothing(robot, config):

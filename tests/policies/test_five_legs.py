@@ -89,11 +89,11 @@ def test_it_is_trained_with_that_gait_and_a_policy_of_that_contract_stands_on_th
 ) -> None:
     onnx = pytest.importorskip("onnx")
     jax = pytest.importorskip("jax")
-    from footfall.envs.velocity import VelocityEnv
+    from footfall.envs.locomotion import LocomotionEnv
     from footfall.train.config import load_preset
 
     preset = load_preset("smoke", robot).env
-    env = VelocityEnv(robot, replace(preset, physics="c", gait=EnvGait("wave", 1.5, 0.05)))
+    env = LocomotionEnv(robot, replace(preset, physics="c", gait=EnvGait("wave", 1.5, 0.05)))
     state, observation = jax.jit(env.reset)(jax.random.PRNGKey(0))
     _, step = jax.jit(env.step)(state, np.zeros(15, np.float32))
     assert np.isfinite(np.asarray(step.reward))

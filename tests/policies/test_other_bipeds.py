@@ -50,13 +50,13 @@ def test_it_has_an_environment_and_a_policy_of_random_weights_falls_safely(
 ) -> None:
     """Contract, mirror image, environment, exported file, loop: compiled once for all of them."""
     onnx, jax = pytest.importorskip("onnx"), pytest.importorskip("jax")
-    from footfall.envs.velocity import VelocityEnv
+    from footfall.envs.locomotion import LocomotionEnv
     from footfall.train.config import load_preset
 
     robot, case = robots[name], CASES[name]
     n = len(robot.joint_names)
     preset = load_preset("smoke", robot).env
-    env = VelocityEnv(robot, replace(preset, physics="c", gait=GaitConfig("walk", 1.5, 0.05)))
+    env = LocomotionEnv(robot, replace(preset, physics="c", gait=GaitConfig("walk", 1.5, 0.05)))
     contract = env.contract
     assert contract.joints == tuple(f"{side}{k}" for side in "lr" for k in range(n // 2))
     assert contract.gait is not None

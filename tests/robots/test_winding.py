@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import SimulatedMotors
@@ -103,7 +103,7 @@ class TestDeclaration:
             walk(go1, {"winding_rise_k": np.full(N, 10.0)})
         config = replace(CONFIG, randomisation=Randomisation(winding_rise_k=Distribution(0.0, 50.0)))
         with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
-            VelocityEnv(go1, config)
+            LocomotionEnv(go1, config)
 
 
 def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> SimpleNamespace:
@@ -158,7 +158,7 @@ class TestBehindTheBus:
 class TestTraining:
     def test_it_is_the_same_model(self, heated: Robot) -> None:
         """Over a second of changing torque, in control steps there and physics steps behind the bus."""
-        env = VelocityEnv(heated, CONFIG)
+        env = LocomotionEnv(heated, CONFIG)
         torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
         sample = {"winding_rise_k": np.full(N, 40.0)}
         ours = np.full(N, 65.0)
@@ -171,7 +171,7 @@ class TestTraining:
         np.testing.assert_allclose(theirs, ours, rtol=1e-3)
 
     def test_motors_are_derated(self, heated: Robot) -> None:
-        actuation = VelocityEnv(heated, CONFIG).actuation
+        actuation = LocomotionEnv(heated, CONFIG).actuation
         targets = jnp.tile(jnp.asarray(heated.default_pose), (10, 1))
         drive = actuation.drive(targets, {}, None, jnp.full(N, 110.0))
         np.testing.assert_allclose(drive.motor.peak_torque, 0.25 * heated.motor.peak_torque, rtol=1e-6)

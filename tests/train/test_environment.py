@@ -14,7 +14,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.envs.config import CurriculumConfig, RewardConfig
 from footfall.envs.delays import delayed_goals, delayed_readings
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.observation import observation_size
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque
 from footfall.robots.description import load_robot
@@ -25,8 +25,8 @@ ROBOT = load_robot("go1")
 SMOKE = load_preset("smoke").env
 
 
-def make(**changes: object) -> VelocityEnv:
-    return VelocityEnv(ROBOT, replace(SMOKE, **changes))
+def make(**changes: object) -> LocomotionEnv:
+    return LocomotionEnv(ROBOT, replace(SMOKE, **changes))
 
 
 def curriculum(of: str, start: float) -> CurriculumConfig:
@@ -34,17 +34,17 @@ def curriculum(of: str, start: float) -> CurriculumConfig:
 
 
 @pytest.fixture(scope="module")
-def env() -> VelocityEnv:
+def env() -> LocomotionEnv:
     return make(randomisation=load_randomisation(), gait=SMOKE.gait)
 
 
 @pytest.fixture(scope="module")
-def step(env: VelocityEnv):
+def step(env: LocomotionEnv):
     return jax.jit(env.step)
 
 
 @pytest.fixture(scope="module")
-def reset(env: VelocityEnv):
+def reset(env: LocomotionEnv):
     return jax.jit(env.reset)
 
 
@@ -62,7 +62,7 @@ class TestReset:
         one, two = reset(jax.random.PRNGKey(3)), reset(jax.random.PRNGKey(3))
         assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one, two)), strict=True))
 
-    def test_leaves_nothing_of_the_last_episode(self, env: VelocityEnv, reset, step) -> None:
+    def test_leaves_nothing_of_the_last_episode(self, env: LocomotionEnv, reset, step) -> None:
         state, _ = reset(jax.random.PRNGKey(4))
         for _ in range(3):
             state, _ = step(state, jnp.ones(env.action_size))
@@ -72,14 +72,14 @@ class TestReset:
         assert np.allclose(fresh.goals, ROBOT.default_pose)
         assert np.allclose(fresh.target, ROBOT.default_pose)
 
-    def test_observation_has_the_size_of_the_contract(self, env: VelocityEnv, reset) -> None:
+    def test_observation_has_the_size_of_the_contract(self, env: LocomotionEnv, reset) -> None:
         _, observation = reset(jax.random.PRNGKey(5))
         assert observation["state"].shape == (observation_size(env.contract),)
         assert env.observation_sizes == {name: seen.shape[-1] for name, seen in observation.items()}
 
 
 class TestStep:
-    def test_the_actor_does_not_see_the_base_velocity(self, env: VelocityEnv, reset) -> None:
+    def test_the_actor_does_not_see_the_base_velocity(self, env: LocomotionEnv, reset) -> None:
         state, _ = reset(jax.random.PRNGKey(6))
         moved, torque = state._replace(qvel=state.qvel.at[:3].add(1.0)), jnp.zeros(env.action_size)
         recent = jnp.tile(env.observer.readings(moved.qpos, moved.qvel, torque), (2 * SMOKE.substeps, 1))
@@ -88,14 +88,14 @@ class TestStep:
         seen = [env.observer.observe(*each, u)[1] for each in ((moved, recent), (state, still))]
         assert np.array_equal(*seen)
 
-    def test_a_fall_ends_the_episode(self, env: VelocityEnv, reset, step) -> None:
+    def test_a_fall_ends_the_episode(self, env: LocomotionEnv, reset, step) -> None:
         state, _ = reset(jax.random.PRNGKey(7))
         upside_down = state._replace(qpos=state.qpos.at[2:7].set(jnp.array([0.4, 0.0, 1.0, 0.0, 0.0])))
         _, result = step(upside_down, jnp.zeros(env.action_size))
         assert result.terminated == 1.0
         assert result.metrics["episode/falls"] == 1.0
 
-    def test_a_diverged_simulation_ends_alone_and_is_counted(self, env: VelocityEnv, reset, step) -> None:
+    def test_a_diverged_simulation_ends_alone_and_is_counted(self, env: LocomotionEnv, reset, step) -> None:
         states = [reset(jax.random.PRNGKey(k))[0] for k in range(4)]
         states[1] = states[1]._replace(qvel=states[1].qvel.at[0].set(jnp.nan))
         too_fast = 1.5 * SMOKE.speed_limit  # and finite

@@ -20,7 +20,7 @@ from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
@@ -208,7 +208,7 @@ def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
     robot = load_robot("go1")
     trained = api.open_run(whole_run).config.env
     config = replace(trained, randomisation=Randomisation(), noise=Noise(), events=trained.events[:1])
-    env = VelocityEnv(robot, config)
+    env = LocomotionEnv(robot, config)
     policy = LearnedPolicy(whole_run / "policy.onnx", robot)
     state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
     step = jax.jit(env.step)

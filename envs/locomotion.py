@@ -40,7 +40,7 @@ from footfall.robots.model import ground_friction, training_model
 from footfall.robots.stability import longest_timestep
 
 
-class VelocityEnv:
+class LocomotionEnv:
     """The environment of one robot and one configuration; holds constants only."""
 
     def __init__(self, robot: Robot, config: EnvConfig) -> None:

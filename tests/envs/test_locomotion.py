@@ -20,9 +20,9 @@ from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import CurriculumConfig, EventConfig, GaitConfig, ObservationConfig, RewardConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.gait import make_gait
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
 from footfall.envs.state import State, Step
-from footfall.envs.velocity import VelocityEnv
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CommandRange
 from footfall.policies.observation import moving
@@ -83,19 +83,19 @@ def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
 
 
 @pytest.fixture(scope="module")
-def env() -> VelocityEnv:
-    env = VelocityEnv(ROBOT, CONFIG)
+def env() -> LocomotionEnv:
+    env = LocomotionEnv(ROBOT, CONFIG)
     env.engine = env.engine._replace(simulate=told_apart)
     return env
 
 
 @pytest.fixture(scope="module")
-def step(env: VelocityEnv) -> Callable[..., tuple[State, Step]]:
+def step(env: LocomotionEnv) -> Callable[..., tuple[State, Step]]:
     return jax.jit(env.step)
 
 
 @pytest.fixture(scope="module")
-def reset(env: VelocityEnv) -> Callable[..., tuple[State, dict[str, jax.Array]]]:
+def reset(env: LocomotionEnv) -> Callable[..., tuple[State, dict[str, jax.Array]]]:
     compiled = jax.jit(env.reset)
     return lambda key, level=1.0: compiled(jax.random.PRNGKey(key), jnp.float32(level))
 
@@ -127,7 +127,7 @@ def placed(
 
 class TestStep:
     def test_the_goal_is_the_actions_for_the_phase_and_command_before_the_step(
-        self, env: VelocityEnv, step, begun: State
+        self, env: LocomotionEnv, step, begun: State
     ) -> None:
         """And goals are kept newest first, beside the actions that they come from."""
         expected = joint_target(
@@ -141,7 +141,7 @@ class TestStep:
         np.testing.assert_array_equal(second.actions, [-ACTION, ACTION, np.zeros(N)])
         assert float(begun.phase[0]) != float(first.phase[0])
 
-    def test_the_motors_follow_its_targets(self, env: VelocityEnv, step, begun: State) -> None:
+    def test_the_motors_follow_its_targets(self, env: LocomotionEnv, step, begun: State) -> None:
         after, _ = step(begun, ACTION)
         targets = env.actuation.targets(after.goals, begun.target, begun.sample)
         np.testing.assert_allclose(after.qacc_warmstart[:N], targets[-1], atol=1e-6)
@@ -191,7 +191,7 @@ class TestStep:
         )
 
     def test_the_critic_is_told_of_feet_and_torques_of_the_last_physics_step(
-        self, env: VelocityEnv, step, begun: State
+        self, env: LocomotionEnv, step, begun: State
     ) -> None:
         after, result = step(begun, ACTION)
         actor, critic = (np.asarray(result.observation[name]) for name in ("state", "privileged_state"))
@@ -236,7 +236,7 @@ class TestStep:
 def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary() -> None:
     """JAX sorts a dictionary's keys wherever it hands one back."""
     ranges = {name: Distribution(0.9, 1.1) for name in ("friction", "kp", "battery")}
-    env = VelocityEnv(ROBOT, replace(CONFIG, randomisation=Randomisation(**ranges)))
+    env = LocomotionEnv(ROBOT, replace(CONFIG, randomisation=Randomisation(**ranges)))
     state, _ = env.reset(jax.random.PRNGKey(0))
     sample = {"friction": jnp.float32(0.7), "kp": jnp.full(N, 1.1), "battery": jnp.float32(0.9)}
     step = jax.jit(env.step)
@@ -280,7 +280,7 @@ def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -
     ):
         weights = (("alive", 1.0), ("height", height_weight), ("fall", -7.0))
         rewards = tuple(RewardConfig(*pair) for pair in weights)
-        env = VelocityEnv(ROBOT, replace(CONFIG, rewards=rewards, reward_floor=-0.5))
+        env = LocomotionEnv(ROBOT, replace(CONFIG, rewards=rewards, reward_floor=-0.5))
         env.engine = env.engine._replace(simulate=told_apart)
         quaternion = (np.cos(tilt / 2), np.sin(tilt / 2), 0.0, 0.0)
         _, result = env.step(placed(begun, quaternion=quaternion), ACTION)
@@ -288,7 +288,7 @@ def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -
 
 
 @pytest.fixture(scope="module")
-def outcome(env: VelocityEnv) -> Callable[[State], Any]:
+def outcome(env: LocomotionEnv) -> Callable[[State], Any]:
     """What the stand-in physics makes of a state, its motors at rest."""
 
     @jax.jit
@@ -319,7 +319,7 @@ class TestStepData:
         np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
 
 
-def test_no_foot_swings_while_the_robot_is_asked_to_stand(env: VelocityEnv, begun: State) -> None:
+def test_no_foot_swings_while_the_robot_is_asked_to_stand(env: LocomotionEnv, begun: State) -> None:
     feet = Trace(jnp.zeros((2, 19)), jnp.zeros((2, 18)), jnp.zeros((2, 4, 3)), jnp.zeros((2, N)))
     for forward_m_s, walks in ((0.05, False), (0.5, True)):
         command = jnp.array([forward_m_s, 0.0, 0.0])
@@ -328,7 +328,7 @@ def test_no_foot_swings_while_the_robot_is_asked_to_stand(env: VelocityEnv, begu
 
 
 class TestReset:
-    def test_an_episode_begins_at_rest_in_time(self, env: VelocityEnv, reset) -> None:
+    def test_an_episode_begins_at_rest_in_time(self, env: LocomotionEnv, reset) -> None:
         state, observation = reset(8, 0.25)
         assert (float(state.level), int(state.steps), int(state.event_steps["push"])) == (0.25, 0, 40)
         hold = CONFIG.commands.hold_s
@@ -354,13 +354,13 @@ class TestReset:
 
     def test_the_nominal_friction_is_the_grounds(self) -> None:
         wide = Randomisation(friction=Distribution(0.1, 0.3), kp=Distribution(0.5, 0.6))
-        env = VelocityEnv(ROBOT, replace(CONFIG, curricula=(TO_NOMINAL,), randomisation=wide))
+        env = LocomotionEnv(ROBOT, replace(CONFIG, curricula=(TO_NOMINAL,), randomisation=wide))
         nominal, full = (env.reset(jax.random.PRNGKey(1), level)[0].sample for level in (0.0, 1.0))
         assert float(nominal["friction"]) == pytest.approx(ground_friction(MODEL, ROBOT).mean())
         np.testing.assert_allclose(nominal["kp"], np.ones(N))
         assert 0.1 <= float(full["friction"]) <= 0.3
 
-    def test_a_batch_changes_its_level_and_nothing_else(self, env: VelocityEnv, begun: State) -> None:
+    def test_a_batch_changes_its_level_and_nothing_else(self, env: LocomotionEnv, begun: State) -> None:
         batch = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), begun)
         moved = env.at_level(batch, jnp.float32(0.4))
         np.testing.assert_allclose(moved.level, [0.4, 0.4])
@@ -405,12 +405,12 @@ def test_physics_steps_are_no_longer_than_the_joints_are_stable_at(
     """12.5 and 25 ms, 50 and 125 ms; go1's knees swing up beyond 27 ms."""
     config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
     if fits:
-        VelocityEnv(ROBOT, config)
+        LocomotionEnv(ROBOT, config)
         return
     with pytest.raises(
         UserError, match=r"RL_calf_joint of go1 is too stiff for steps beyond 27\.1 ms"
     ) as refused:
-        VelocityEnv(ROBOT, config)
+        LocomotionEnv(ROBOT, config)
     assert f"control_rate_hz {rate_hz:g} with {substeps} substeps" in str(refused.value)
 
 
@@ -419,10 +419,10 @@ class TestStillStep:
 
     @pytest.fixture(scope="class")
     @classmethod
-    def still(cls) -> VelocityEnv:
+    def still(cls) -> LocomotionEnv:
         gait = replace(SMOKE.gait or GaitConfig("trot"), frequency_hz=2.0)
         events = (EventConfig("reset_pose"),)
-        env = VelocityEnv(ROBOT, replace(SMOKE, gait=gait, events=events, episode_s=0.1, speed_limit=50.0))
+        env = LocomotionEnv(ROBOT, replace(SMOKE, gait=gait, events=events, episode_s=0.1, speed_limit=50.0))
 
         def nothing_moves(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
             count = SMOKE.substeps
@@ -435,12 +435,12 @@ class TestStillStep:
 
     @pytest.fixture(scope="class")
     @classmethod
-    def step(cls, still: VelocityEnv) -> Callable[..., tuple[State, Step]]:
+    def step(cls, still: LocomotionEnv) -> Callable[..., tuple[State, Step]]:
         return jax.jit(still.step)
 
     @pytest.fixture(scope="class")
     @classmethod
-    def state(cls, still: VelocityEnv) -> State:
+    def state(cls, still: LocomotionEnv) -> State:
         return placed(jax.jit(still.reset)(jax.random.PRNGKey(2))[0])
 
     def test_the_clock_goes_on_by_the_control_period(self, step, state: State) -> None:
