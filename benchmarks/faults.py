@@ -2,15 +2,19 @@
 
     python benchmarks/faults.py --workers 16 --out faults.jsonl
     python benchmarks/faults.py --rooms robots,plant --python .venv/bin/python
+    python benchmarks/faults.py --faults benchmarks/fresh_faults.json
 
 faults.json holds one small change each (a sign, an axis, a unit, one step, a missing clip, a forgotten
 reset), with what goes wrong for whom. They were written at commit 0e3b032, those from number 21 on at
-b2090f6, by people who had not read the tests; what the code has changed since does not apply any more and
-does not count. Each is put, alone, into a copy of the repository, and a few test files run on it at a time:
-of all faults those that name the changed module first, then, for faults that nothing has noticed, the
-others of its room, until a test fails which passes on an unchanged copy (those of --failing, one a line,
-are known not to). One JSON object for each such run is appended to --out as it ends; what stands there
-already is not run again.
+b2090f6, by people who had not read the tests. fresh_faults.json holds 100 others, in files drawn at random
+by their lines, written at commit c24c935 from the source alone. What the code has changed since does not
+apply any more and does not count.
+
+Each fault is put, alone, into a copy of the repository, and a few test files run on it at a time: of all
+faults those that name the changed module first, `test_<module>.py` before the others, then, for faults that
+nothing has noticed, the others of its room, until a test fails which passes on an unchanged copy (those of
+--failing, one a line, are known not to). One JSON object for each such run is appended to --out as it ends;
+what stands there already is not run again.
 A fault is noticed if a test fails, not noticed if all of its room have passed, open if some were not run
 or ran out of time.
 """
@@ -62,6 +66,7 @@ def jobs_for(fault: dict[str, str], texts: dict[str, str]) -> list[Job]:
     )
     room = OF_THE_COMMAND if fault["room"] == "footfall" else rf"\bfootfall\.{fault['room']}\b"
     direct = [each for each, text in texts.items() if re.search(names, text)]
+    direct.sort(key=lambda each: Path(each).stem != f"test_{name}")
     others = [each for each, text in texts.items() if re.search(room, text) and each not in direct]
     stages = [
         [f"tests/{each}" for each in files if bool(SLOW.search(texts[each])) == slow]
@@ -78,12 +83,12 @@ def jobs_for(fault: dict[str, str], texts: dict[str, str]) -> list[Job]:
 class Tests:
     """Runs tests in copies of the repository."""
 
-    def __init__(self, python: str, cache: Path, timeout_s: float, failing: list[str]) -> None:
+    def __init__(self, python: str, cache: str, timeout_s: float, failing: list[str]) -> None:
         self._python, self._timeout_s = python, timeout_s
         self._environment = os.environ | {
             "OMP_NUM_THREADS": "1",
             "JAX_PLATFORMS": "cpu",
-            "JAX_COMPILATION_CACHE_DIR": str(cache),
+            "JAX_COMPILATION_CACHE_DIR": cache,
             "PYTHONDONTWRITEBYTECODE": "1",  # a compiled file could outlive the fault
         }
         self._clean = dict.fromkeys(failing, False)
@@ -186,11 +191,13 @@ def test_texts() -> dict[str, str]:
     return {str(path.relative_to(ROOT / "tests")): path.read_text() for path in paths}
 
 
-def main() -> None:
+def read_options() -> argparse.Namespace:
+    """The command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--faults", type=Path, default=ROOT / "benchmarks" / "faults.json")
     parser.add_argument("--rooms", default="", help="A,B: rooms, or single faults by id (default: all)")
     parser.add_argument(
         "--python",
@@ -204,8 +211,12 @@ def main() -> None:
     parser.add_argument(
         "--time-limit", type=float, default=float("inf"), help="seconds until no fault begins"
     )
-    options = parser.parse_args()
-    faults = json.loads((ROOT / "benchmarks" / "faults.json").read_text())
+    return parser.parse_args()
+
+
+def main() -> None:
+    options = read_options()
+    faults = json.loads(options.faults.read_text())
     rooms = options.rooms.split(",") if options.rooms else sorted({fault["room"] for fault in faults})
     faults = [
         fault
@@ -229,7 +240,8 @@ def main() -> None:
         scratch = Path(folder)
         (scratch / "jax").mkdir(mode=0o700)
         failing = options.failing.read_text().splitlines() if options.failing else []
-        tests = Tests(options.python, scratch / "jax", options.timeout, failing)
+        cache = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(scratch / "jax"))
+        tests = Tests(options.python, cache, options.timeout, failing)
         copies = [scratch / f"copy{worker}" for worker in range(options.workers + 1)]
         for copy in copies:
             shutil.copytree(ROOT, copy, symlinks=True, ignore=LEFT_OUT)
