@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from footfall.common.versions import versions
 from footfall.deploy.fit import check_get_up
 from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.config import DEFAULT_EVALUATION, EvaluationConfig
+from footfall.evaluate.missions import make_mission, scenario_of
 from footfall.evaluate.own_metrics import check_metrics
 from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
@@ -157,9 +159,14 @@ def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, Scenar
         raise UserError(f"episodes is {config.episodes}: it must be 1 or more")
     robot = load_robot(config.robot)
     file = load_scenarios(robot, config.scenario_file)
-    file.select(config.scenarios)
+    file = replace(file, scenarios=file.scenarios | {n: scenario_of(p) for n, p in config.missions.items()})
+    chosen = file.select(config.scenarios)
     check_metrics(config.metrics)
     policies = {spec: load_policy(spec, robot) for spec in specs}
+    for spec, policy in policies.items():
+        for name, scenario in chosen.items():
+            if scenario.mission is not None:
+                make_mission(config.mission_run, scenario.mission, name, spec, policy, robot)
     if config.get_up is not None:
         check_get_up(load_policy(config.get_up, robot), robot)
     if config.plant is not None:

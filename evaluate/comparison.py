@@ -49,7 +49,8 @@ class Comparison:
 def command_line(comparison: Comparison) -> str:
     """What to type for the same figures."""
     config = comparison.config
-    options = ["--robot", config.robot, "--scenarios", ",".join(config.scenarios), "--seed", str(config.seed)]
+    named = ",".join(str(config.missions.get(name, name)) for name in config.scenarios)
+    options = ["--robot", config.robot, "--scenarios", named, "--seed", str(config.seed)]
     if config.episodes is not None:
         options += ["--episodes", str(config.episodes)]
     if config.scenario_file is not None:

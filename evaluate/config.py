@@ -1,10 +1,17 @@
 """What an evaluation runs: scenarios, episodes, seed, plant, processes."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from footfall.common.engines import DEFAULT_ENGINE, EngineName
 from footfall.robots.default import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from footfall.evaluate.missions import MakeMission
+
+YAML = (".yaml", ".yml")  # of a mission's file
 
 
 @dataclass(frozen=True)
@@ -22,6 +29,22 @@ class EvaluationConfig:
     metrics: tuple[str, ...] = ()  # the user's, MODULE:NAME each, see evaluate/own_metrics.py
     engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
     get_up: str | None = None  # policy that gets the robot up after a fall; None: a fall ends the episode
+    missions: Mapping[str, Path] = field(default_factory=dict)  # files of missions among the scenarios
+    mission_run: "MakeMission | None" = None  # makes missions; scenarios with one need it
 
 
 DEFAULT_EVALUATION = EvaluationConfig()
+
+
+class Named(NamedTuple):
+    """What --scenarios names."""
+
+    scenarios: tuple[str, ...]  # names
+    missions: dict[str, Path]  # files of those that are missions, by name
+
+
+def named(given: Sequence[str]) -> Named:
+    """Names of scenarios; a mission's file is one by the name of its file, without the suffix."""
+    missions = {each: Path(each) for each in given if Path(each).suffix.lower() in YAML}
+    names = tuple(missions[each].stem if each in missions else each for each in given)
+    return Named(names, {path.stem: path for path in missions.values()})

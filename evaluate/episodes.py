@@ -1,6 +1,6 @@
 """One task of a worker process: build what an episode needs, run it, score it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.engines import DEFAULT_ENGINE
+from footfall.deploy.config import deploy_config
 from footfall.deploy.recovery import GetUp
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.height_scan import HeightScanErrors
@@ -15,6 +16,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
+from footfall.evaluate.missions import MakeMission, MissionRun, MissionScore, make_mission, score_mission
 from footfall.evaluate.own_metrics import score_own
 from footfall.evaluate.plan import EpisodePlan, Levels
 from footfall.plant.episode import Episode, run_episode
@@ -41,6 +43,7 @@ class EpisodeTask:
     get_up: str | None = None  # likewise a policy, after a fall
     keep_trace: bool = False
     metrics: tuple[str, ...] = ()  # of the user, MODULE:NAME each
+    mission_run: MakeMission | None = None  # where the plan has a mission
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class EpisodeOutcome:
     trace: Trace | None
     own: dict[str, float] = field(default_factory=dict)  # metrics of the user by name
     recovery_s: tuple[float, ...] | None = None  # from each fall until the robot stood; None if it may not
+    mission: MissionScore | None = None  # where the scenario has one
 
 
 def run_task(task: EpisodeTask) -> EpisodeOutcome:
@@ -77,8 +81,9 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
     model = _model(task.robot, task.plant)
     plan = task.plan
     sample = sample_of(plan, robot, model.nbody - 1)
+    mission = _mission(policy, task, robot)
     episode = Episode(
-        command_source=plan.schedule,
+        command_source=mission.source if mission else plan.schedule,
         duration_s=plan.duration_s,
         seed=plan.seed,
         plant=task.plant,
@@ -90,21 +95,34 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         pushes=plan.pushes,
         ground_truth=task.ground_truth,
         get_up=None if task.get_up is None else GetUp(_policy(task.get_up, task.robot), task.get_up),
+        others=mission.others if mission else {},
+        config=replace(deploy_config(robot), odometry=True) if mission else None,
     )
     trace = run_episode(robot, policy, episode)
+    mission_score = score_mission(mission.source, trace) if mission else None
+    troubles = (trace.fall_reason, *trace.faults, mission_score.trouble if mission_score else "")
     return EpisodeOutcome(
         metrics=score(trace, robot, _weight(model, robot, sample)),
         levels=plan.levels,
         compute_ms=trace.compute_ms.astype(np.float32),
         period_ms=1e3 / policy.rate_hz,
-        trouble="; ".join(dict.fromkeys(part for part in (trace.fall_reason, *trace.faults) if part)),
+        trouble="; ".join(dict.fromkeys(filter(None, troubles))),
         notes=trace.notes,
         trace=trace if task.keep_trace else None,
         own=score_own(task.metrics, trace, robot),
         recovery_s=None
         if task.get_up is None
         else tuple(each.stood_s - each.fell_s for each in trace.recoveries),
+        mission=mission_score,
     )
+
+
+def _mission(policy: Policy, task: EpisodeTask, robot: Robot) -> MissionRun | None:
+    """The mission that steers, if one does."""
+    plan = task.plan
+    if plan.mission is None:
+        return None
+    return make_mission(task.mission_run, plan.mission, plan.scenario, task.policy, policy, robot)
 
 
 def sample_of(plan: EpisodePlan, robot: Robot, bodies: int) -> Sample | None:

@@ -12,8 +12,12 @@ from footfall.common.config import load
 
 Summary = Mapping[str, Any]
 NOTHING = "–"
-COUNTS = ("falls", "successes", "legs_touch_episodes")  # of episodes
-RATES = {"falls": "fall_rate_interval", "successes": "success_rate_interval"}  # their intervals, as shares
+COUNTS = ("falls", "successes", "missions_done", "missions_arrived", "legs_touch_episodes")  # of episodes
+RATES = {  # their intervals, as shares
+    "falls": "fall_rate_interval",
+    "successes": "success_rate_interval",
+    "missions_arrived": "arrival_rate_interval",
+}
 # A bootstrap over fewer episodes gives an interval that is too narrow to rank anybody by.
 LEAST_EPISODES = 8
 

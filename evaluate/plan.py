@@ -4,6 +4,7 @@ import math
 import zlib
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,7 @@ class EpisodePlan:
     levels: Levels
     randomised: bool
     ground: GroundConfig | None = None  # None is level
+    mission: dict[str, Any] | None = None  # that steers in place of the schedule
 
 
 def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None = None) -> list[EpisodePlan]:
@@ -83,6 +85,7 @@ def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None
                 levels=level,
                 randomised=scenario.randomised,
                 ground=None if scenario.ground is None else at_level(scenario.ground, level),
+                mission=scenario.mission,
             )
         )
     return plans

@@ -97,6 +97,7 @@ class Scenario:
     ground: GroundConfig | None = None  # parameters that are levels may be left out; None is level
     randomised: bool = False  # the robot is drawn from the declaration in domain_rand
     rows: tuple[str, ...] = ()  # levels by which results are listed as well
+    mission: dict[str, Any] | None = None  # that steers, for duration_s at most
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.levels if name not in LEVEL_NAMES]
@@ -116,6 +117,8 @@ class Scenario:
 
     def _check_commands(self) -> None:
         axes = [axis for axis in COMMAND_AXES if axis in self.levels]
+        if self.mission is not None and (self.commands is not None or self.script or axes):
+            raise ValueError("a mission steers by itself: leave commands, script and levels of commands out")
         if self.commands is not None and (self.script or axes):
             raise ValueError(f"give commands or {axes[0] if axes else 'a script'}, not both")
         times = [waypoint.at_s for waypoint in self.script]

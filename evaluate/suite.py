@@ -92,6 +92,7 @@ def _task(
         get_up=config.get_up,
         keep_trace=keep_trace,
         metrics=config.metrics,
+        mission_run=config.mission_run,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from footfall.evaluate.episodes import EpisodeOutcome
 from footfall.evaluate.metrics import EpisodeMetrics
+from footfall.evaluate.missions import mission_figures
 from footfall.evaluate.own_metrics import SECTION
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario
@@ -62,6 +63,8 @@ def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]]
     summary |= _compute(finished)
     if finished[0].recovery_s is not None:
         summary |= _recoveries(finished)
+    if scenario.mission is not None:
+        summary |= mission_figures([outcome.mission for outcome in finished if outcome.mission])
     if finished[0].own:
         summary |= _own(finished, seed)
     if len(scenario.script) == 1 and not scenario.levels:

@@ -10,7 +10,7 @@ from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
 from footfall.operate.missions.activities import STILL, Act, Now
 from footfall.operate.missions.courses import GoTo, Led
-from footfall.operate.missions.mission import Mission, NamedStep
+from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
 from footfall.operate.missions.steps import End
 
@@ -65,6 +65,7 @@ class MissionSource:
         self._request = Request(STILL, autonomous=True, owner=f"mission {mission.source}")
         self._low = False
         self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
+        self.goal = HERE  # where the latest step that moves the robot leads, in the mission's frame
 
     def poll(self, status: Status) -> Request:
         """The request of the present step; steps that are done are left behind."""
@@ -105,6 +106,8 @@ class MissionSource:
     def _begin(self, index: int, status: Status, pose: Pose) -> None:
         step, limits = self._steps[index].step, self._abilities(status.policy).limits
         self._index, self._plan = index, step.plan(pose, self._mission.scene(limits))
+        if isinstance(step, Led) or self._plan.end != pose:
+            self.goal = self._plan.end
         self._began_s = self._progress_s = status.walking_s
         self._best_s = math.inf
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
-from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.config import EvaluationConfig, named
 from footfall.options import (
     AS_TYPED,
     ControllerSettings,
@@ -38,7 +38,7 @@ class EvaluationOptions:
 
     robot: RobotName = DEFAULT_ROBOT
     scenarios: Names = EvaluationConfig.scenarios
-    """Names of scenarios, see evaluate/scenarios.yaml."""
+    """Names of scenarios, see evaluate/scenarios.yaml; also a mission's YAML file."""
     scenario_file: ScenarioFile = None
     episodes: Annotated[Count | None, Parameter(show_default=False)] = None
     """Episodes of each scenario (default: the scenario's own number)."""
@@ -67,7 +67,11 @@ NOT_MET = 1  # an episode failed, or a requirement is not met
 
 def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     """The options as `footfall.evaluate.api` takes them."""
-    return EvaluationConfig(**{each.name: getattr(options, each.name) for each in fields(EvaluationConfig)})
+    from footfall.operate.missions.run import mission_run
+
+    own = {**named(options.scenarios)._asdict(), "mission_run": mission_run}
+    names = [each.name for each in fields(EvaluationConfig) if each.name not in own]
+    return EvaluationConfig(**{name: getattr(options, name) for name in names}, **own)
 
 
 def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
@@ -82,7 +86,7 @@ def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
     if options.junit is not None and not options.require:
         raise UserError("--junit needs a requirement: add --require 'nominal.falls <= 0'")
     check_outputs(options.junit)
-    return parse_requirements(options.require, options.scenarios, options.metrics)
+    return parse_requirements(options.require, named(options.scenarios).scenarios, options.metrics)
 
 
 def exit_status(

@@ -48,14 +48,9 @@ def mission_policies(by: str | None, loaded: Sequence[Policy], robot: Robot) -> 
     if by is None or not is_mission(by):
         return {}
     from footfall.operate.missions.mission import load_mission
-    from footfall.policies.registry import lasting_spec, load_policy
+    from footfall.operate.missions.run import policies_of
 
-    names = {policy.name for policy in loaded}
-    try:
-        missing = [name for name in load_mission(Path(by)).policies if name not in names]
-        return {lasting_spec(name): load_policy(name, robot) for name in missing}
-    except UserError as error:
-        raise UserError(str(error) if by in str(error) else f"{by}: {error}") from None
+    return policies_of(load_mission(Path(by)), [policy.name for policy in loaded], robot)
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """`footfall evaluate` and `footfall compare`: what the files hold, and the exit status."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from footfall.evaluate import api, suite
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
+from footfall.operate.missions.run import mission_run
 from footfall.plant.episode import Push
 from footfall.robots.description import load_robot
 
@@ -131,7 +133,8 @@ def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: R
         "--ground-truth", "--workers", "2", "--scenario-file", "own.yaml",
     )  # fmt: skip
     config = EvaluationConfig("rex", ("push", "nominal"), 5, 3, Path("null"), True, 2, Path("own.yaml"))
-    for options, expected in (((), EvaluationConfig()), (asked, config)):
+    for options, given in (((), EvaluationConfig()), (asked, config)):
+        expected = replace(given, mission_run=mission_run)
         called.calls.clear()
         assert shell("evaluate", "mine.onnx", *options).status == 0
         assert called.of("evaluate_policy") == (("mine.onnx", expected), {"json_path": None})

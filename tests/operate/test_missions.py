@@ -84,6 +84,17 @@ def test_steps_lead_where_they_say() -> None:
         assert walker.requests[-1].wish is Wish.LIE_DOWN
 
 
+def test_the_goal_is_where_the_latest_movement_leads() -> None:
+    there = {"go_to": {"to": [0.5, 0.2], "heading_deg": 90.0}}
+    for steps, ahead, left in (
+        ([there, {"stand": 1.0}], 0.5, 0.2),
+        ([{"rectangle": "1x0.5"}, {"wait": 0.5}], 0.0, 0.0),
+        ([{"walk": {"velocity": [0.5, 0, 0], "for_s": 1.0}}, {"wait": 0.5}], 0.5, 0.0),
+    ):
+        goal = Walker(steps).run().source.goal
+        assert math.dist(goal[:2], (ahead, left)) < 0.01
+
+
 def test_the_path_itself_is_kept_to() -> None:
     walker = Walker([{"rectangle": "2x1"}])
     farthest = 0.0

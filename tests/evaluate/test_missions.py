@@ -1,0 +1,110 @@
+"""Missions as scenarios."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+from traces import walk
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Pose, Request, Status
+from footfall.domain_rand.noise import Noise
+from footfall.evaluate.api import evaluate_policy
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
+from footfall.evaluate.missions import MissionScore, mission_figures, score_mission
+from footfall.evaluate.plan import plan_episodes
+from footfall.evaluate.scenarios import DrawnCommands, Scenario
+from footfall.evaluation_options import EvaluationOptions, evaluation_config, requirements_of
+from footfall.operate.missions.run import mission_run
+from footfall.operate.missions.source import DONE, Progress
+from footfall.plant.trace import Trace
+
+QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
+
+
+def run(steps: list[Any], policy: str = "go1-flat", duration_s: float = 20.0) -> EpisodeOutcome:
+    scenario = Scenario("", 1, duration_s, mission={"steps": steps})
+    (plan,) = plan_episodes("errand", scenario, seed=3)
+    return run_task(EpisodeTask(policy, "go1", plan, QUIET, mission_run=mission_run))
+
+
+def test_a_mission_steers_and_its_end_is_scored() -> None:
+    outcome = run([{"go_to": [0.4, 0.0]}, {"policy": "stand"}, {"wait": 0.1}])
+    assert outcome.mission is not None
+    assert (outcome.mission.done, outcome.mission.arrived, outcome.trouble) == (True, True, "")
+    assert 0.5 < outcome.mission.lasted_s < 10.0
+    assert outcome.metrics.distance_m > 0.3
+
+
+@pytest.mark.parametrize(
+    ("steps", "duration_s", "why"),
+    [
+        ([{"go_to": {"to": [0.4, 0.0], "timeout_s": 0.3}}], 20.0, "step 1 (go_to): it takes longer than 0 s"),
+        ([{"wait": 20.0}], 0.3, "not over in time"),
+    ],
+)
+def test_a_mission_that_is_not_done_says_why(steps: list[Any], duration_s: float, why: str) -> None:
+    outcome = run(steps, duration_s=duration_s)
+    assert outcome.mission is not None
+    assert not outcome.mission.done
+    assert why in outcome.trouble
+    assert not outcome.metrics.fell
+
+
+class Over:
+    """A mission that is over, and believes that it is where it should be."""
+
+    stopped = None
+    progress = Progress(1, 1, "go_to", 0.0, 0.0, 0.0, DONE)
+    goal = Pose(2.0, 0.0, 0.0)
+
+    def poll(self, status: Status) -> Request:
+        raise AssertionError
+
+
+def turned(trace: Trace, yaw_rad: float) -> Trace:
+    """The same walk in a world that is turned."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    quaternion = np.tile([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)], (len(trace.time_s), 1))
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return replace(trace, base_quaternion=quaternion, base_position=trace.base_position @ turn.T + 7.0)
+
+
+def test_the_final_error_is_true_and_in_the_frame_of_the_beginning() -> None:
+    for yaw_rad in (0.0, 2.0):
+        score = score_mission(Over(), turned(walk(2.21), yaw_rad))
+        assert score.final_error_m == pytest.approx(0.2, abs=1e-6)
+        assert (score.done, score.arrived) == (True, False)
+    assert score_mission(Over(), walk(2.06)).arrived
+    assert not score_mission(Over(), replace(walk(2.06), fell=True)).done
+
+
+def test_figures_count_missions_and_take_errors_of_those_that_were_done() -> None:
+    scores = [MissionScore(True, "", 10.0, 0.02), MissionScore(True, "", 20.0, 0.3)]
+    figures = mission_figures([*scores, MissionScore(False, "it is blocked", 40.0, 2.0)])
+    assert (figures["missions_done"], figures["missions_arrived"]) == (2, 1)
+    assert (figures["final_error_m"], figures["mission_s"]) == (0.3, 15.0)
+
+
+def test_a_missions_file_is_a_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "home.yaml"
+    path.write_text("steps: [{wait: 0.1}, {turn: 90}]")
+    options = EvaluationOptions(scenarios=("nominal", str(path)), require=("home.missions_done >= 1",))
+    (requirement,) = requirements_of(options)
+    assert requirement.scenarios == ("home",)
+    with pytest.raises(UserError, match=r"'home': step 2 \(turn\)"):
+        evaluate_policy("stand", evaluation_config(options), console=Console(quiet=True))
+
+
+def test_what_cannot_be_done_is_refused_before_anything_runs() -> None:
+    config = replace(EvaluationConfig(scenarios=("rectangle",)), mission_run=mission_run)
+    with pytest.raises(UserError, match=r"'rectangle': step 1 \(rectangle\)"):
+        evaluate_policy("stand", config, console=Console(quiet=True))
+    with pytest.raises(UserError, match="is a mission"):
+        evaluate_policy("go1-flat", replace(config, mission_run=None), console=Console(quiet=True))
+    with pytest.raises(ValueError, match="mission"):
+        Scenario("", 1, 1.0, DrawnCommands((0, 1), (0, 1), (0, 1), (1, 2)), mission={"steps": ["lie_down"]})
