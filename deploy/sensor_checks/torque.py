@@ -142,24 +142,32 @@ class TorqueStuck(JointCheck):
 
 
 class ReplyRepeated(JointCheck):
-    """Travel of a joint's target while its motor repeats one reply, rad.
+    """Travel of a joint's target while its motor repeats one reply, rad; 0 where that explains the reply.
 
     A reading is older than the last target, which may leap while a robot stands still: targets count from
-    the window before.
+    the window before. A joint that is pressed against its stop, the ground or another limb repeats its
+    reply, too, while its motor gives all that it can. Then the expected torque stays as it was in the first
+    window of the same reply.
     """
 
-    looks_at = "the travel of a target while its motor repeats one reply"
+    looks_at = "the travel of a target while its motor repeats one reply and should give another torque"
     message = "it repeats one reading while its target moved by {0:.2f} rad"
     limit = Limit("repeated_rad")
 
     def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
-        self._n = len(robot.joint_names)
+        self._n, self._reading_rad = len(robot.joint_names), limits.reading_rad
+        self._hidden = limits.torque_hidden * robot.motor.peak_torque
         self.reset()
 
     def reset(self) -> None:
-        self._travel = np.zeros(self._n)
+        self._travel, self._before, self._at_first = np.zeros((3, self._n))  # rad, and expected N m
+        self._repeated = np.zeros(self._n, bool)  # in the window before
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        position, velocity, torque = window.repeated
-        self._travel = (position & velocity & torque) * (self._travel + window.target_travel)
-        return self._travel
+        repeats = window.repeated.all(axis=0)
+        self._at_first = np.where(repeats & self._repeated, self._at_first, window.expected)
+        change = np.abs(self._before - self._at_first)
+        shown = self._repeated & (change > self._hidden + window.stiffness * self._reading_rad)
+        self._travel = repeats * (self._travel + window.target_travel)
+        self._before, self._repeated = window.expected, repeats
+        return shown * self._travel

@@ -1,6 +1,7 @@
 """Checks of joint readings: travel by positions and by velocities, torques asked for and reported."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -312,21 +313,60 @@ class TestLimp:
 class TestReplyRepeated:
     """A reading that stays while its target moves."""
 
+    STIFFNESS = 50.0
+
+    def frozen(self, robot: Robot, reported: float, samples: int, target: Callable[[float], float]) -> float:
+        """Of a joint at 0 rad that reports the same torque, of the peak, while its target moves."""
+        peak = float(robot.motor.peak_torque[0])
+
+        def torque(time_s: float) -> tuple[float, float]:
+            return reported * peak, float(np.clip(self.STIFFNESS * target(time_s), -peak, peak))
+
+        found = measured(
+            robot,
+            ReplyRepeated,
+            lambda _: (0.0, 0.0),
+            torque,
+            samples=samples,
+            stiffness=self.STIFFNESS,
+            target=target,
+        )
+        return float(found[0])
+
     def test_counts_from_the_window_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
-        """A leap may go out with the last tick of a window: its answer cannot be there yet."""
-        values = [
-            measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), samples=samples, target=lambda _: 0.12)[0]
-            for samples in (10, 20)
-        ]
-        assert values == pytest.approx([0.0, 0.12])
+        """A leap may go out with a window's last tick: only what the next window expects of it counts."""
+
+        def leap(time_s: float) -> float:
+            return 0.12 * (time_s > 0.119)
+
+        values = [self.frozen(go1, 0.0, samples, leap) for samples in (30, 40, 50)]
+        assert values == pytest.approx([0.0, 0.0, 0.12])
 
     @pytest.mark.parametrize("part", [0, 1, 2])
     def test_a_reply_of_which_one_part_changes_is_not_repeated(self, go1: Robot, part: int) -> None:
         """Position, velocity or torque, once in a window."""
         told = JointReadings(go1, ReplyRepeated)
         told.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
-        for k in range(1, 21):
-            joints = np.zeros((3, 12))
-            joints[part, 0] = 0.01 * (k >= 15)
-            told.add(k * SAMPLE_US, joints, target=0.12)
+        for k in range(1, 51):
+            joints, target = np.zeros((3, 12)), 0.12 * (k >= 30)
+            joints[part, 0] = 0.01 * (k >= 45)
+            told.add(k * SAMPLE_US, joints, target=target, expected=50.0 * target)
         np.testing.assert_allclose(told.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))
+
+    @pytest.mark.parametrize("reported", [1.0, 0.8])
+    def test_a_jammed_joint_passes_while_its_target_stays_out_of_reach(
+        self, go1: Robot, reported: float
+    ) -> None:
+        """The motor gives all that it can, also a weak one, from when the joint came to its stop."""
+
+        def away(time_s: float) -> float:
+            return -1.0 if time_s < 0.021 else 0.8 + 0.3 * np.sin(20.0 * time_s)
+
+        assert self.frozen(go1, reported, 250, away) == 0.0
+
+    def test_a_frozen_reply_at_full_torque_is_noticed_once_the_target_comes_back(self, go1: Robot) -> None:
+        def back(time_s: float) -> float:
+            return 0.8 if time_s < 0.4 else 0.8 - 2.0 * (time_s - 0.4)
+
+        assert self.frozen(go1, 1.0, 100, back) == 0.0
+        assert self.frozen(go1, 1.0, 180, back) > LIMITS.repeated_rad
