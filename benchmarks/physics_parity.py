@@ -25,7 +25,7 @@ from footfall.envs.physics.generated.llvm import Program
 from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.substep import DOUBLE, SINGLE, substep
 from footfall.envs.physics.generated.tree import refusals
-from footfall.envs.physics.interface import GROUND, Drive, joint_effort
+from footfall.envs.physics.interface import GRAVITY, GROUND, Drive, joint_effort
 from footfall.robots.actuator import JointCommand, Lag, Motor, lag_over
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
@@ -143,7 +143,7 @@ def reference(
         mujoco.mj_resetData(model, data)
         model.dof_armature[:] = nominal
         for name in fields:
-            getattr(model, name)[:] = given[name][k]
+            getattr(model.opt if name == GRAVITY else model, name)[:] = given[name][k]
         for name in ("qpos", "qvel", "qacc_warmstart"):
             getattr(data, name)[:] = given[name][k]
         motor, shares = Motor(**_of(given, "motor", k)), _of(given, "lag", k)

@@ -55,6 +55,13 @@ def random_rotation(u: Array) -> Array:
     return xp.stack([high * xp.cos(other), low * xp.sin(turn), low * xp.cos(turn), high * xp.sin(other)])
 
 
+def turn_down(vector: Array) -> Array:
+    """The smallest rotation that turns a vector (3,) to point down, w x y z; it must not point up."""
+    xp = vector.__array_namespace__()
+    x, y, z = normalised(vector)
+    return normalised(xp.stack([1.0 - z, -y, x, xp.zeros_like(z)]))
+
+
 def tilt(quaternion: Array) -> Array:
     """Angle between the body's z axis and the vertical, shape (...). Takes a sequence of four floats, too."""
     _, x, y, _ = _components(quaternion)

@@ -8,22 +8,23 @@ from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
-import mujoco
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.bodies import body_map, randomised_field_names, randomised_fields
 from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample, draw, towards_nominal
 from footfall.envs.actuation import KEPT_GOALS, Actuation
+from footfall.envs.checks import check_events, check_timestep
 from footfall.envs.config import EnvConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.lateness import Lateness
+from footfall.envs.limp import heeded, one_step_less, stiffness
 from footfall.envs.metrics import tracking_metrics
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
-from footfall.envs.physics.interface import Motion, Trace
+from footfall.envs.physics.interface import GRAVITY, Motion, Trace
 from footfall.envs.random_numbers import uniform
 from footfall.envs.state import State, Step
 from footfall.envs.supply import Supply
@@ -37,7 +38,6 @@ from footfall.policies.observation import moving, term_kind
 from footfall.robots.description import Robot
 from footfall.robots.kinds import Kind, Parts
 from footfall.robots.model import ground_friction, training_model
-from footfall.robots.stability import longest_timestep
 
 
 class LocomotionEnv:
@@ -53,12 +53,13 @@ class LocomotionEnv:
         self.action_size = len(robot.joint_names)
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
         model = training_model(robot, self.timestep_s, config.contacts)
-        _check_timestep(robot, model, config)
+        check_timestep(robot, model, config)
         self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
         self.scene = Scene(model, robot, Feet(model, robot, self.timestep_s, gait), self.period_s)
         self.terrain = make_terrain(config, self.engine, model, self.scene)
         self.task = Task(config, self.scene)
+        check_events(self.task, self.engine)
         self.actuation = Actuation(robot, config)
         self.lateness = Lateness(self.action_size, self.period_s)
         self.supply = Supply(robot, config.randomisation)
@@ -155,7 +156,7 @@ class LocomotionEnv:
             supply=self.supply.at_rest(sample),
         )
         state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
-        readings = self.observer.readings(state.qpos, state.qvel, torque)
+        readings = self.observer.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
         state = state._replace(recent_readings=jnp.tile(readings, (substeps, 1)))
         data = self.data_at(state, example_data(self.scene))
         recent = jnp.tile(readings, (2 * substeps, 1))
@@ -167,6 +168,7 @@ class LocomotionEnv:
         """One control step: delayed targets through the joint law and the physics, then a new observation."""
         config, task = self.config, self.task
         goal = joint_target(action, state.phase, state.command, self.contract)
+        action, goal = heeded(state, action, goal, state.qpos[self.scene.positions])
         state = state._replace(
             actions=jnp.concatenate([action[None], state.actions[:-1]]),
             goals=jnp.concatenate([goal[None], state.goals[:-1]]),
@@ -176,7 +178,7 @@ class LocomotionEnv:
         diverged = ~(jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit))
         frequency_hz = config.gait.frequency_hz if config.gait else 0.0
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
-        state = state._replace(steps=state.steps + 1, phase=phase)
+        state = one_step_less(state)._replace(steps=state.steps + 1, phase=phase)
 
         state = self.terrain.moved(state, trace)
         state, data, values = self._evaluate(state, self.step_data(state, trace))
@@ -186,7 +188,8 @@ class LocomotionEnv:
         terminated = jnp.maximum(data.fell, diverged.astype(jnp.float32))
         truncated = (state.steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
 
-        readings = jax.vmap(self.observer.readings)(trace.qpos, trace.qvel, trace.torque)
+        read = functools.partial(self.observer.readings, gravity=state.fields.get(GRAVITY))
+        readings = jax.vmap(read)(trace.qpos, trace.qvel, trace.torque)
         recent = jnp.concatenate([state.recent_readings, readings])
         key, numbers_key = jax.random.split(state.key)
         disturbance, noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
@@ -207,6 +210,7 @@ class LocomotionEnv:
         targets = self.actuation.targets(state.goals, state.target, state.sample, state.lateness_s)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
         drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
+        drive = drive._replace(kp=stiffness(state, drive.kp))
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))
         speeds = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
         supply = self.supply.under_load(state.sample, trace.torque, speeds)
@@ -278,14 +282,3 @@ class LocomotionEnv:
         bodies = self.scene.bodies
         sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, bodies)
         return towards_nominal(sample, self.task.strength("randomisation", level), self._friction)
-
-
-def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> None:
-    """Raise UserError if the physics steps are too long for the robot's joints."""
-    longest_s, joint = longest_timestep(robot.description, model, robot.kp)
-    if config.timestep_s > longest_s:
-        raise UserError(
-            f"control_rate_hz {config.control_rate_hz:g} with {config.substeps} substeps makes steps of"
-            f" {1e3 * config.timestep_s:.3g} ms: joint {joint} of {robot.name} is too stiff for steps beyond"
-            f" {1e3 * longest_s:.3g} ms"
-        )

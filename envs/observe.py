@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import mujoco
 
+from footfall.common.rotations import multiply, turn_down
 from footfall.domain_rand.noise import biased, noisy
 from footfall.domain_rand.randomisation import refuse_unread_sensors, require_delays
 from footfall.domain_rand.transport import transport_of
@@ -11,6 +12,7 @@ from footfall.envs.base import Base
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_readings
 from footfall.envs.height_scan import Heights, Scanner
+from footfall.envs.physics.interface import GRAVITY
 from footfall.envs.random_numbers import split
 from footfall.envs.state import State
 from footfall.envs.terms.data import level_ground
@@ -47,17 +49,23 @@ class Observer:
         self._sizes = readings_size(self._joints), 0 if self._scanner is None else self._scanner.numbers
         self.numbers = sum(self._sizes)  # that `observe` needs
 
-    def readings(self, qpos: jax.Array, qvel: jax.Array, torque: jax.Array) -> jax.Array:
+    def readings(
+        self, qpos: jax.Array, qvel: jax.Array, torque: jax.Array, gravity: jax.Array | None = None
+    ) -> jax.Array:
         """The true readings in a moment, laid end to end (robots/readings.py).
 
         Args:
             qpos, qvel: positions (nq,) and velocities (nv,).
             torque: of the motors, N m, shape (n,).
+            gravity: in the world, (3,), from which an IMU knows its attitude; None where it points down.
         """
+        quaternion = self._base.quaternion(qpos)
+        if gravity is not None:
+            quaternion = multiply(turn_down(gravity), quaternion)
         sensed = Sensed(
             gyro=self._base.angular_velocity(qvel),
             acceleration=None,
-            quaternion=self._base.quaternion(qpos),
+            quaternion=quaternion,
             joint_position=qpos[self._positions],
             joint_velocity=qvel[self._dofs],
             joint_torque=torque,
@@ -102,6 +110,7 @@ class Observer:
 
     def clean_frame(self, state: State, torque: jax.Array, ground: Heights = level_ground) -> jax.Array:
         """A frame of the state as it is, without delay, bias and noise, for the critic."""
-        readings = from_vector(self.readings(state.qpos, state.qvel, torque), self._joints)
+        found = self.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
+        readings = from_vector(found, self._joints)
         heights = None if self._scanner is None else self._scanner.exact(state, ground)
         return frame(Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract)

@@ -32,6 +32,7 @@ class State(NamedTuple):
     winding_c: jax.Array | None = None  # (n,) degrees Celsius, of motors with a thermal model
     lateness_s: jax.Array | None = None  # (KEPT_GOALS, n) s of each goal on its way, where it changes
     supply: jax.Array | None = None  # () battery's voltage over its nominal one, where a charge is drawn
+    limp_steps: jax.Array | None = None  # () control steps in which motors only damp, of a robot that fell
 
 
 class Step(NamedTuple):

@@ -60,6 +60,7 @@ class Event(NamedTuple):
     numbers: int  # uniform numbers that it takes
     interval_s: Distribution | None  # None: at each reset
     heeds_due: bool
+    generated_only: bool
 
 
 class Curriculum(NamedTuple):
@@ -158,8 +159,9 @@ def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
         term = choose(entry.term, EVENTS, "event", place)
         _require(term, EventTerm, "event_term", place)
         change = bind(term.change, entry.settings, place)
+        interval_s = entry.interval_s or term.interval_s
         found[entry.label] = Event(
-            change, term.numbers(parts), entry.interval_s or term.interval_s, term.heeds_due
+            change, term.numbers(parts), interval_s, term.heeds_due, term.generated_only
         )
     return found
 

@@ -57,7 +57,9 @@ def training_spec(
     if whole_body:
         for number, geom in enumerate(spec.geoms):
             geom.name = geom.name or f"unnamed_geom_{number}"  # pairs name their geoms
-        add_self_contacts(spec, rough=contacts == "rough_limbs")
+        for pair in list(spec.pairs) if contacts == "true_limbs" else ():
+            spec.delete(pair)
+        add_self_contacts(spec, rough=contacts in ("rough_limbs", "true_limbs"))
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
         lands = whole_body and _collides(geom)

@@ -18,12 +18,13 @@ CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
 SMOOTH, ROUGH = 1, 3  # condim; with friction a GPU trains go1 at 0.7 of the speed
 POSES = 1000  # drawn inside the joint limits
 LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
+EDGE = 20.0  # sharp: on a rounder edge of the trunk a thigh slides off that jams on the true one
 WORLD = 0  # body
 NEAR_M = 0.01  # a pair that comes as near in any of them can touch
 
 # What meets the ground in training: the feet alone, or all shapes, which then meet each other, too.
-# With rough limbs there is friction between them.
-Contacts = Literal["feet", "whole_body", "rough_limbs"]
+# With rough limbs there is friction between them. With true limbs as well, and no geom stands for others.
+Contacts = Literal["feet", "whole_body", "rough_limbs", "true_limbs"]
 
 
 def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
@@ -93,12 +94,12 @@ def _round(body: mujoco.MjsBody, geom: mujoco.MjsGeom, model: mujoco.MjModel) ->
 def _filling(wide_m: float, thin_m: float) -> Iterator[tuple[float, float, float]]:
     """Circles in a rectangle of these half sizes: radius, and place along both sides, m.
 
-    Large ones side by side, and small ones in the corners, which the large ones leave open.
+    Large ones side by side, and small ones in the corners, which the large ones leave open: edges stay sharp.
     """
     spread = wide_m - thin_m
     for place in np.linspace(-spread, spread, 1 + math.ceil(spread / thin_m)):
         yield LARGE * thin_m, float(place), 0.0
-    small = thin_m / 6.0
+    small = thin_m / EDGE
     for sides in product((-1.0, 1.0), repeat=2):
         yield small, sides[0] * (wide_m - small), sides[1] * (thin_m - small)
 

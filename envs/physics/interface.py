@@ -62,6 +62,8 @@ Fields = dict[str, Array]  # model fields in which this robot differs from the n
 # (points, 8): that plane up to the edge of a higher level, which has a horizontal unit normal (2) that points
 # away from it, the edge's distance from the origin along that normal, m, and the level's height, m.
 GROUND = "ground"
+# Key of another such field: gravity in the world, m/s^2, (3,). A slope is level ground with gravity askew.
+GRAVITY = "gravity"
 PLANE_NUMBERS, STEP_NUMBERS = 4, 8
 Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]
 

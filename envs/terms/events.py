@@ -10,10 +10,12 @@ from typing import Annotated, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import multiply, normalised, random_rotation
 from footfall.common.terms import Between
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import FASTEST
+from footfall.envs.physics.interface import GRAVITY
 from footfall.envs.state import State
 from footfall.envs.terms.data import Scene
 from footfall.robots.kinds import Parts
@@ -37,14 +39,18 @@ class EventTerm(NamedTuple):
     numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
     interval_s: Distribution | None  # between two of them; None: at each reset
     heeds_due: bool  # the function itself changes nothing unless `due`: selecting twice costs a twentieth
+    generated_only: bool  # it changes what only the generated physics knows
 
 
 def event_term(
-    numbers: int | Callable[[Parts], int] = 0, interval_s: Distribution | None = None, heeds_due: bool = False
+    numbers: int | Callable[[Parts], int] = 0,
+    interval_s: Distribution | None = None,
+    heeds_due: bool = False,
+    generated_only: bool = False,
 ) -> Callable[[Callable[..., State]], EventTerm]:
     """Decorator: a function of a state and an `Occasion` that returns the changed state."""
     count = numbers if callable(numbers) else lambda _: numbers
-    return lambda change: EventTerm(change, count, interval_s, heeds_due)
+    return lambda change: EventTerm(change, count, interval_s, heeds_due, generated_only)
 
 
 @event_term(numbers=lambda parts: 6 + 1 + 2 * parts.joints)
@@ -78,7 +84,7 @@ def reset_pose(
     return state._replace(qpos=qpos, qvel=qvel)
 
 
-@event_term(numbers=lambda parts: 3 + 1 + 6 + 2 * parts.joints)
+@event_term(numbers=lambda parts: 3 + 1 + 6 + 2 * parts.joints + 1)
 def drop(
     state: State,
     occasion: Occasion,
@@ -88,11 +94,13 @@ def drop(
     velocity_m_s: Half = 0.5,
     angular_rad_s: Half = 1.0,
     joint_velocity_rad_s: Half = 2.0,
+    limp_s: Annotated[float, Between(0.0, 10.0)] = 0.0,
 ) -> State:
     """Begin in any attitude with any joint positions inside the soft limits, and fall.
 
-    The motors hold the pose at first. The first two parameters are the range of the height of the lowest
-    point of trunk and limbs, feet not counted; the others are half-widths of uniform velocities.
+    The motors hold the pose at first, or only damp for up to `limp_s`: then limbs may end up folded under the
+    trunk and pressed on each other. The first two parameters are the range of the height of the lowest point
+    of trunk and limbs, feet not counted; the next three are half-widths of uniform velocities.
     """
     scene, u = occasion.scene, occasion.u
     n = len(scene.robot.joint_names)
@@ -105,8 +113,27 @@ def drop(
     qpos = scene.base.shifted(qpos, jnp.array([0.0, 0.0, 1.0]) * lift)
     half_widths = jnp.array([velocity_m_s] * 3 + [angular_rad_s] * 3)
     qvel = scene.base.pushed(state.qvel, half_widths * (2 * u[4:10] - 1))
-    qvel = qvel.at[scene.dofs].set(joint_velocity_rad_s * (2 * u[10 + n :] - 1), unique_indices=True)
-    return state._replace(qpos=qpos, qvel=qvel, target=pose, goals=jnp.tile(pose, (len(state.goals), 1)))
+    qvel = qvel.at[scene.dofs].set(
+        joint_velocity_rad_s * (2 * u[10 + n : 10 + 2 * n] - 1), unique_indices=True
+    )
+    goals = jnp.tile(pose, (len(state.goals), 1))
+    limp_steps = jnp.int32(u[10 + 2 * n] * limp_s / scene.period_s) if limp_s else None
+    return state._replace(qpos=qpos, qvel=qvel, target=pose, goals=goals, limp_steps=limp_steps)
+
+
+@event_term(numbers=2, generated_only=True)
+def slope(
+    state: State, occasion: Occasion, *, up_to_rad: Annotated[float, Between(0.0, 0.8)] = 0.26
+) -> State:
+    """Let the ground slope, in any direction, uniformly steep up to an angle.
+
+    The simulated world keeps a level ground and turns gravity. Rewards and terminations refer to the slope,
+    the sensors to gravity.
+    """
+    steep, across = up_to_rad * occasion.u[0], 2.0 * jnp.pi * occasion.u[1]
+    sideways = jnp.sin(steep)
+    down = jnp.stack([sideways * jnp.cos(across), sideways * jnp.sin(across), -jnp.cos(steep)])
+    return state._replace(fields=state.fields | {GRAVITY: GRAVITY_M_S2 * down})
 
 
 @event_term(numbers=1)
@@ -139,6 +166,7 @@ def push(
 EVENTS: dict[str, EventTerm] = {
     "reset_pose": reset_pose,
     "drop": drop,
+    "slope": slope,
     "begin_late": begin_late,
     "push": push,
 }

@@ -10,17 +10,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
-from footfall.envs.config import CurriculumConfig, EventConfig
+from footfall.domain_rand.noise import Noise
+from footfall.envs.config import CurriculumConfig, EventConfig, ObservationConfig
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.locomotion import LocomotionEnv
+from footfall.envs.physics.interface import GRAVITY
 from footfall.envs.state import State
 from footfall.envs.task import Task
 from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
-from footfall.envs.terms.events import Occasion, begin_late, drop, push, reset_pose
+from footfall.envs.terms.events import Occasion, begin_late, drop, push, reset_pose, slope
 from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
@@ -196,6 +199,27 @@ class TestResetPose:
         assert gravity[0] == pytest.approx(0.0, abs=1e-6)
 
 
+class TestSlope:
+    def test_it_tilts_gravity_and_keeps_its_size(self, begun: State) -> None:
+        occasion = Occasion(SCENE, True, jnp.array([0.5, 0.25]), 1.0)
+        gravity = slope.change(begun, occasion, up_to_rad=0.4).fields[GRAVITY]
+        np.testing.assert_allclose(gravity, 9.81 * np.array([0.0, np.sin(0.2), -np.cos(0.2)]), atol=1e-5)
+
+    def test_sensors_refer_to_gravity(self) -> None:
+        """A robot that stands square to the ground reads the slope."""
+        events = (EventConfig("reset_pose", settings={"tilt_rad": 0.0}), EventConfig("slope"))
+        observation = (ObservationConfig("gravity"),)
+        env = LocomotionEnv(ROBOT, replace(CONFIG, events=events, observation=observation, noise=Noise()))
+        state, seen = jax.jit(env.reset)(jax.random.PRNGKey(3))
+        down = Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).inv().apply(state.fields[GRAVITY])
+        np.testing.assert_allclose(seen["state"], down / 9.81, atol=1e-5)
+        assert np.hypot(*seen["state"][:2]) > 0.02
+
+    def test_other_physics_are_refused(self) -> None:
+        with pytest.raises(UserError, match="generated"):
+            LocomotionEnv(ROBOT, replace(CONFIG, physics="c", events=(EventConfig("slope"),)))
+
+
 class TestDrop:
     def test_it_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
         scene, heights, tilts = Scene(MODEL, ROBOT, FEET, 0.02), [], []
@@ -213,6 +237,12 @@ class TestDrop:
         assert 0.17 < max(heights) <= 0.2 + 1e-5
         assert min(tilts) < -0.7
         assert max(tilts) > 0.7
+
+    def test_it_lies_limp_for_up_to_a_given_time(self, begun: State) -> None:
+        u = np.full(drop.numbers(Parts(12)), 0.5)
+        occasion = Occasion(SCENE, True, jnp.asarray(u, dtype=jnp.float32), 1.0)
+        assert int(drop.change(begun, occasion, limp_s=1.5).limp_steps) == 37
+        assert drop.change(begun, occasion).limp_steps is None
 
     def test_an_episode_that_begins_late_is_shorter(self, begun: State) -> None:
         scene = Scene(MODEL, ROBOT, FEET, 0.02)

@@ -16,7 +16,7 @@ from footfall.envs.physics.generated import on_processor
 from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.physics import not_generated
 from footfall.envs.physics.generated.tree import refusals
-from footfall.envs.physics.interface import GROUND
+from footfall.envs.physics.interface import GRAVITY, GROUND
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
 from footfall.robots.model import training_model, training_spec
@@ -146,6 +146,14 @@ def test_each_foot_may_have_a_plane_of_its_own() -> None:
     given = random_arguments(robot, flat, COUNT, Randomisation())
     given[GROUND] = np.tile(np.column_stack([normals, heights]), (COUNT, 1, 1))
     assert compare(robot, flat, given, other=on_planes(robot, normals, heights)).errors.max() < DOUBLE
+
+
+def test_each_robot_may_have_gravity_of_its_own() -> None:
+    robot = load_robot("go1")
+    model = training_model(robot)
+    given = random_arguments(robot, model, COUNT, Randomisation())
+    given[GRAVITY] = np.random.default_rng(1).normal([0.0, 0.0, -9.0], 2.0, (COUNT, 3))
+    assert compare(robot, model, given).errors.max() < DOUBLE
 
 
 @pytest.mark.parametrize(("name", "height"), [("go1", 0.06), ("go1", -0.04)])

@@ -70,7 +70,7 @@ def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
     """In physics step k the base turns by k * TURN faster and the motors give (k + 1) * TORQUE.
 
     A foot's place is 10 (foot + 1) + k cm along x and (foot + 1) cm up. The motion carries the targets of its
-    last step on.
+    last step on, and the sum of all stiffness.
     """
     number = jnp.arange(1.0, SUBSTEPS + 1)
     qvel = jnp.tile(motion.qvel, (SUBSTEPS, 1)).at[:, 3:6].add(number[:, None] * TURN)
@@ -78,7 +78,8 @@ def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
     foot = jnp.arange(1.0, 5.0)
     x = 0.1 * foot[None] + 0.01 * number[:, None]
     feet = jnp.stack([x, jnp.zeros((SUBSTEPS, 4)), jnp.tile(0.01 * foot, (SUBSTEPS, 1))], axis=-1)
-    end = Motion(qpos[-1], qvel[-1], motion.qacc_warmstart.at[:N].set(drive.target[-1]))
+    carried = motion.qacc_warmstart.at[:N].set(drive.target[-1]).at[N].set(jnp.sum(drive.kp))
+    end = Motion(qpos[-1], qvel[-1], carried)
     return end, Trace(qpos, qvel, feet, number[:, None] * jnp.asarray(TORQUE, jnp.float32))
 
 
@@ -224,6 +225,15 @@ class TestStep:
         assert (int(after.event_steps["push"]), int(unpushed.event_steps["push"])) == (40, 8)
         assert int(unpushed.hold_steps) == 6
         assert int(after.steps) == int(begun.steps) + 1
+
+    def test_a_limp_robots_motors_only_damp_and_its_actions_do_not_count(self, step, begun: State) -> None:
+        limp, _ = step(begun._replace(limp_steps=jnp.int32(1)), ACTION)
+        np.testing.assert_array_equal(limp.actions[0], np.zeros(N))
+        np.testing.assert_array_equal(limp.goals[0], begun.qpos[7:])
+        awake, _ = step(limp, ACTION)
+        np.testing.assert_array_equal(awake.actions[0], ACTION)
+        stiffness = [float(state.qacc_warmstart[N]) for state in (limp, awake)]
+        assert stiffness == pytest.approx([0.0, ROBOT.kp.sum()])
 
     def test_a_divergence_earns_a_fall_and_tells_nothing(self, step, begun: State) -> None:
         _, result = step(begun._replace(qvel=begun.qvel.at[7].set(jnp.inf)), ACTION)

@@ -8,12 +8,14 @@ from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
 DEEP_M = 0.01  # by which shapes may overlap before what stands for them touches
+NEAR_M = 0.006  # how near they may be when it touches
 
 
 @pytest.mark.parametrize("name", ["go1", "g1"])
 def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     robot = load_robot(name)
     plant, trained = plant_model(robot), training_model(robot, contacts="whole_body")
+    plant.geom_margin[:] = NEAR_M  # a geom that stands for a shank and a foot is thicker than the shank
     (plant_joints, _), (joints, _) = joint_addresses(plant, robot), joint_addresses(trained, robot)
     theirs, ours, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
     touching = missed = invented = 0
@@ -33,3 +35,24 @@ def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
 
 def test_without_them_only_the_listed_pairs_meet() -> None:
     assert training_model(load_robot("go1")).npair == 2
+
+
+def test_true_limbs_are_those_of_the_simulated_robot() -> None:
+    """A shank's thick stand-in cannot hook behind another leg as a ball foot on a thin shank does."""
+    robot = load_robot("go1")
+    model = training_model(robot, contacts="true_limbs")
+    paired = {model.geom(g).name for g in np.concatenate([model.pair_geom1, model.pair_geom2])}
+    assert paired >= {foot.geoms[0] for foot in robot.description.feet}
+    assert not paired & {"FR_shank", "FL_shank", "RR_shank", "RL_shank"}
+
+
+def test_the_long_edges_of_a_box_are_sharp() -> None:
+    """A thigh jams under an edge of the trunk from which it would slide if that were round."""
+    model = training_model(load_robot("go1"), contacts="whole_body")
+    shapes = np.flatnonzero(model.geom_bodyid == 1)
+    box = next(g for g in shapes if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_BOX)
+    half = model.geom_size[box, 1:]
+    capsules = shapes[model.geom_type[shapes] == mujoco.mjtGeom.mjGEOM_CAPSULE]
+    for sides in ([-1, -1], [-1, 1], [1, -1], [1, 1]):
+        away = np.linalg.norm(model.geom_pos[capsules, 1:] - sides * half, axis=1)
+        assert (away - model.geom_size[capsules, 0]).min() < 0.002

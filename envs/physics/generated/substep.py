@@ -15,7 +15,7 @@ from footfall.envs.physics.generated.meetings import PLANE, meetings
 from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
 from footfall.envs.physics.generated.solver import newton_step
 from footfall.envs.physics.generated.tree import BASE, Tree, read_tree, rotation
-from footfall.envs.physics.interface import GROUND, Drive, Motion, joint_effort
+from footfall.envs.physics.interface import GRAVITY, GROUND, Drive, Motion, joint_effort
 from footfall.robots.actuator import Lag, Motor
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
@@ -51,8 +51,8 @@ def substep(
     Args:
         model: nominal.
         robot: whose joints and feet it has.
-        fields: shapes of the model's fields that are arrays of their own for each robot, and of `GROUND`
-            where each of the feet's points has a plane of its own; the rest is the model's.
+        fields: shapes of the model's fields that are arrays of their own for each robot, of `GROUND` where
+            each of the feet's points has a plane of its own, and of `GRAVITY`; the rest is the model's.
         precision: of the program's numbers.
         effects: optional fields of `Motor` that the motors have.
     """
@@ -83,7 +83,10 @@ def substep(
         torque[dof] = effort.torque
         inertia[dof] = inertia[dof] + effort.inertia
 
-    following, feet = _step(model, robot, tree, motion, torque, inertia, field, values.get(GROUND), precision)
+    gravity = values.get(GRAVITY, model.opt.gravity)
+    following, feet = _step(
+        model, robot, tree, motion, torque, inertia, field, values.get(GROUND), gravity, precision
+    )
     return Substep(
         state=state,
         held=held,
@@ -130,6 +133,7 @@ def _step(
     armature: list[Scalar],
     field: Callable[[str], np.ndarray],
     ground: np.ndarray | None,
+    gravity: np.ndarray,
     precision: Precision,
 ) -> tuple[Motion, list[Scalar]]:
     """The motion after a step, and the feet's points at its beginning, in the world."""
@@ -142,9 +146,7 @@ def _step(
         sine, cosine = precision.sin_cos(angle - hinge.zero_rad)
         turns.append(hinge.rotation @ turned_about(hinge.axis, sine, cosine))
 
-    found = dynamics(
-        tree, turns, _inertias(model, tree, field), qvel[3:6], list(qvel[6:]), to_base @ model.opt.gravity
-    )
+    found = dynamics(tree, turns, _inertias(model, tree, field), qvel[3:6], list(qvel[6:]), to_base @ gravity)
     mass = dict(found.mass)
     for dof in range(model.nv):
         mass[dof, dof] = mass[dof, dof] + armature[dof]

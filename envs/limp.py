@@ -1,0 +1,35 @@
+"""A robot that fell lies limp: its motors only damp, as they do before a robot may get up."""
+
+import jax
+import jax.numpy as jnp
+
+from footfall.envs.state import State
+
+
+def heeded(
+    state: State, action: jax.Array, goal: jax.Array, position: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The action and the goal that count in this control step.
+
+    Args:
+        state: before the step.
+        action: of the policy, (n,).
+        goal: joint positions that the action asks for, rad, (n,).
+        position: of the joints, rad, (n,): a limp robot's goals follow them, and its actions do not count.
+    """
+    if state.limp_steps is None:
+        return action, goal
+    limp = state.limp_steps > 0
+    return jnp.where(limp, 0.0, action), jnp.where(limp, position, goal)
+
+
+def stiffness(state: State, kp: jax.Array) -> jax.Array:
+    """Stiffness of the motors in this control step, N m/rad, (n,): none of a limp robot."""
+    return kp if state.limp_steps is None else kp * (state.limp_steps <= 0)
+
+
+def one_step_less(state: State) -> State:
+    """The state after a control step."""
+    if state.limp_steps is None:
+        return state
+    return state._replace(limp_steps=jnp.maximum(state.limp_steps - 1, 0))
