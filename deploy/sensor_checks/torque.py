@@ -164,7 +164,8 @@ class ReplyRepeated(JointCheck):
         self._repeated = np.zeros(self._n, bool)  # in the window before
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        repeats = window.repeated.all(axis=0)
+        position, velocity, torque = window.repeated
+        repeats = position & velocity & torque
         self._at_first = np.where(repeats & self._repeated, self._at_first, window.expected)
         change = np.abs(self._before - self._at_first)
         shown = self._repeated & (change > self._hidden + window.stiffness * self._reading_rad)
