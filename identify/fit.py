@@ -11,15 +11,19 @@ from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import ORDER, Parameter, parameters_of
 from footfall.identify.problem import Problem
 from footfall.identify.recording import Recording
+from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.windows import Windows, cut, joined
 
 STEP = 1e-4  # of finite differences, in scales
-LEAST_TORQUE_NM = 0.02  # deviation of torque readings that is believed
+LEAST_TORQUE_NM = 0.005  # deviation of torque readings that is believed
 MISFIT = 3.0  # residual over noise from which the model is wrong
 UNTOLD = 0.3  # deviation, in scales, from which a direction of parameters is not told by the data
 LOADING = 0.3  # share of a direction's largest part from which a parameter belongs to it
 MOST_TURN_RAD_S = 0.05  # of a base that counts as fixed
-RESAMPLES = 400
+RESAMPLES = 60
+Z = 2.0  # deviations in the half-width of an interval of 95 %
+SETTLED = 1e-3  # of a round's step, in scales: the fit has converged
+UNWEIGHTED = 2  # rounds before outliers count less
 
 
 @dataclass(frozen=True)
@@ -27,9 +31,8 @@ class FitConfig:
     """How recordings are cut and how long the fit looks."""
 
     window_s: float = 1.0
-    rate_hz: float = 125.0  # of the readings that count
-    rounds: int = 3  # refining starts and weights between them
-    iterations: int = 6  # of Gauss-Newton in each
+    rate_hz: float = 250.0  # of the readings that count
+    rounds: int = 8  # of Gauss-Newton steps at most, starts and weights refined between them
     hold_out_every: int = 4  # each such window judges, where no recording is held out
     seed: int = 0
 
@@ -97,18 +100,21 @@ def fit_leg(
         windows, judging = windows.take(~chosen), windows.take(chosen)
     problem = _problem(leg, recordings, windows)
     noise, torque = problem.position_sigma, problem.torque_sigma
-    problem, frozen = _without_untold(problem, np.zeros(len(problem.parameters)), fitted=False)
-    x = _solve(problem, config)
-    problem, late = _without_untold(problem, x, fitted=True)
+    nominal_x = np.zeros(len(problem.parameters))
+    problem.refine_starts(nominal_x)
+    problem, frozen, _ = _without_untold(problem, slopes(problem, nominal_x), fitted=False)
+    x = _solve(problem, config, np.zeros(len(problem.parameters)))
+    slope = slopes(problem, x)
+    problem, late, kept = _without_untold(problem, slope, fitted=True)
     if late:
-        x = _solve(problem, config)
+        x = _solve(problem, config, x[kept])
+        slope = slopes(problem, x)
     fixed = problem.fixed
-    found = problem.numbers(x[:, None])[:, 0]
     position, _ = problem.errors(x[:, None])
     judge = Problem(leg, judging, problem.parameters, fixed, noise, torque)
     return LegFit(
         leg,
-        _estimates(problem, x, found, config.seed),
+        _estimates(problem, x, slope, config.seed),
         (*frozen, *late),
         noise,
         _rms(position),
@@ -155,23 +161,27 @@ def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
     return result
 
 
-def _solve(problem: Problem, config: FitConfig) -> np.ndarray:
-    """Rounds of least squares; starts and weights are refined in between."""
-    x = np.zeros(len(problem.parameters))
+def _solve(problem: Problem, config: FitConfig, x: np.ndarray) -> np.ndarray:
+    """Gauss-Newton from x, the starts and weights refined before each step."""
+    problem.refine_starts(x)
     for turn in range(config.rounds):
-        problem.refine_starts(x)
-        if turn:
+        if turn >= UNWEIGHTED:
             problem.reweight(x)
-            problem.refine_starts(x)
-        x, _ = minimize.least_squares(
+        problem.refine_starts(x)
+        found, _ = minimize.least_squares(
             x,
             problem.residual,
             [problem.low, problem.high],
             eps=STEP,
-            max_iter=config.iterations,
-            xtol=1e-4,
+            max_iter=1,
+            mu_min=1e-4,
+            mu_factor=10.0,
+            x_scale="jac",
             verbose=minimize.Verbosity.SILENT,
         )
+        moved, x = float(np.abs(found - x).max()), found
+        if turn > UNWEIGHTED and moved < SETTLED:
+            break
     problem.refine_starts(x)
     return x
 
@@ -185,18 +195,19 @@ def slopes(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return found[0], np.moveaxis(slope, 0, 2)
 
 
-def _without_untold(problem: Problem, x: np.ndarray, fitted: bool) -> tuple[Problem, tuple[Parameter, ...]]:
-    """The problem without parameters that its data cannot tell from others at x; and those.
+def _without_untold(
+    problem: Problem, slope: tuple[np.ndarray, np.ndarray], fitted: bool
+) -> tuple[Problem, tuple[Parameter, ...], list[int]]:
+    """The problem without parameters that its data cannot tell from others; those; and the rows of the rest.
 
     A direction whose deviation is large is untold. Of the parameters in it, the first one of `ORDER` goes.
-    Residuals count as their noise before a fit, and as they are after it.
+    Residuals count as their noise before a fit, and as they are after it. `slope` as `slopes` gives it.
     """
-    problem.refine_starts(x)
-    residual, slope = slopes(problem, x)
+    residual, by_parameter = slope
     noise = float(np.sqrt((residual**2).mean()).clip(1.0, MISFIT if fitted else 1.0))
-    flat = slope.reshape(-1, slope.shape[2]) / noise
+    flat = by_parameter.reshape(-1, by_parameter.shape[2]) / noise
     gram = flat.T @ flat
-    kept = list(range(len(x)))
+    kept = list(range(len(gram)))
     frozen: list[Parameter] = []
     while len(kept) > 1:
         sizes, directions = np.linalg.eigh(gram[np.ix_(kept, kept)])
@@ -208,23 +219,20 @@ def _without_untold(problem: Problem, x: np.ndarray, fitted: bool) -> tuple[Prob
         frozen.append(problem.parameters[goes])
         kept.remove(goes)
     if not frozen:
-        return problem, ()
-    return replace(problem, parameters=tuple(problem.parameters[row] for row in kept)), tuple(frozen)
+        return problem, (), kept
+    free = tuple(problem.parameters[row] for row in kept)
+    return replace(problem, parameters=free), tuple(frozen), kept
 
 
-def _estimates(problem: Problem, x: np.ndarray, found: np.ndarray, seed: int) -> tuple[Estimate, ...]:
-    """Values with intervals: one Gauss-Newton step for each resample of the windows."""
-    residual, slope = slopes(problem, x)
-    grams = np.einsum("wmi,wmj->wij", slope, slope)
-    gradients = np.einsum("wmi,wm->wi", slope, residual)
-    rng, count = np.random.default_rng(seed), len(residual)
-    moves = []
-    for _ in range(RESAMPLES):
-        drawn = rng.integers(count, size=count)
-        gram = grams[drawn].sum(axis=0) + 1e-9 * np.eye(len(x))
-        moves.append(-np.linalg.solve(gram, gradients[drawn].sum(axis=0)))
+def _estimates(
+    problem: Problem, x: np.ndarray, slope: tuple[np.ndarray, np.ndarray], seed: int
+) -> tuple[Estimate, ...]:
+    """Values with intervals, by bootstrap over windows with refits; `slope` as `slopes` gives it."""
+    weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
+    refits = refitted(x, *slope, weights, problem.by_window)
     scale = np.array([each.kind.scale for each in problem.parameters])
-    half = np.percentile(np.abs(np.array(moves) - np.mean(moves, axis=0)), 95.0, axis=0) * scale
+    half = Z * refits.std(axis=0) * scale
+    found = problem.numbers(x[:, None])[:, 0]
     return tuple(
         Estimate(parameter, float(value), float(value - each), float(value + each))
         for parameter, value, each in zip(problem.parameters, found, half, strict=True)

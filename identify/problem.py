@@ -10,6 +10,7 @@ from footfall.identify.simulate import simulate
 from footfall.identify.windows import Windows
 
 START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: what a window's estimated start may be wrong by
+SHARES = np.array([1.0, 0.3, 0.0])  # of a step of the starts that are tried
 OUTLIER = 3.0  # robust deviations from which a residual counts less
 
 
@@ -79,11 +80,17 @@ class Problem:
         return result
 
     def refine_starts(self, x: np.ndarray) -> None:
-        """Move each window's start to its best value at `x`, (p,), and take it out of the residuals."""
+        """Move each window's start to its best value at `x`, (p,), and take it out of the residuals.
+
+        A joint that sticks has several best starts: a step begins at the estimated start again where that
+        is better by now, and is shortened where it does not help.
+        """
         n, eps = self.leg.count, 1e-3
         self._project = None
         w, _ = self._shape()
         columns = 2 * n
+        both = np.stack([self.start, self.windows.start])
+        self.start = _best(both, self._start_costs(x, both))
         start = np.repeat(self.start[None], columns + 1, axis=0)
         sigma = np.repeat(START_SIGMA, n)
         for column in range(columns):
@@ -94,13 +101,16 @@ class Problem:
         normal = np.einsum("wmi,wmj->wij", slope, slope) + np.eye(columns)
         gradient = np.einsum("wmi,wm->wi", slope, found[0]) + now
         move = -np.linalg.solve(normal, gradient[..., None])[..., 0]
-        cost = (found[0] ** 2).sum(axis=1) + (now**2).sum(axis=1)
-        moved = self.start + (move * sigma).reshape(w, 2, n)
-        there = self._residuals(x[:, None], moved[None])[0]
-        away = ((moved - self.windows.start) / START_SIGMA[:, None]).reshape(w, columns)
-        better = (there**2).sum(axis=1) + (away**2).sum(axis=1) < cost  # a joint that sticks has no slope
-        self.start = np.where(better[:, None, None], moved, self.start)
+        moved = self.start + SHARES[:, None, None, None] * (move * sigma).reshape(w, 2, n)
+        self.start = _best(moved, self._start_costs(x, moved))
         self._project = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal)), slope
+
+    def _start_costs(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Squared residuals of windows and of their starts, (C, W), of C choices of starts (C, W, 2, n)."""
+        found = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
+        away = (start - self.windows.start) / START_SIGMA[:, None]
+        costs: np.ndarray = (found**2).sum(axis=2) + (away**2).sum(axis=(2, 3))
+        return costs
 
     def reweight(self, x: np.ndarray) -> None:
         """Let outliers count less at `x`, (p,)."""
@@ -123,3 +133,9 @@ class Problem:
         """For `mujoco.minimize`: (residuals, K) of candidates (p, K)."""
         found = self.by_window(x)
         return found.reshape(len(found), -1).T
+
+
+def _best(choices: np.ndarray, costs: np.ndarray) -> np.ndarray:
+    """Of choices (C, W, ...), each window's with the least cost, (C, W)."""
+    best: np.ndarray = choices[costs.argmin(axis=0), np.arange(choices.shape[1])]
+    return best

@@ -23,6 +23,9 @@ class Prediction(NamedTuple):
 def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray) -> Prediction:
     """Readings that candidates predict.
 
+    Commands come into force at whole physics steps. The rest of a delay is taken as one of the readings:
+    only the sum of both is seen, and a command spread over two steps would look like a lag.
+
     Args:
         leg: the nominal leg.
         windows: their commands and the times of their readings.
@@ -32,7 +35,8 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     count, width, n = len(values.delay_s), windows.width, leg.count
     steps = len(windows.command) - windows.margin
     models = [model for model in _models(leg, values) for _ in range(width)]
-    position = start[:, :, 0] - values.encoder_bias
+    whole, share = _delays(values.delay_s, windows.step_s)
+    position = start[:, :, 0] - values.encoder_bias + windows.step_s * share * start[:, :, 1]
     state = np.zeros((count * width, 1 + 2 * n))
     state[:, 1 : 1 + n] = position.reshape(-1, n)
     state[:, 1 + n :] = start[:, :, 1].reshape(-1, n)
@@ -40,7 +44,6 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     force, sensors = np.zeros((count * width, 1, n)), np.zeros((count * width, 1, 0))
     datas = [mujoco.MjData(leg.model)]
     spec = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-    whole, share = _delays(values.delay_s, windows.step_s)
     lag = None if values.motor.lag_s is None else lag_over(values.motor.lag_s, windows.step_s)
     before: np.ndarray | None = None  # torque at the end of the last step
     path, torques = np.empty((steps + 1, count, width, n)), np.empty((steps + 1, count, width, n))
@@ -49,7 +52,7 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
             now = state.reshape(count, width, -1)
             at, speed = now[:, :, 1 : 1 + n], now[:, :, 1 + n :]
             path[step] = at
-            command = _command(windows.command, windows.margin + step - whole, share)
+            command = _command(windows.command, windows.margin + step - whole)
             demand = motor_torque(
                 JointCommand(
                     command[:, :, 0],
@@ -75,10 +78,10 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
             state[:] = after[:, 0]
     path[steps] = state.reshape(count, width, -1)[:, :, 1 : 1 + n]
     torques[0] = torques[1]
-    steps_at = windows.time_s / windows.step_s
+    steps_at = windows.time_s / windows.step_s - share[:, :, None]
     return Prediction(
         _read(path, steps_at) + values.encoder_bias[:, None],
-        _read(torques, np.round(steps_at)),
+        _read(torques, steps_at),  # a motor reports the mean of the step that ends with its reading
     )
 
 
@@ -96,35 +99,25 @@ def _models(leg: FixedLeg, values: Values) -> list[mujoco.MjModel]:
 
 
 def _delays(delay_s: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whole steps of each delay, (K, n), and the rest of it as a share of a step, (K, 1, 1, n)."""
+    """Whole steps of each delay, (K, n), and the rest of it as a share of a step, (K, 1, n)."""
     steps = delay_s / step_s
     whole = np.floor(steps).astype(int)
-    return whole, (steps - whole)[:, None, None, :]
+    return whole, (steps - whole)[:, None, :]
 
 
-def _command(command: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """The mean command over one step, (K, W, 5, n): the one before has the delay's share of it.
-
-    Args:
-        command: on the physics grid, (T, W, 5, n).
-        rows: of each candidate and joint, (K, n).
-        share: of the row before.
-    """
+def _command(command: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The commands in force, (K, W, 5, n), of commands on the physics grid, (T, W, 5, n), and rows (K, n)."""
     joint = np.arange(command.shape[3])
-    now = command[rows, :, :, joint]  # (K, n, W, 5)
-    before = command[np.maximum(rows - 1, 0), :, :, joint]
-    mixed: np.ndarray = now.transpose(0, 2, 3, 1) * (1.0 - share) + before.transpose(0, 2, 3, 1) * share
-    return mixed
+    found: np.ndarray = command[rows, :, :, joint].transpose(0, 2, 3, 1)
+    return found
 
 
 def _read(path: np.ndarray, steps_at: np.ndarray) -> np.ndarray:
-    """A path (S + 1, K, W, n) at times in steps, (W, R, n): (K, W, R, n)."""
+    """A path (S + 1, K, W, n) at times in steps, (K, W, R, n)."""
     last = len(path) - 1
     before = np.floor(steps_at).astype(int).clip(0, last - 1)
     share = steps_at - before
-    window, joint = np.ogrid[: path.shape[2], : path.shape[3]]
-    rows, window, joint = before, window[:, None, :], joint[:, None, :]
-    low = path[rows, :, window, joint]  # (W, R, n, K)
-    high = path[rows + 1, :, window, joint]
-    found: np.ndarray = np.moveaxis(low + share[..., None] * (high - low), -1, 0)
+    candidate, window, _, joint = np.ogrid[tuple(slice(size) for size in steps_at.shape)]
+    low = path[before, candidate, window, joint]
+    found: np.ndarray = low + share * (path[before + 1, candidate, window, joint] - low)
     return found

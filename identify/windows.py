@@ -8,6 +8,7 @@ from footfall.common.errors import UserError
 from footfall.identify.recording import Recording
 
 MARGIN_S = 0.05  # of commands before a window: the longest delay
+SETTLED_S = 0.01  # from a window's start, in which motors forget the torque before it: no reading counts
 FIT_POINTS = 5  # readings on either side from which a start is estimated
 
 
@@ -21,6 +22,7 @@ class Windows(NamedTuple):
     position: np.ndarray  # (W, R, n) rad
     torque: np.ndarray  # (W, R, n) N m; NaN where motors report none
     start: np.ndarray  # (W, 2, n) estimated position and velocity as read
+    source: np.ndarray  # (W,) number of the recording that each is of
 
     @property
     def width(self) -> int:
@@ -35,6 +37,7 @@ class Windows(NamedTuple):
             position=self.position[chosen],
             torque=self.torque[chosen],
             start=self.start[chosen],
+            source=self.source[chosen],
         )
 
 
@@ -47,6 +50,7 @@ def joined(parts: list[Windows]) -> Windows:
         position=np.concatenate([part.position[:, :rows] for part in parts]),
         torque=np.concatenate([part.torque[:, :rows] for part in parts]),
         start=np.concatenate([part.start for part in parts]),
+        source=np.concatenate([np.full(part.width, number) for number, part in enumerate(parts)]),
     )
 
 
@@ -74,7 +78,7 @@ def cut(
         )
     margin, steps = round(MARGIN_S / step_s), round(length_s / step_s)
     every = max(1, round(1.0 / (most_hz * recording.period_s)))
-    rows = int(length_s / recording.period_s) // every
+    rows = int((length_s - SETTLED_S) / recording.period_s) // every
     parts: dict[str, list[np.ndarray]] = {
         name: [] for name in ("command", "time", "position", "torque", "start")
     }
@@ -83,8 +87,9 @@ def cut(
         grid = start_s + step_s * np.arange(-margin, steps)
         in_force = np.searchsorted(recording.time_s, grid + 1e-9, side="right") - 1
         parts["command"].append(recording.command[in_force.clip(0)][:, :, joints])
-        first = int(np.searchsorted(recording.read_s[:, joints].min(axis=1), start_s + 1e-9))
-        chosen = first + every * np.arange(rows)
+        arrived = recording.read_s[:, joints].min(axis=1)
+        first, settled = np.searchsorted(arrived, [start_s + 1e-9, start_s + SETTLED_S + 1e-9]).tolist()
+        chosen = settled + every * np.arange(rows)
         parts["time"].append(recording.read_s[chosen][:, joints] - start_s)
         parts["position"].append(recording.position[chosen][:, joints])
         parts["torque"].append(recording.torque[chosen][:, joints])
@@ -94,6 +99,7 @@ def cut(
         margin,
         step_s,
         *(np.stack(parts[name]) for name in ("time", "position", "torque", "start")),
+        np.zeros(count, int),
     )
 
 

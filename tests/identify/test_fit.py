@@ -48,7 +48,7 @@ def recording(log: Path) -> Recording:
 
 @pytest.fixture(scope="module")
 def fit(recording: Recording) -> LegFit:
-    return fit_leg(LEG, [recording], config=FitConfig(rounds=2, iterations=4))
+    return fit_leg(LEG, [recording], config=FitConfig(rounds=6))
 
 
 def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:
