@@ -98,7 +98,10 @@ def cut(
         np.stack(parts["command"], axis=1),
         margin,
         step_s,
-        *(np.stack(parts[name]) for name in ("time", "position", "torque", "start")),
+        np.stack(parts["time"]),
+        np.stack(parts["position"]),
+        np.stack(parts["torque"]),
+        np.stack(parts["start"]),
         np.zeros(count, int),
     )
 
