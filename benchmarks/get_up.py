@@ -1,12 +1,15 @@
 """How a get-up policy gets up: random drops of the simulated robot, then RECOVERING on the bus.
 
-    python benchmarks/get_up.py POLICY --robot go1 --drops 1000 --workers 2 [--json FILE]
+    python benchmarks/get_up.py POLICY --robot go1 --drops 1000 --workers 2 [--slope-deg 15] [--json FILE]
 
 Each drop: a randomised robot is pushed over. While the loop damps it, it is dropped from 0.3 m in any
 attitude, with any joint positions inside its limits, and lies for 1.5 s. Then it gets up, as with
 `deploy --recover`. It stands from the first moment on at which for half a second its base is within 0.2 rad
 of upright and within 15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with
 RECOVERING; the first try counts.
+
+With `--slope-deg` the ground slopes from the drop on, by up to this angle in any direction. Then a robot is
+upright that is so by gravity or by the slope, and its height is that above the slope.
 """
 
 import argparse
@@ -20,7 +23,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from footfall.common.rotations import random_rotation, tilt
+from footfall.common.rotations import random_rotation, rotation_matrix, tilt
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.recovery import GetUp
@@ -43,6 +46,7 @@ class Result:
     """One drop."""
 
     seed: int
+    slope_rad: float = 0.0  # of the ground
     tilt_rad: float | None = None  # of the base as it lay; None if the loop damped it for another reason
     stood_s: float | None = None  # after RECOVERING began
     ended: str = ""  # the mode after RECOVERING
@@ -55,8 +59,9 @@ class Result:
 class Drop:
     """Drops a robot that fell, and watches it get up."""
 
-    def __init__(self, robot: Robot, seed: int) -> None:
+    def __init__(self, robot: Robot, seed: int, slope_rad: float) -> None:
         self._robot, self._rng, self.result = robot, np.random.default_rng(seed), Result(seed)
+        self._steepest_rad, self._up = slope_rad, np.array([0.0, 0.0, 1.0])  # normal of the ground
         self._began_s: float | None = None  # by the simulation's clock
         self._upright_s: float | None = None
         self._left_s: float | None = None
@@ -91,8 +96,9 @@ class Drop:
         if found.stood_s is None:
             found.energy_j += max(body.take_power().electrical, 0.0) * (now_s - self._look_s)
         self._look_s = now_s
-        height = truth.base_position[2] / self._robot.description.standing_height_m
-        is_up = tilt(truth.base_quaternion) < UPRIGHT_RAD and abs(height - 1.0) < HEIGHT_SHARE
+        height = self._up @ truth.base_position / self._robot.description.standing_height_m
+        leans = min(self._tilt(truth.base_quaternion), tilt(truth.base_quaternion))
+        is_up = leans < UPRIGHT_RAD and abs(height - 1.0) < HEIGHT_SHARE
         if not (is_up and fastest < SLOW_RAD_S):
             if found.stood_s is None:
                 self._upright_s = None
@@ -108,17 +114,32 @@ class Drop:
         mujoco.mj_resetData(model, data)
         data.qpos[2], data.qpos[3:7] = 2.0, random_rotation(rng.random(3))
         data.qpos[positions] = rng.uniform(lower, upper)
+        self._slope(model)
         mujoco.mj_forward(model, data)
-        shapes = model.geom_contype | model.geom_conaffinity
+        shapes, up = model.geom_contype | model.geom_conaffinity, self._up
         lowest = min(
-            data.geom_xpos[g, 2] - np.abs(data.geom_xmat[g].reshape(3, 3)[2]) @ model.geom_aabb[g, 3:]
+            up @ data.geom_xpos[g] - np.abs(up @ data.geom_xmat[g].reshape(3, 3)) @ model.geom_aabb[g, 3:]
             for g in np.flatnonzero(shapes & (model.geom_bodyid > 0))
         )
-        data.qpos[2] += DROP_M - lowest
+        data.qpos[:3] += (DROP_M - lowest) * up
         for _ in range(round(LIE_S / model.opt.timestep)):
             data.qfrc_applied[dofs] = -DAMPING_SHARE * self._robot.motor.peak_torque * data.qvel[dofs]
             mujoco.mj_step(model, data)
-        self.result.tilt_rad = float(tilt(data.qpos[3:7]))
+        self.result.tilt_rad = self._tilt(data.qpos[3:7])
+
+    def _slope(self, model: mujoco.MjModel) -> None:
+        """Let the floor slope about the world's origin."""
+        steep, across = self._steepest_rad * self._rng.random(), 2.0 * np.pi * self._rng.random()
+        half = 0.5 * steep
+        turn = np.array([np.cos(half), np.sin(half) * np.cos(across), np.sin(half) * np.sin(across), 0.0])
+        floors = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
+        model.geom_quat[floors] = turn
+        model.geom_sameframe[floors] = 0  # the compiler has noted that it was level
+        self._up, self.result.slope_rad = rotation_matrix(turn)[:, 2], steep
+
+    def _tilt(self, quaternion: np.ndarray) -> float:
+        """Angle between the base's z axis and the ground's normal, rad."""
+        return float(np.arccos(np.clip(self._up @ rotation_matrix(quaternion)[:, 2], -1.0, 1.0)))
 
     def _impact(self, body: SimulatedRobot) -> float:
         model, data, total, force = body.model, body.data, 0.0, np.zeros(6)
@@ -140,10 +161,10 @@ def _feet(robot: Robot) -> set[str]:
     return {name for foot in robot.description.feet for name in foot.geoms}
 
 
-def one(robot_name: str, policy: str, seed: int) -> Result:
+def one(robot_name: str, policy: str, slope_rad: float, seed: int) -> Result:
     """Drop once."""
     robot, rng = _robot(robot_name), np.random.default_rng([seed, 1])
-    drop, angle = Drop(robot, seed), rng.uniform(0.0, 2.0 * np.pi)
+    drop, angle = Drop(robot, seed, slope_rad), rng.uniform(0.0, 2.0 * np.pi)
     push = Push(0.3, (PUSH_M_S * np.cos(angle), PUSH_M_S * np.sin(angle), 1.0))
     bodies = plant_model(robot).nbody - 1
     episode = Episode(
@@ -167,6 +188,7 @@ def main() -> None:
     parser.add_argument("policy", help="name or path of the get-up policy")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--drops", type=int, default=100)
+    parser.add_argument("--slope-deg", type=float, default=0.0, help="steepest slope of the ground")
     parser.add_argument("--within", type=float, default=4.0, help="time that counts, s")
     parser.add_argument("--seed", type=int, default=4711)
     parser.add_argument("--workers", type=int, default=2)
@@ -174,7 +196,8 @@ def main() -> None:
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.drops)
     with ProcessPoolExecutor(options.workers) as pool:
-        tried = list(pool.map(partial(one, options.robot, options.policy), seeds, chunksize=4))
+        drop = partial(one, options.robot, options.policy, np.radians(options.slope_deg))
+        tried = list(pool.map(drop, seeds, chunksize=4))
     found = [r for r in tried if r.tilt_rad is not None]
     drops = len(found)
     print(f"{len(tried) - drops} of {len(tried)} ended before they were dropped")
