@@ -156,7 +156,7 @@ class TestRobots:
     def test_they_stand(self, go1: Robot, motors: dict[str, Any]) -> None:
         """Beside MIT motors, whose ids go up to 0x7f, an ODrive's nodes begin at 4, 0x080."""
         robot = with_motors(go1, **motors)
-        trace = run_episode(robot, Hold(robot), short_episode())
+        trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.2))
         assert (trace.faults, trace.final_state) == ((), "IDLE")
         np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
 
@@ -168,7 +168,7 @@ class TestRobots:
             if loop.walking and 0.3 < loop.walking_s < 0.3021:
                 body.reboot(np.array([joint]))
 
-        trace = run_episode(robot, Hold(robot), short_episode(), watch)
+        trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
         assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is switched off",)
         assert maker == "ODrive" or trace.walked_s < 0.32  # an axis says so with its next heartbeat
 

@@ -22,7 +22,7 @@ from footfall.plant.injection import FaultInjector
 from footfall.plant.robot import PlantConfig
 from footfall.robots.description import Robot, load_robot
 
-NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
+NOISE = Noise(joint_position=0.0005, joint_velocity=0.02, gyro=0.005, gravity=0.002)
 PROOF = [Verdict("", 0.05, 0.1)]
 
 

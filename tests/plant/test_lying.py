@@ -67,6 +67,13 @@ def test_one_that_tips_over_or_whose_knees_fold_too_little_gets_none(
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
 
 
+@pytest.fixture
+def no_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`robot check` lets no controller walk, which takes long."""
+    monkeypatch.setattr("footfall.plant.walking.controllers_test", lambda *_: [])
+
+
+@pytest.mark.usefixtures("no_controllers")
 def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
     monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
@@ -76,6 +83,7 @@ def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "wrong: it does not stand up from its lying pose and go back to it: it tilts by 30 degrees" in told
 
 
+@pytest.mark.usefixtures("no_controllers")
 def test_check_says_of_a_robot_without_a_pose_that_it_cannot_lie(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
