@@ -19,6 +19,7 @@ from fault_subjects import (
     drawn_command,
     ground_of,
     policy_of,
+    powered,
     robot_of,
     scanner_of,
 )
@@ -38,6 +39,7 @@ from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
 STAND_S, DAMPING_S = 0.8, 0.1
+CHARGE, LOW_CHARGE = 0.7, 0.35  # of a battery at first, and of one that runs empty
 SAFE = (*DAMPED, Mode.LOWERING)
 BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes, or the push that fells a robot which gets up
 UP_BETWEEN_S = (0.1, 0.6)  # of getting up, when the fault comes
@@ -149,13 +151,20 @@ class Watch:
 def run_fault(task: FaultTask) -> dict[str, Any]:
     """One run with a fault."""
     task = FaultTask(*task)
-    robot, kind = robot_of(task.robot), kind_of(task.title)
+    kind = kind_of(task.title)
+    robot = powered(task.robot) if kind.powered else robot_of(task.robot)
     rng = draws_of(task.seed, task.title)
     config = config_of(robot)
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     lying, ground = kind.lying and robot.lying_pose is not None, ground_of(task.subject, task.seed)
-    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s, lying=lying, ground=ground)
+    plant = PlantConfig(
+        noise=NOISE,
+        motor_timeout_s=config.motor_timeout_s,
+        lying=lying,
+        ground=ground,
+        charge=LOW_CHARGE if kind.starting else CHARGE,
+    )
     body = SimulatedRobot(robot, wiring, wires, plant, task.seed)
     bus = InjectingBus(SimulatedBus(wires, body))
     policy = faulty = InjectingPolicy(policy_of(task.robot, task.policy))

@@ -3,10 +3,12 @@
 No benchmark itself: `fault_table.py` and its parts use it.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from fault_kinds.battery import CELLS
 
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
@@ -16,7 +18,9 @@ from footfall.plant.robot import SimulatedRobot
 from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
+from footfall.robots.battery import Battery
 from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import plant_model
 from footfall.terrain.declaration import make_ground
 from footfall.terrain.ground import Ground
 
@@ -41,6 +45,7 @@ SUBJECTS = {  # whether all rows are tried, or the main ones
     Subject("hexapod", "hexapod-rough", "rough"): False,
 }
 GET_UP = {"go1": "go1-getup"}  # of the robots that can get up
+POWERED = ("go1", "g1")  # robots that get a battery; the hexapod's buses are too full for ODrives
 PUSHED_OVER_M_S = 9.0  # fells a robot, which then gets up
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
 
@@ -76,6 +81,18 @@ class HealthyTask(NamedTuple):
 @lru_cache(maxsize=4)
 def robot_of(name: str) -> Robot:
     return load_robot(name)
+
+
+@lru_cache(maxsize=4)
+def powered(name: str) -> Robot:
+    """The robot with a battery that lasts for seconds; ODrives on some joints report its voltage."""
+    robot = robot_of(name)
+    mass_kg = float(plant_model(robot).body_mass.sum())
+    battery = Battery(CELLS, 0.05 * mass_kg, 0.6 / mass_kg, idle_w=5.0 * mass_kg)
+    motors = dict(robot.description.motors)
+    first = next(iter(motors))
+    motors[first] = replace(motors[first], protocol="ODrive")
+    return replace(robot, description=replace(robot.description, motors=motors, battery=battery))
 
 
 def policy_of(robot: str, name: str) -> Policy:

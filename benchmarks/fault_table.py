@@ -17,14 +17,24 @@ from fault_kinds import KINDS
 from fault_kinds.kind import FaultKind
 from fault_rows import rows, table
 from fault_runs import run_fault, title_of
-from fault_subjects import GET_UP, SUBJECTS, FaultTask, HealthyTask, Subject, is_first, policy_of, robot_of
+from fault_subjects import (
+    GET_UP,
+    POWERED,
+    SUBJECTS,
+    FaultTask,
+    HealthyTask,
+    Subject,
+    is_first,
+    policy_of,
+    robot_of,
+)
 from healthy_runs import KINDS as HEALTHY
 from healthy_runs import run_healthy
 from resumable_runs import read_runs, run_resumable
 
 
 def is_tried(subject: Subject, kind: FaultKind) -> bool:
-    """Whether there is such a row. The policy that walks has no part in wiring and in getting up."""
+    """Whether there is such a row. The policy that walks has no part in wiring, getting up and batteries."""
     if not (SUBJECTS[subject] or kind.main):
         return False
     if kind.wiring:
@@ -32,6 +42,8 @@ def is_tried(subject: Subject, kind: FaultKind) -> bool:
         return is_first(subject) and lies
     if kind.getting_up:
         return is_first(subject) and subject.robot in GET_UP
+    if kind.powered:
+        return is_first(subject) and subject.robot in POWERED
     return not kind.estimating or policy_of(subject.robot, subject.policy).needs_estimate
 
 

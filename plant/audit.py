@@ -31,7 +31,7 @@ class Audit:
         requests = self._end.requests(frames)
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return
-        command = JointCommand(*requests.values)
+        command = JointCommand(*requests.values[:, np.argsort(requests.motor)])  # of mixed makers: by maker
         asked = pd_torque(command, position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
         excess = (np.abs(asked) - np.abs(possible)) / self._robot.motor.peak_torque

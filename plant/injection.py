@@ -114,7 +114,6 @@ class FaultInjector:
         self.joint = int(self.rng.integers(len(self.robot.joint_names)))
         self.channel = int(self.wiring.channel[self.joint])
         self._lookup = motor_lookup(self.wiring)
-        self._codec = mit.Codec(self.wiring.models)
 
     def on_replies(self, change: Callable[[Frames, np.ndarray], Frames]) -> None:
         """Change motor replies: `change` gets a batch and its joints (k,), -1 for unknown."""
@@ -129,18 +128,19 @@ class FaultInjector:
     def on_values(self, change: Callable[[np.ndarray, np.ndarray], None]) -> None:
         """Change what motors report.
 
-        `change` gets values (3, n) and temperatures (n,) in joint order and writes to them.
+        `change` gets values (3, n) and temperatures (n,) in joint order and writes to them. All motors are
+        in MIT mode.
         """
-        n = len(self.robot.joint_names)
+        n, codec = len(self.robot.joint_names), mit.Codec(self.wiring.models)
 
         def corrupt(frames: Frames, joint: np.ndarray) -> Frames:
             values, temperature = np.zeros((3, n)), np.zeros(n, np.uint64)
-            reply = self._codec.decode_replies(frames.data, joint)
+            reply = codec.decode_replies(frames.data, joint)
             values[:, joint], temperature[joint] = reply.values, reply.temperature_c
             change(values, temperature)
             head = self.wiring.motor_id.astype(np.uint64)[joint] << np.uint64(56)
             tail = temperature[joint] << np.uint64(8) | reply.error.astype(np.uint64)
-            return frames._replace(data=self._codec.encode_replies(joint, head, values[:, joint], tail))
+            return frames._replace(data=codec.encode_replies(joint, head, values[:, joint], tail))
 
         self.on_replies(corrupt)
 

@@ -1,5 +1,6 @@
 """The kinds of faults that a robot is put through: one row each, with what is expected of it."""
 
+from fault_kinds.battery import BATTERY
 from fault_kinds.body import BODY
 from fault_kinds.getting_up import GETTING_UP
 from fault_kinds.imu import IMU
@@ -15,6 +16,7 @@ GROUPS = {
     "IMU": IMU,
     "motors' replies": REPLIES,
     "motors and body": BODY,
+    "battery": BATTERY,
     "slow or now and then": (*INTERMITTENT, *SLOW),
     "policy and program": POLICY,
     "operator": OPERATOR,

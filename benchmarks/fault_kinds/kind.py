@@ -28,4 +28,5 @@ class FaultKind(NamedTuple):
     wiring: bool = False  # in a run with a wiring check
     lying: bool = False  # the robot lies at first, if it can
     getting_up: bool = False  # while the robot gets up after a fall
+    powered: bool = False  # on a robot with a battery, whose motors report its voltage
     group: str = ""  # heading above the row

@@ -1,0 +1,50 @@
+"""Batteries that run empty, and voltages that contradict charge and current."""
+
+from fault_kinds.kind import FaultKind
+from footfall.plant.injection import FaultInjector, Injection
+
+CELLS = 8
+LASTS_S = 12.0  # the longest that the pack of these rows does
+LOWERS = "the pack is low at first: speed and torque are limited, and the robot lies down when it is empty"
+SMOOTHED = "both voltages are smoothed over 1 s, since a step's peak of current is no fault"
+READS_OFF_S = 2.0
+
+
+def _nothing(injector: FaultInjector) -> None:
+    """The pack runs empty by itself."""
+
+
+def _reads_off(cell_v: float) -> Injection:
+    """Motors report another voltage than they have."""
+
+    def inject(injector: FaultInjector) -> None:
+        assert injector.body.battery is not None
+        injector.body.battery.reads_off_v = CELLS * cell_v
+
+    return inject
+
+
+BATTERY = (
+    FaultKind(
+        "battery runs empty",
+        _nothing,
+        LASTS_S,
+        LOWERS,
+        main=True,
+        starting=True,
+        observed_s=LASTS_S,
+        powered=True,
+    ),
+    *(
+        FaultKind(
+            f"battery's voltage reads {abs(volts):g} V a cell too {'high' if volts > 0 else 'low'}",
+            _reads_off(volts),
+            READS_OFF_S,
+            SMOOTHED,
+            main=True,
+            observed_s=3.0,
+            powered=True,
+        )
+        for volts in (0.5, -0.5)
+    ),
+)
