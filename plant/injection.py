@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.bus import Bus
 from footfall.deploy.command_source import CommandSource, Request, Status, Stop
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.polled import motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
+from footfall.deploy.wrapped_bus import WrappedBus
 from footfall.plant.frame_changes import Batches, Incoming, from_imu, late
 from footfall.plant.robot import SimulatedRobot
 from footfall.policies.contract import Contract
@@ -23,11 +24,11 @@ from footfall.robots.model import joint_addresses
 Outgoing = Callable[[Frames, int], Frames]  # from sent frames and time, us, to what leaves
 
 
-class InjectingBus:
+class InjectingBus(WrappedBus):
     """A bus that can change frames to and from the controller."""
 
     def __init__(self, inner: Bus) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self.incoming: Incoming | None = None
         self.outgoing: Outgoing | None = None
         self.watch: Callable[[Frames], None] | None = None  # sees whatever the controller sends
@@ -37,20 +38,11 @@ class InjectingBus:
             self.watch(frames)
         if self.outgoing is not None:
             frames = self.outgoing(frames, now_us)
-        return self._inner.send(frames, now_us) if len(frames.id) else 0
+        return super().send(frames, now_us) if len(frames.id) else 0
 
     def receive(self, now_us: int) -> Batches:
-        batches = self._inner.receive(now_us)
+        batches = super().receive(now_us)
         return batches if self.incoming is None else self.incoming(batches, now_us)
-
-    def fault(self) -> str:
-        return self._inner.fault()
-
-    def statistics(self) -> list[BusStatistics]:
-        return self._inner.statistics()
-
-    def close(self) -> None:
-        self._inner.close()
 
 
 class InjectingPolicy:

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.bus import Bus
 from footfall.deploy.command_source import Stop
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.wrapped_bus import WrappedBus
 from footfall.robots.stop_inputs import StopFrame
 
 
@@ -15,7 +16,7 @@ def filter_of(frame: StopFrame) -> CanFilter:
     return {"can_id": frame.id, "can_mask": mask, "extended": frame.extended}
 
 
-class StopFrameBus:
+class StopFrameBus(WrappedBus):
     """A bus whose stop frames are taken out of what it receives: a `Bus`, and a `StopSource`.
 
     Drivers do not see these frames: some decode the sender from the content.
@@ -23,14 +24,15 @@ class StopFrameBus:
 
     def __init__(self, inner: Bus, frame: StopFrame, channel: int) -> None:
         """`channel` is the index of the frame's bus."""
-        self._inner, self._frame, self._channel = inner, frame, channel
+        super().__init__(inner)
+        self._frame, self._channel = frame, channel
         self._id = frame.id | frame.extended * EXTENDED
         self._place = f"the stop frame {frame.id:#x} on {frame.bus}"
         self._heard_us: int | None = None
         self.stopped: Stop | None = None
 
     def receive(self, now_us: int) -> list[Frames]:
-        batches = self._inner.receive(now_us)
+        batches = super().receive(now_us)
         if self._heard_us is None:
             self._heard_us = now_us
         for index, frames in enumerate(batches):
@@ -50,15 +52,3 @@ class StopFrameBus:
 
     def _stop(self, reason: str) -> None:
         self.stopped = self.stopped or Stop(reason, self._frame.damp, self._place)
-
-    def send(self, frames: Frames, now_us: int) -> int:
-        return self._inner.send(frames, now_us)
-
-    def fault(self) -> str:
-        return self._inner.fault()
-
-    def statistics(self) -> list[BusStatistics]:
-        return self._inner.statistics()
-
-    def close(self) -> None:
-        self._inner.close()

@@ -85,8 +85,15 @@ def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
         duty: share of the cycle spent in stance.
         edge: share of the stance over which trust rises and falls (Bledt et al. 2018 do likewise).
     """
-    through = [phase / duty for phase in phases.tolist()]  # quicker than arrays of so few
-    return np.array([min(max(min(share, 1.0 - share) / edge, 0.0), 1.0) for share in through])
+    return np.array(
+        [trust_at(phase, duty, edge) for phase in phases.tolist()]
+    )  # quicker than arrays of so few
+
+
+def trust_at(phase: float, duty: float, edge: float) -> float:
+    """`contact_trust` of one leg."""
+    share = phase / duty
+    return min(max(min(share, 1.0 - share) / edge, 0.0), 1.0)
 
 
 class Curve(NamedTuple):

@@ -76,6 +76,15 @@ def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
     return turn / math.sqrt(float(turn.dot(turn)))
 
 
+def downhill(up: np.ndarray, height_m: float) -> complex:
+    """From the point nearest to a body of a height to that plumb below it, m, x + i y along a heading.
+
+    Feet about the latter share the weight evenly. `up` is the vertical (3,) along the heading.
+    """
+    x, y, z = up.tolist()
+    return -complex(x, y) * (height_m / z)
+
+
 class Slope:
     """Follows the ground's gradient while the robot walks. Without settings ground is level.
 
@@ -109,7 +118,9 @@ class Slope:
         feet = feet.dot(rotation_matrix(inputs.sensed.quaternion).T)
         self._measured = corrected_gradient(self._measured, feet, contact, min(1.0, dt_s / config.filter_s))
         self._follow_middle(feet, contact, dt_s)
-        self._take(followed_gradient(self._measured, config.ignored, config.most))
+        gradient = followed_gradient(self._measured, config.ignored, config.most)
+        if gradient.tolist() != self.gradient.tolist():  # on level ground it stays the same for minutes
+            self._take(gradient)
         if not self.gradient.any() or self._middle is None:
             return inputs
         height = (inputs.base_height + float(self.gradient.dot(self._middle))) * float(self.axes[2, 2])
@@ -121,12 +132,8 @@ class Slope:
         return -self.gravity.dot(heading_matrix(yaw)) / GRAVITY_M_S2
 
     def downhill(self, yaw: float, height_m: float) -> complex:
-        """From the point nearest to a body of a height to that plumb below it, m, x + i y along a heading.
-
-        Feet about the latter share the weight evenly.
-        """
-        x, y, z = self.up(yaw).tolist()
-        return -complex(x, y) * (height_m / z)
+        """See `downhill`; `yaw` is the heading."""
+        return downhill(self.up(yaw), height_m)
 
     def _follow_middle(self, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> None:
         total = float(contact.sum())

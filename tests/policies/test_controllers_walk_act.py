@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
+from footfall.policies.controllers.walk.heading import Heading
 from footfall.policies.controllers.walk.limits import Pace, WalkLimits
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
@@ -68,8 +69,8 @@ def test_it_goes_to_its_stance_before_it_follows_a_command() -> None:
 def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
     policy = make()
     walking(policy)
-    before = policy._previous
-    told = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD))
+    before = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD)).position
+    told = policy.act(seen(CONFIG.settle_s + 1.0 + 1 / CONFIG.rate_hz, FORWARD))
     np.testing.assert_allclose(told.velocity, (told.position - before) * CONFIG.rate_hz)
     assert np.abs(told.velocity).max() > 0.1
     assert told.kp.tolist() == [CONFIG.kp] * 12
@@ -123,10 +124,10 @@ def test_a_command_is_approached_from_rest_once_it_has_settled() -> None:
     policy.reset(seen())
     for share in (0.2, 0.5, 0.99):
         policy.act(seen(share * CONFIG.settle_s, FORWARD))
-        assert not policy._command.value.any()
+        assert not policy.stepping.command.value.any()
     policy.act(seen(CONFIG.settle_s, FORWARD))
     first = CONFIG.command.acceleration_m_s2 / CONFIG.rate_hz
-    np.testing.assert_allclose(policy._command.value, [first, 0.0, 0.0])
+    np.testing.assert_allclose(policy.stepping.command.value, [first, 0.0, 0.0])
 
 
 def test_feet_are_lifted_to_the_steps_height() -> None:
@@ -176,39 +177,46 @@ def test_with_a_sway_the_weight_is_shifted_first_and_back_last() -> None:
 class TestHeading:
     """By a gain of 2 and 0.2 rad at most."""
 
+    CONFIG = HeadingConfig(2.0, 0.2)
+
     @pytest.fixture
-    def policy(self) -> Walk:
-        policy = Walk(ROBOT, "trot", replace(CONFIG, heading=HeadingConfig(2.0, 0.2)))
-        policy.reset(seen())
-        policy.act(seen(CONFIG.settle_s, FORWARD, yaw=1.0))  # it keeps to where it heads when it sets off
-        return policy
+    def heading(self) -> Heading:
+        heading = Heading(self.CONFIG)
+        assert heading.correction(1.0, 0.0) == 0.0  # it keeps to where it heads when it sets off
+        return heading
 
     @pytest.mark.parametrize(("turned", "back"), [(0.1, -0.2), (-0.05, 0.1), (0.5, -0.4), (-3.0, 0.4)])
-    def test_it_turns_back_to_where_it_headed(self, policy: Walk, turned: float, back: float) -> None:
-        assert policy._turn_back(seen(yaw=1.0 + turned), 0.0) == pytest.approx(back)
+    def test_it_turns_back_to_where_it_headed(self, heading: Heading, turned: float, back: float) -> None:
+        assert heading.correction(1.0 + turned, 0.0) == pytest.approx(back)
 
-    def test_what_it_is_commanded_to_turn_moves_the_heading(self, policy: Walk) -> None:
-        policy._turn_back(seen(yaw=1.0), 0.03)
-        assert policy._turn_back(seen(yaw=1.0), 0.0) == pytest.approx(0.06)
+    def test_what_it_is_commanded_to_turn_moves_the_heading(self, heading: Heading) -> None:
+        heading.correction(1.0, 0.03)
+        assert heading.correction(1.0, 0.0) == pytest.approx(0.06)
 
     @pytest.mark.parametrize("tempo", [1.0, 0.5])
     def test_it_turns_at_the_gaits_own_pace(self, monkeypatch: pytest.MonkeyPatch, tempo: float) -> None:
         """A gait that is slowed to half takes twice as long for its steps, and for what they turn."""
-        policy = Walk(ROBOT, "trot", replace(CONFIG, heading=HeadingConfig(2.0, 0.2)))
+        turns: list[float] = []
         monkeypatch.setattr(WalkLimits, "pace", lambda *_: Pace(tempo=tempo))
+        monkeypatch.setattr(Heading, "correction", lambda _, yaw, turned: turns.append(turned) or 0.0)
+        policy = make()
         policy.reset(seen())
-        headings = []
         for k in range(90):
             policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (0.0, 0.0, 0.5)))
-            assert policy._yaw is not None
-            headings.append(policy._yaw)
-        assert policy._command.value[2] == 0.5  # it has come up to speed
-        assert headings[-1] - headings[-2] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
+        assert turns[-1] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
 
-    def test_a_robot_that_stands_keeps_to_none(self, policy: Walk) -> None:
-        for k in range(2 * PERIOD):
-            policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
-        assert policy._turn_back(seen(yaw=-2.0), 0.0) == 0.0
+    def test_a_robot_that_stands_keeps_to_none(self) -> None:
+        """Turned by half a circle meanwhile, it sets off like one that keeps to no heading at all."""
+        both = Walk(ROBOT, "trot", replace(CONFIG, heading=self.CONFIG)), make()
+        positions = []
+        for policy in both:
+            policy.reset(seen())
+            policy.act(seen(CONFIG.settle_s, FORWARD, yaw=1.0))
+            for k in range(2 * PERIOD):
+                policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
+            off = [policy.act(seen(CONFIG.settle_s + 2.0, FORWARD, yaw=-2.0)) for _ in range(20)]
+            positions.append([told.position for told in off])
+        np.testing.assert_array_equal(*positions)
 
 
 class TestGround:
@@ -260,7 +268,7 @@ class TestTempo:
         clocks, ticks = [0.0], round(0.6 * CONFIG.rate_hz)
         for k, speed in enumerate(np.repeat([speed for speed, _ in phases], ticks).tolist()):
             policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (speed, 0.0, 0.0)))
-            clocks.append(policy._cycle.clock)
+            clocks.append(policy.stepping.cycle.clock)
         passed = np.diff(clocks) % 1.0 * CONFIG.gait.period_s
         return (passed * CONFIG.rate_hz).reshape(len(phases), ticks)
 

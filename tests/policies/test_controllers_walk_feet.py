@@ -12,10 +12,11 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift, rolling_of
-from footfall.policies.controllers.walk.ground import weight_torque
+from footfall.policies.controllers.walk.ground import TouchDown, weight_torque
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
 PLACES = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
@@ -277,30 +278,30 @@ class TestWalk:
     def test_it_plans_contacts_with_a_tenth_of_the_stance_at_each_edge(self, walk: SimpleNamespace) -> None:
         policy = walk.policy
         assert policy.stance().tolist() == [1.0] * 6  # it does not step yet
-        policy._steps, cycle = True, policy._cycle
+        policy.stepping.active, cycle = True, policy.stepping.cycle
         cycle.begin(GaitTiming(1.0, 0.5), np.array([0.0, 0.025, 0.25, 0.475, 0.7, 0.8]))
         lift_feet(cycle, 5)
         np.testing.assert_allclose(policy.stance(), [0.0, 0.5, 1.0, 0.5, 1.0, 0.0], atol=1e-9)
 
     def test_the_weight_is_shared_among_the_feet_that_stand(self, walk: SimpleNamespace) -> None:
-        policy = walk.policy
-        jacobian = policy._legs.pose(walk.robot.default_pose).jacobian
+        legs = walk.robot.legs
+        jacobian = legs.pose(walk.robot.default_pose).jacobian
         stands = ~np.isin(np.arange(6), (0, 3))
         weight = np.array([0.0, 0.0, walk.config.weight_n])
-        torque = weight_torque(policy._legs, jacobian, stands, weight)
+        torque = weight_torque(legs, jacobian, stands, weight)
         assert not torque[[0, 3]].any()
         force = -np.linalg.solve(jacobian.transpose(0, 2, 1), torque[:, :, None])[[1, 2, 4, 5], :, 0]
         np.testing.assert_allclose(force, [[0.0, 0.0, walk.config.weight_n / 4]] * 4, atol=1e-9)
 
     def test_a_foot_that_is_pushed_in_its_late_swing_touches_down(self, walk: SimpleNamespace) -> None:
         """Three feet are in the air: one bears too little, one bears enough too early. Three stand."""
-        policy, config = walk.policy, walk.config.touch_down
-        cycle, (least, enough) = policy._cycle, config.force_share
+        config = walk.config.touch_down
+        cycle, (least, enough) = walk.policy.stepping.cycle, config.force_share
         lift_feet(cycle, 0, 1, 2)
         for foot, progress in zip(cycle.each_foot, [0.999, 0.999, config.from_progress / 2], strict=False):
             foot.progress = progress
         pushed = np.array([1.1 * enough, 0.9 * enough, 1.1 * enough, 0.9 * least, 1.1 * least, enough])
-        policy._meet_ground(pushed, cycle.feet[:, 2], 0.01)
+        TouchDown(walk.robot, nominal_body(walk.robot), config).apply(cycle, pushed, cycle.feet[:, 2], 0.01)
         assert cycle.swings.tolist() == [False, True, True, False, False, False]
         lowered = min(config.probe_m_s * 0.01, config.probe_m)
         np.testing.assert_allclose(cycle.feet[3:, 2], [-lowered, 0.0, 0.0])

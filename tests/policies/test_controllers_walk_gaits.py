@@ -230,10 +230,10 @@ def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_
             targets = trial.walk(tuple((most * command).tolist()), 10 / policy.rate_hz)
             rate = np.abs(np.diff(np.vstack([before, targets]), axis=0)).max() * policy.rate_hz
             assert rate < robot.description.target_rate_rad_s + 1e-9
-            tips = policy._cycle.feet - np.outer(policy._below(), [0.0, 0.0, 1.0])
+            tips = policy.stepping.cycle.feet - np.outer(policy.stepping.below(), [0.0, 0.0, 1.0])
             lag = robot.legs.scatter(robot.legs.solve(tips), robot.default_pose) - targets[-1]
             assert np.abs(lag).max() < 0.15
-            away = (policy._cycle.feet - policy._footing.places)[:, :2]
+            away = (policy.stepping.cycle.feet - policy.stepping.footing.places)[:, :2]
             assert np.hypot(*away.T).max() < longest + 0.02
 
 

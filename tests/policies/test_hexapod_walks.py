@@ -20,7 +20,8 @@ class Landings:
     """What a walk takes for standing, beside what the simulator says. To be an episode's watch."""
 
     def __init__(self, policy: Walk) -> None:
-        self._cycle, self._land = policy._cycle, policy._cycle.touch_down
+        self._cycle = policy.stepping.cycle
+        self._land = self._cycle.touch_down
         self._cycle.touch_down = self._note  # type: ignore[method-assign]
         self._met: list[int] = []
         self.early: list[tuple[float, int, bool]] = []  # time, foot, and whether it truly touched

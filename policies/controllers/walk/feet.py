@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from footfall.policies.controllers.gait import GaitTiming, contact_trust, leg_phases
+from footfall.policies.controllers.gait import GaitTiming, leg_phases, trust_at
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift
 
 _CLOCKS = np.arange(24) / 24
@@ -98,9 +98,13 @@ class FootCycle:
 
     def stance(self) -> np.ndarray:
         """Trust in each foot's contact, (feet,): 0 while it swings, 1 while it waits to swing."""
-        phases, duty = self.phases(), self.timing.duty
-        standing = np.where(phases >= duty, 1.0, contact_trust(phases, duty, edge=0.1))
-        return np.where(self.swings, 0.0, standing)
+        duty = self.timing.duty
+        return np.array(
+            [
+                0.0 if foot.swings else 1.0 if phase >= duty else trust_at(phase, duty, edge=0.1)
+                for foot, phase in zip(self.each_foot, self._phases(), strict=True)
+            ]
+        )
 
     def astray(self, by_m: float) -> list[bool]:
         """Which feet are farther than this from the middle of their stance."""

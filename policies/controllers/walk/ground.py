@@ -3,6 +3,8 @@
 import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.policies.controllers.walk.config import TouchDownConfig
+from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
@@ -11,6 +13,36 @@ from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import RigidBody
 
 _UP = np.array([0.0, 0.0, 1.0])  # of the base, which is nearly level
+
+
+class TouchDown:
+    """Feet that meet the ground early stand; feet that should stand and do not are lowered a little."""
+
+    def __init__(self, robot: Robot, body: RigidBody, config: TouchDownConfig) -> None:
+        self._config = config
+        self._force = GroundForce(robot, body, config.filter_s, config.inertia_doubt)
+
+    def reset(self, sensed: Sensed) -> None:
+        """Begin with joints that nothing accelerates."""
+        self._force.reset(sensed)
+
+    def sense(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
+        """Take in one set of readings (see `GroundForce.update`); returns the share of each foot, (feet,)."""
+        return self._force.update(sensed, jacobian, dt_s)
+
+    def apply(self, cycle: FootCycle, pushed: np.ndarray, height: np.ndarray, dt_s: float) -> None:
+        """Let feet of a gait stand, or lower them.
+
+        Args:
+            cycle: the feet.
+            pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
+            height: (feet,) m, of the tips along the ground's normal, from wherever.
+            dt_s: how long feet that find no ground are lowered.
+        """
+        config = self._config
+        least, enough = config.force_share
+        cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress), height)
+        cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
 
 
 class GroundForce:

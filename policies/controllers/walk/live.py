@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 
-import numpy as np
-
-from footfall.policies.controllers.gait import GaitConfig
+from footfall.policies.controllers.gait import GaitConfig, StepClock
 from footfall.policies.controllers.settings import configured_controllers
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.gaits import gaits_of
@@ -29,13 +28,14 @@ def changed_step(step: StrideConfig, values: Mapping[str, float]) -> StrideConfi
     return replace(step, **{field: values[name] for name, field in _STEP.items() if name in values})
 
 
+@lru_cache(maxsize=4)  # a run asks at each step, and the answer seldom changes
 def applied(
-    gait: str, period_s: float, step: StrideConfig, body_height_m: float, attitude: np.ndarray
+    gait: str, period_s: float, step: StrideConfig, body_height_m: float, attitude: tuple[float, ...]
 ) -> Applied:
     """What a walk steps with now. The height of a step holds from the next lift-off on."""
     values = {name: getattr(step, field) for name, field in _STEP.items()}
     now = {"step_period_s": period_s, **values, "body_height_m": body_height_m}
-    return Applied(gait, now | dict(zip(ATTITUDE, attitude.tolist(), strict=True)))
+    return Applied(gait, now | dict(zip(ATTITUDE, attitude, strict=True)))
 
 
 def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
@@ -51,3 +51,50 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
         for name in (gaits_of(robot) if config.gaits is None else config.gaits)
     }
     return gaits | {own.name: own}
+
+
+class WalkSettings:
+    """The gait and the step of a walk: those that hold, and the gait that was asked for."""
+
+    def __init__(self, robot: Robot, config: WalkConfig) -> None:
+        self._robot, self._config = robot, config
+        self._gaits = all_gaits(robot, config)
+        self.names = tuple(self._gaits)  # of the gaits
+        self.reset()
+
+    def reset(self) -> None:
+        """Those of the configuration."""
+        self.step, self.gait = self._config.step, self._config.gait
+        self.wanted_gait = self.gait
+
+    def find(self, name: str) -> GaitConfig:
+        """A gait by its name, with its own period."""
+        return self._gaits[name]
+
+    def want(self, gait: GaitConfig) -> None:
+        """Ask for a gait; raises UserError if the robot has no such gait."""
+        gait.clock(self._robot)
+        self.wanted_gait = gait
+
+    def want_period(self, period_s: float) -> None:
+        """Ask for a period, within its span, of the gait that is wanted."""
+        same, span = self.wanted_gait == self.gait, self.spans["step_period_s"]
+        period_s = min(max(period_s, span.lowest), span.highest)
+        self.wanted_gait = replace(self.wanted_gait, period_s=period_s)
+        self.gait = self.wanted_gait if same else self.gait
+
+    @property
+    def spans(self) -> dict[str, Span]:
+        """The live settings that can be changed, about the wanted gait's own period."""
+        wanted = self.wanted_gait
+        return live_settings(self._config, self._gaits.get(wanted.name, wanted).period_s)
+
+    @property
+    def changes_gait(self) -> bool:
+        """Whether another gait is wanted than the one that holds."""
+        return self.wanted_gait != self.gait
+
+    def take_up_gait(self) -> StepClock:
+        """The wanted gait holds from now on; returns its clock."""
+        self.gait = self.wanted_gait
+        return self.gait.clock(self._robot)

@@ -4,6 +4,7 @@ World axes, the origin at the base's. Degrees of freedom are ordered base first 
 world, angular velocity in the body), then the joints in the robot's order.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -56,10 +57,43 @@ class Dynamics(NamedTuple):
     gravity: np.ndarray  # (3,) m/s^2
 
 
+class Soles:
+    """The points that the feet touch the ground with: constants of a model."""
+
+    def __init__(self, model: mujoco.MjModel, geoms: Sequence[np.ndarray]) -> None:
+        """`geoms`: ids of those that each foot stands on, (k,) each."""
+        self.geoms = np.concatenate(geoms)
+        self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
+        self.bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]  # of each foot
+        self._below = model.geom_size[self.geoms, 0][:, None] * DOWN
+        share = np.zeros((len(geoms), len(self.geoms)))
+        share[self.foot_of_point, np.arange(len(self.geoms))] = 1.0
+        self._middle = share / share.sum(axis=1, keepdims=True)
+
+    def places(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+        """Where the points are, (points, 3) m, and the middle of each foot's, (feet, 3) m."""
+        points = data.geom_xpos.take(self.geoms, axis=0) + self._below
+        return points, self._middle.dot(points)
+
+
+class _Written(NamedTuple):
+    """Arrays that MuJoCo writes its results to."""
+
+    mass: np.ndarray  # (nv, nv)
+    bias: np.ndarray  # (nv,)
+    jacobian: np.ndarray  # (feet, 6, nv)
+    jacobian_rate: np.ndarray  # (feet, 6, nv)
+
+
 class WholeBody:
     """Works out the dynamics of a robot's own model; a plant's true masses are never looked at.
 
     The arrays that MuJoCo writes to belong to this object: it is for one thread at a time.
+
+    Attributes:
+        foot_of_point: (points,) foot of each point of contact.
+        total_mass: kg.
+        weight_n: N.
 
     Raises:
         UserError: the robot has a joint that `robot.yaml` does not list.
@@ -80,32 +114,23 @@ class WholeBody:
         self._quaternion = slice(start + 3, start + 7)
         self._positions = as_slice(model.jnt_qposadr[joints])
         self._order = as_slice(np.concatenate([np.arange(speed, speed + BASE), model.jnt_dofadr[joints]]))
-        geoms = foot_geoms(model, robot.description)
-        self._geoms = np.concatenate(geoms)
-        self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
-        self.feet, self.points = len(geoms), len(self._geoms)
-        self._below = model.geom_size[self._geoms, 0][:, None] * DOWN
-        self._bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]
-        share = np.zeros((self.feet, self.points))
-        share[self.foot_of_point, np.arange(self.points)] = 1.0
-        self._middle = share / share.sum(axis=1, keepdims=True)
-        self._even = np.full(self.feet, 1.0 / self.feet)
+        self._soles = soles = Soles(model, foot_geoms(model, robot.description))
+        self.foot_of_point, self.points, self.feet = soles.foot_of_point, len(soles.geoms), len(soles.bodies)
         self.total_mass = float(model.body_mass.sum())
         self.weight_n = self.total_mass * float(-model.opt.gravity[2])
-
-        self._full = np.zeros((model.nv, model.nv))
-        self._bias = np.zeros(model.nv)
-        self._jacobian = np.zeros((self.feet, 6, model.nv))
-        self._jacobian_rate = np.zeros((self.feet, 6, model.nv))
+        nv = model.nv
+        self._written = _Written(
+            np.zeros((nv, nv)), np.zeros(nv), np.zeros((self.feet, 6, nv)), np.zeros((self.feet, 6, nv))
+        )
         data.qpos[:] = 0.0
         data.qpos[start + 3] = 1.0
         data.qpos[self._positions] = robot.default_pose
         mujoco.mj_kinematics(model, data)
-        self._level = data.xmat[self._bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
+        self._level = data.xmat[soles.bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
 
     def update(self, motion: Motion, gravity: np.ndarray = FREE_FALL) -> Dynamics:
         """The dynamics in a state of motion. The world may be a frame in which gravity leans."""
-        model, data, order = self._model, self._data, self._order
+        model, data, order, soles, written = self._model, self._data, self._order, self._soles, self._written
         model.opt.gravity[:] = gravity
         data.qpos[self._quaternion] = motion.quaternion
         data.qpos[self._positions] = motion.joint_position
@@ -116,26 +141,25 @@ class WholeBody:
         mujoco.mj_makeM(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
-        mujoco.mj_rne(model, data, 0, self._bias)
-        mujoco.mj_fullM(model, data, self._full)
+        mujoco.mj_rne(model, data, 0, written.bias)
+        mujoco.mj_fullM(model, data, written.mass)
 
-        points = data.geom_xpos.take(self._geoms, axis=0) + self._below
-        foot = self._middle.dot(points)
+        points, foot = soles.places(data)
         for place, body, rows, rates in zip(
-            foot, self._bodies, self._jacobian, self._jacobian_rate, strict=True
+            foot, soles.bodies, written.jacobian, written.jacobian_rate, strict=True
         ):
             mujoco.mj_jac(model, data, rows[:3], rows[3:], place, body)
             mujoco.mj_jacDot(model, data, rates[:3], rates[3:], place, body)
-        jacobian = self._jacobian[:, :, order].copy()
-        drift = self._jacobian_rate[:, :, order].dot(velocity)
+        jacobian = written.jacobian[:, :, order].copy()
+        drift = written.jacobian_rate[:, :, order].dot(velocity)
         spin = jacobian[:, 3:].dot(velocity)
-        arm = points - foot[self.foot_of_point]
-        of = self.foot_of_point
+        of = soles.foot_of_point
+        arm = points - foot[of]
         turning = -skews(arm)
         return Dynamics(
             velocity,
-            self._full[order][:, order].copy(),
-            self._bias[order].copy(),
+            written.mass[order][:, order].copy(),
+            written.bias[order].copy(),
             data.subtree_com[self._base].copy(),
             data.subtree_linvel[self._base].copy(),
             data.subtree_angmom[self._base].copy(),
@@ -143,8 +167,8 @@ class WholeBody:
             jacobian[of, :3] + turning @ jacobian[of, 3:],
             drift[of, :3] + (turning @ drift[of, 3:, None])[:, :, 0] + _centripetal(spin[of], arm),
             foot,
-            self._even.dot(foot),
-            data.xmat[self._bodies].reshape(-1, 3, 3) @ self._level,
+            np.full(self.feet, 1.0 / self.feet).dot(foot),
+            data.xmat[soles.bodies].reshape(-1, 3, 3) @ self._level,
             jacobian,
             drift,
             gravity,
