@@ -18,3 +18,8 @@ def as_slice(indices: np.ndarray) -> slice | np.ndarray:
     step = int(gaps[0]) if len(gaps) else 1
     even = step > 0 and bool((gaps == step).all())
     return slice(int(indices[0]), int(indices[-1]) + 1, step) if even else indices
+
+
+def single(values: Any) -> np.ndarray:
+    """Values in single precision, on the host: JAX would compile a conversion on its device."""
+    return np.asarray(values, dtype=np.float32)

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from footfall.common.arrays import single
 from footfall.domain_rand.randomisation import require_delays
 from footfall.domain_rand.sample import (
     Sample,
@@ -32,16 +33,11 @@ class Actuation:
         self._period_s, self._timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
         self._starts_s = np.arange(config.substeps) * config.timestep_s
         require_delays(config.randomisation, "actions", (KEPT_GOALS - 1) * self._period_s)
-        self._motor: Motor = jax.tree.map(lambda a: jnp.asarray(a, dtype=jnp.float32), robot.motor)
-        self._winding: Winding | None = jax.tree.map(
-            lambda a: jnp.asarray(a, dtype=jnp.float32), robot.winding
-        )
-        self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
-        self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
+        self._motor: Motor = jax.tree.map(single, robot.motor)
+        self._winding: Winding | None = jax.tree.map(single, robot.winding)
+        self._kp, self._kd = single(robot.kp), single(robot.kd)
         self._rate_rad_s = robot.description.target_rate_rad_s
-        lower, upper = robot.soft_limits
-        self.soft_lower = jnp.asarray(lower, dtype=jnp.float32)
-        self.soft_upper = jnp.asarray(upper, dtype=jnp.float32)
+        self.soft_lower, self.soft_upper = map(single, robot.soft_limits)
 
     @property
     def peak_torque(self) -> jax.Array:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from footfall.common.arrays import single
 from footfall.envs.ground import height_above_ground
 from footfall.policies.gaits import GaitPattern, planned_lift
 from footfall.robots.description import Robot
@@ -21,7 +22,7 @@ class Feet:
         self, model: mujoco.MjModel, robot: Robot, timestep_s: float, gait: GaitPattern | None
     ) -> None:
         feet = foot_geoms(model, robot.description)
-        self._radius = jnp.asarray(model.geom_size[np.concatenate(feet), 0], dtype=jnp.float32)
+        self._radius = single(model.geom_size[np.concatenate(feet), 0])
         counts = [len(geoms) for geoms in feet]
         starts, most = np.cumsum([0, *counts[:-1]]), max(counts)
         # The points of each foot, (feet, most); a foot with fewer has its first one several times.

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import jax
 import jax.numpy as jnp
 
+from footfall.common.arrays import single
 from footfall.common.errors import UserError
 from footfall.domain_rand.bodies import body_map, randomised_field_names, randomised_fields
 from footfall.domain_rand.randomisation import QUANTITIES
@@ -67,10 +68,7 @@ class LocomotionEnv:
         self.disturbances = Disturbances(self.task, config, self.scene)
         self._map = body_map(model, robot)
         self._friction = float(ground_friction(model, robot).mean())
-        fields = {name: getattr(model, name) for name in randomised_field_names()}
-        self._nominal = SimpleNamespace(
-            **{name: jnp.asarray(value, dtype=jnp.float32) for name, value in fields.items()}
-        )
+        self._nominal = {name: single(getattr(model, name)) for name in randomised_field_names()}
 
     @property
     def on_host(self) -> bool:
@@ -130,6 +128,7 @@ class LocomotionEnv:
             rest_key, *events.reset_numbers, noises, drawn, events.timers, 1
         )
         sample = self._draw_robot(sample_key, level)
+        nominal = SimpleNamespace(**jax.tree.map(jnp.asarray, self._nominal))
         qpos, qvel, torque = jnp.asarray(self.scene.standing), jnp.zeros(self.scene.nv), jnp.zeros(n)
         state = State(
             key=key,
@@ -138,7 +137,7 @@ class LocomotionEnv:
             qvel=qvel,
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
-            fields=randomised_fields(self._nominal, sample, self._map),
+            fields=randomised_fields(nominal, sample, self._map),
             command=events.command(command, level),
             hold_steps=events.hold_steps(hold),
             event_steps=events.event_steps(intervals),
@@ -146,7 +145,7 @@ class LocomotionEnv:
             phase=clock,
             actions=jnp.zeros((3, n)),
             goals=jnp.tile(self.scene.default_pose, (KEPT_GOALS, 1)),
-            target=self.scene.default_pose,
+            target=jnp.asarray(self.scene.default_pose),
             recent_readings=jnp.zeros((substeps, self.observer.numbers)),
             frames=self.observer.no_frames(),
             terms={},

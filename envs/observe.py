@@ -38,7 +38,7 @@ class Observer:
         """Raises UserError if readings may be delayed for too long, or do not exist in training."""
         require_delays(config.randomisation, "readings", 1.0 / config.control_rate_hz)
         refuse_unread_sensors(config.randomisation)
-        self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
+        self._positions, self._dofs = joint_addresses(model, robot)
         self._base, self._contract = Base(model, robot), contract
         self._noise, self._timestep_s = config.noise, config.timestep_s
         self._joints = len(robot.joint_names)

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 
+from footfall.common.arrays import single
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, require_parts
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.robots.battery import Battery, voltage_under_load
@@ -15,7 +16,7 @@ class Supply:
     def __init__(self, robot: Robot, randomisation: Randomisation) -> None:
         """Raises UserError if a quantity is drawn of a part that the robot lacks, such as a battery."""
         self._battery: Battery | None = robot.description.battery
-        self._loss = jnp.asarray(robot.copper_loss, dtype=jnp.float32)
+        self._loss = single(robot.copper_loss)
         for name in QUANTITIES:
             if getattr(randomisation, name) is not None:
                 require_parts(name, robot)

@@ -10,7 +10,7 @@ divided over devices with the rest of an episode.
 """
 
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import partial, reduce
 from operator import mul
 from typing import Any, NamedTuple
 
@@ -75,7 +75,6 @@ class Task:
 
     def __init__(self, config: EnvConfig, scene: Scene) -> None:
         """Raises UserError if a term or a parameter is wrong; the message names the entry."""
-        example = example_data(scene)
         self.rewards = _terms(config.rewards, REWARDS, "reward", "env.rewards")
         self.weights = config.weights
         self.in_full = {name for name, term in self.rewards.by_name.items() if _is_in_full(term)}
@@ -84,10 +83,10 @@ class Task:
         self.command = _command(config)
         self.events = _events(config.events, scene)
         self.curricula = _curricula(config, self.events)
-        _try(self.rewards, example, "env.rewards", 1)
-        _try(self.terminations, example, "env.terminations", 1)
+        _try(self.rewards, scene, "env.rewards", 1)
+        _try(self.terminations, scene, "env.terminations", 1)
         parts = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count)
-        _try(self.critic, example, "env.critic", *(kind.size(parts) for kind in self.critic_kinds))
+        _try(self.critic, scene, "env.critic", *(kind.size(parts) for kind in self.critic_kinds))
 
     def strength(self, of: str, level: jax.Array | float) -> jax.Array | float:
         """The share of the full difficulty that the curricula allow at a level, 0 to 1."""
@@ -183,12 +182,18 @@ def _require(term: Any, kind: type, decorator: str, where: str) -> None:
         raise UserError(f"{where}: expected a function under @{decorator}, not {type(term).__name__}")
 
 
-def _try(terms: Terms, example: StepData, where: str, *sizes: int) -> None:
-    """Raise UserError if a term fails on an example, or gives another number of values than it declares."""
+def _value_standing(terms: Terms, scene: Scene) -> dict[str, Any]:
+    """What terms give for a robot that stands still."""
+    example = example_data(scene)
+    return terms.evaluate(terms.init(example), example)[0]
+
+
+def _try(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
+    """Raise UserError if a term fails on a standing robot, or gives another number of values than it says."""
     for index, (name, term) in enumerate(terms.by_name.items()):
         alone, size = Terms({name: term}), sizes[index] if index < len(sizes) else 1
         try:
-            value = jax.eval_shape(lambda t=alone: t.evaluate(t.init(example), example)[0])[name]
+            value = jax.eval_shape(partial(_value_standing, alone, scene))[name]
         except UserError as error:
             raise UserError(f"{where}[{index}]: {error}") from None
         except Exception as error:  # whatever it is, it is the term's

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from jax.tree_util import Partial
 
+from footfall.common.arrays import single
 from footfall.envs.base import Base
 from footfall.envs.body_points import BodyPoints
 from footfall.envs.feet import Feet
@@ -25,14 +26,11 @@ class Scene:
         self.base = Base(model, robot)
         self.standing_height = robot.description.standing_height_m
         positions, dofs = joint_addresses(model, robot)
-        self.positions, self.dofs = (
-            jnp.asarray(positions),
-            jnp.asarray(dofs),
-        )  # of joints in qpos, qvel
+        self.positions, self.dofs = positions, dofs  # of joints in qpos, qvel
         self.bodies, self.nv = model.nbody - 1, model.nv  # bodies: without the world
-        self.default_pose = jnp.asarray(robot.default_pose, dtype=jnp.float32)
-        self.soft_lower, self.soft_upper = (jnp.asarray(x, dtype=jnp.float32) for x in robot.soft_limits)
-        self.peak_torque = jnp.asarray(robot.motor.peak_torque, dtype=jnp.float32)
+        self.default_pose = single(robot.default_pose)
+        self.soft_lower, self.soft_upper = map(single, robot.soft_limits)
+        self.peak_torque = single(robot.motor.peak_torque)
         qpos = np.array(model.qpos0, dtype=np.float32)
         qpos[positions] = robot.default_pose
         place = self.base.position(qpos)
@@ -101,7 +99,7 @@ def example_data(scene: Scene) -> StepData:
         gravity=jnp.array([0.0, 0.0, -1.0]),
         height=jnp.float32(scene.standing_height),
         qpos=jnp.asarray(scene.standing),
-        joint_position=scene.default_pose,
+        joint_position=jnp.asarray(scene.default_pose),
         joint_velocity=jnp.zeros(n),
         torque=jnp.zeros(n),
         actions=jnp.zeros((3, n)),

@@ -12,10 +12,10 @@ It can go when JAX has one: tests/envs/test_workarounds.py says so.
 import hashlib
 import os
 import pickle
+import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
-from importlib.metadata import distributions
 from pathlib import Path
 from threading import Thread
 from typing import Any, NamedTuple
@@ -35,7 +35,7 @@ from footfall.robots.self_contact import Contacts
 
 SOURCES = Path(__file__).parents[2]
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
-DEVICE_LIBRARIES = ("jax", "nvidia-")  # beginnings of names: JAX, its plug-ins, CUDA's parts
+DEVICE_LIBRARIES = ("jax*", "nvidia_*")  # JAX, its plug-ins, CUDA's parts
 ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # beginnings of variables that JAX heeds
 OF_THE_CACHE = ("jax_compilation_cache", "jax_persistent_cache")  # settings that change no program
 NVIDIA_DRIVER = Path("/proc/driver/nvidia/version")
@@ -126,15 +126,21 @@ def _source() -> list[tuple[Path, bytes]] | None:
 def _surroundings() -> list[Any]:
     """Libraries, device and settings that make a program what it is."""
     device = jax.local_devices()[0]
-    installed = {distribution.metadata["Name"].lower() for distribution in distributions()}
-    of_devices = sorted(name for name in installed if name.startswith(DEVICE_LIBRARIES))
     return [
-        versions((*LIBRARIES, *of_devices)),
+        versions(LIBRARIES),
+        _device_libraries(),
         (device.platform, device.device_kind, device.client.platform_version),
         NVIDIA_DRIVER.read_text() if NVIDIA_DRIVER.is_file() else "",
         sorted((name, value) for name, value in os.environ.items() if name.startswith(ENVIRONMENT)),
         sorted((n, repr(v)) for n, v in jax.config.values.items() if not n.startswith(OF_THE_CACHE)),
     ]
+
+
+def _device_libraries() -> list[str]:
+    """Names and versions as their folders have them: to read all installed packages takes much longer."""
+    folders = {Path(entry) for entry in sys.path}
+    patterns = [f"{name}.dist-info" for name in DEVICE_LIBRARIES]
+    return sorted(path.name for folder in folders for each in patterns for path in folder.glob(each))
 
 
 def _look_up(made_from: tuple[Any, ...]) -> _Found:

@@ -24,21 +24,22 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
     With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs stay float32. With
     `normalizer` None, the networks take observations that are `normalised` already.
     """
-    networks = make_ppo_networks(
-        observation_size={name: (size,) for name, size in observation_sizes.items()},
-        action_size=action_size,
-        policy_hidden_layer_sizes=config.actor_hidden_dims,
-        value_hidden_layer_sizes=config.critic_hidden_dims,
-        activation=elu,
-        policy_obs_key=ACTOR,
-        value_obs_key=CRITIC,
-        distribution_type="normal",
-        noise_std_type="log",
-        init_noise_std=config.init_noise_std,
-        # The first actions hardly differ from the default pose.
-        mean_kernel_init_fn=jax.nn.initializers.orthogonal,
-        mean_kernel_init_kwargs={"scale": 0.01},
-    )
+    with on_the_processor():  # where brax makes arrays of zeros, which a GPU compiles programs for
+        networks = make_ppo_networks(
+            observation_size={name: (size,) for name, size in observation_sizes.items()},
+            action_size=action_size,
+            policy_hidden_layer_sizes=config.actor_hidden_dims,
+            value_hidden_layer_sizes=config.critic_hidden_dims,
+            activation=elu,
+            policy_obs_key=ACTOR,
+            value_obs_key=CRITIC,
+            distribution_type="normal",
+            noise_std_type="log",
+            init_noise_std=config.init_noise_std,
+            # The first actions hardly differ from the default pose.
+            mean_kernel_init_fn=jax.nn.initializers.orthogonal,
+            mean_kernel_init_kwargs={"scale": 0.01},
+        )
     return networks.replace(
         policy_network=_of_observations(
             networks.policy_network, ACTOR, len(config.actor_hidden_dims), config
