@@ -9,20 +9,21 @@ from mujoco import minimize
 from footfall.common.errors import UserError
 from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import ORDER, Parameter, parameters_of
-from footfall.identify.problem import Problem
+from footfall.identify.problem import LEAST_TORQUE_NM, Problem
 from footfall.identify.recording import Recording
 from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.windows import Windows, cut, joined
 
 STEP = 1e-4  # of finite differences, in scales
-LEAST_TORQUE_NM = 0.005  # deviation of torque readings that is believed
 MISFIT = 3.0  # residual over noise from which the model is wrong
 UNTOLD = 0.3  # deviation, in scales, from which a direction of parameters is not told by the data
 LOADING = 0.3  # share of a direction's largest part from which a parameter belongs to it
 MOST_TURN_RAD_S = 0.05  # of a base that counts as fixed
 RESAMPLES = 60
-Z = 2.0  # deviations in the half-width of an interval of 95 %
-SETTLED = 1e-3  # of a round's step, in scales: the fit has converged
+DEVIATIONS = 2.57  # in the half-width of an interval of 95 %: Student's t, as if six windows told
+LONGEST_STEP = 3.0  # of a round, in scales
+COARSE = 3  # every such window counts at first
+SETTLED = 3e-3  # of a round's step, in scales: the fit has converged
 UNWEIGHTED = 2  # rounds before outliers count less
 
 
@@ -31,7 +32,7 @@ class FitConfig:
     """How recordings are cut and how long the fit looks."""
 
     window_s: float = 1.0
-    rate_hz: float = 250.0  # of the readings that count
+    rate_hz: float = 500.0  # of the readings that count
     rounds: int = 8  # of Gauss-Newton steps at most, starts and weights refined between them
     hold_out_every: int = 4  # each such window judges, where no recording is held out
     seed: int = 0
@@ -162,16 +163,25 @@ def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
 
 
 def _solve(problem: Problem, config: FitConfig, x: np.ndarray) -> np.ndarray:
-    """Gauss-Newton from x, the starts and weights refined before each step."""
+    """Gauss-Newton from x, starts and weights refined before each step; on some of the windows at first."""
+    if problem.windows.width >= COARSE * COARSE:
+        some = np.arange(problem.windows.width) % COARSE == 0
+        coarse = replace(problem, windows=problem.windows.take(some))
+        x = _rounds(coarse, config.rounds // 2, x)
+    return _rounds(problem, config.rounds, x)
+
+
+def _rounds(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
+    """At most `rounds` steps; fewer if they settle."""
     problem.refine_starts(x)
-    for turn in range(config.rounds):
+    for turn in range(rounds):
         if turn >= UNWEIGHTED:
             problem.reweight(x)
         problem.refine_starts(x)
         found, _ = minimize.least_squares(
             x,
             problem.residual,
-            [problem.low, problem.high],
+            [np.maximum(problem.low, x - LONGEST_STEP), np.minimum(problem.high, x + LONGEST_STEP)],
             eps=STEP,
             max_iter=1,
             mu_min=1e-4,
@@ -231,7 +241,7 @@ def _estimates(
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
     refits = refitted(x, *slope, weights, problem.by_window)
     scale = np.array([each.kind.scale for each in problem.parameters])
-    half = Z * refits.std(axis=0) * scale
+    half = DEVIATIONS * refits.std(axis=0) * scale
     found = problem.numbers(x[:, None])[:, 0]
     return tuple(
         Estimate(parameter, float(value), float(value - each), float(value + each))

@@ -11,6 +11,9 @@ from footfall.identify.windows import Windows
 
 START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: what a window's estimated start may be wrong by
 SHARES = np.array([1.0, 0.3, 0.0])  # of a step of the starts that are tried
+LEAST_TORQUE_NM = 0.003  # deviation of torque readings that is believed
+NORMAL_MEDIAN = 0.6745  # median of a normal distribution's sizes, in deviations
+BATCHES = 12  # of a window's residuals, by which their correlation is judged
 OUTLIER = 3.0  # robust deviations from which a residual counts less
 
 
@@ -113,11 +116,22 @@ class Problem:
         return costs
 
     def reweight(self, x: np.ndarray) -> None:
-        """Let outliers count less at `x`, (p,)."""
+        """Let torques count by their residuals at `x`, (p,); outliers less, and residuals that repeat others.
+
+        The reading of a joint that hardly moves keeps its rounding error: a hundred of them tell no more
+        than one.
+        """
         self.weight = np.ones(self._shape())
+        _, torque = self.errors(x[:, None])
+        deviation = np.median(np.abs(np.nan_to_num(torque)), axis=(0, 1, 2)) / NORMAL_MEDIAN
+        told = np.isfinite(self.torque_sigma)
+        self.torque_sigma = np.where(told, np.maximum(deviation, LEAST_TORQUE_NM), np.inf)
         found = self._residuals(x[:, None])[0]
-        size = np.median(np.abs(found[found != 0.0])) / 0.6745 if found.any() else 1.0
-        self.weight = 1.0 / np.sqrt(1.0 + (found / (OUTLIER * max(size, 1.0))) ** 2)
+        size = np.median(np.abs(found[found != 0.0])) / NORMAL_MEDIAN if found.any() else 1.0
+        outlying = np.sqrt(1.0 + (found / (OUTLIER * max(size, 1.0))) ** 2)
+        w, rows, n = self.windows.position.shape
+        repeated = np.sqrt(_correlation_times(found.reshape(w, 2, rows, n)))
+        self.weight = 1.0 / (outlying * np.broadcast_to(repeated, (w, 2, rows, n)).reshape(w, -1))
 
     def by_window(self, x: np.ndarray) -> np.ndarray:
         """Projected residuals, (K, W, m), of candidates (p, K)."""
@@ -133,6 +147,21 @@ class Problem:
         """For `mujoco.minimize`: (residuals, K) of candidates (p, K)."""
         found = self.by_window(x)
         return found.reshape(len(found), -1).T
+
+
+def _correlation_times(residual: np.ndarray) -> np.ndarray:
+    """Residuals that tell as much as one independent one, at least 1, (W, 2, 1, n), of (W, 2, R, n).
+
+    By the variance of means over batches: of independent residuals it falls with the batch's length.
+    """
+    w, kinds, rows, n = residual.shape
+    length = max(1, rows // BATCHES)
+    whole = residual[:, :, : rows // length * length].reshape(w, kinds, -1, length, n)
+    of_means = (whole.mean(axis=3) ** 2).mean(axis=2)
+    of_all = (whole**2).mean(axis=(2, 3))
+    ratio = length * of_means / np.where(of_all > 0.0, of_all, 1.0)
+    result: np.ndarray = np.maximum(ratio, 1.0)[:, :, None]
+    return result
 
 
 def _best(choices: np.ndarray, costs: np.ndarray) -> np.ndarray:
