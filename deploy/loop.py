@@ -20,7 +20,7 @@ from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.last_resort import LastResort, in_one_line
 from footfall.deploy.mode_actions import ModeActions
-from footfall.deploy.modes import COMMANDED, DAMPED, DECIDING, Mode
+from footfall.deploy.modes import DAMPED, DECIDING, Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.postures import Postures
 from footfall.deploy.recovery import Recovery
@@ -203,7 +203,7 @@ class ControlLoop:
             now_us, elapsed_us, self.state, runner.signals, steering.stop, steering.get_up
         )
         self._supervise(signals)
-        if self.state.mode in COMMANDED:
+        if self._actions.let_decide(self.state, now_us):
             self._decide()
         elif steering.due(now_us):
             runner.poll(now_us, self)

@@ -31,6 +31,7 @@ class ModeActions:
         self._driver, self._damping_kd = driver, damping_kd
         self._joints, self._signals, self._estimate = joints, signals, estimate
         self._postures, self._runner, self._wiring_check = postures, runner, wiring_check
+        self._unfolds = False  # after a fall, until the get-up policy takes over
 
     def begin(self, before: State, state: State, now_us: int, sensed: Sensed) -> None:
         """Begin the mode of `state` at this time, with these readings; the mode before was another one."""
@@ -53,12 +54,26 @@ class ModeActions:
             self._joints.begin_at(sensed.joint_position)
             self._signals.begin_checks(now_us, again=True)
             self._estimate.lose()
-            self._runner.get_up(now_us)
+            self._postures.unfold(sensed.joint_position)
+            self._runner.decision, self._unfolds = None, True
         elif mode is Mode.WALKING and before.tries:
             self._runner.walk_on(now_us)
         elif mode is Mode.WALKING:
             self._runner.start(now_us)
             self._estimate.start()
+
+    def let_decide(self, state: State, now_us: int) -> bool:
+        """Let a policy decide where one may; returns whether it does.
+
+        After a fall the get-up policy takes over once the robot has unfolded.
+        """
+        if state.mode is not Mode.RECOVERING or not self._unfolds:
+            return state.mode in COMMANDED
+        if not self._postures.unfolded(now_us * 1e-6 - state.since_s):
+            return False
+        self._unfolds = False
+        self._runner.get_up(now_us)
+        return True
 
     def frames(self, mode: Mode, time_s: float) -> Frames:
         """What goes out in a mode that began so long ago."""

@@ -1,4 +1,4 @@
-"""Standing up and lying down: joint commands between the two postures."""
+"""Standing up, lying down, unfolding after a fall: joint commands on the way to a posture."""
 
 from enum import Enum, auto
 
@@ -30,7 +30,7 @@ class Ending(Enum):
 
 
 class Postures:
-    """Joint targets while the robot stands up or lies down. Times count from the start of either."""
+    """Joint targets while the robot stands up, lies down or unfolds. Times count from the start of each."""
 
     def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool, stand_up: bool = True) -> None:
         """`lie_down`: whether the robot may, if it can. Without `stand_up` it holds its initial pose."""
@@ -49,7 +49,10 @@ class Postures:
         }
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
-        self._gains = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
+        self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
+        self._soft = robot.kp, robot.kd  # a limb that meets another one pushes it aside
+        self._gains, self._unfold_s = self._stiff, config.safety.recovery.unfold_s
+        self._fastest = most
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
         self._held_start, self._in_place_s = robot.description.held_start, config.in_place_s
@@ -61,6 +64,7 @@ class Postures:
             here: joint positions, rad, (n,).
             quaternion: of the base, w x y z.
         """
+        self._gains = self._stiff
         if not self._stands:
             self._path = PosePath([here, here], [self._rate], self._least_s)
             return
@@ -80,6 +84,7 @@ class Postures:
         """
         if self._lying is None:
             return
+        self._gains = self._stiff
         poses, rates = [target, self._lying], [self._rate]
         if ending in self._first:
             share, rate = self._first[ending]
@@ -87,6 +92,21 @@ class Postures:
             rates.insert(0, rate)
         self._path = PosePath(poses, rates)
         self._carried_s = float("inf")
+
+    def unfold(self, here: np.ndarray) -> None:
+        """Begin the path of a robot that fell to the default pose, wherever its base lies.
+
+        Limbs that fell over each other, or a thigh wedged under the trunk, keep a get-up policy from moving.
+
+        Args:
+            here: joint positions, rad, (n,).
+        """
+        self._gains = self._soft
+        self._path = PosePath([here, self._standing], [self._fastest], MOVING_SHARE * self._unfold_s)
+
+    def unfolded(self, time_s: float) -> bool:
+        """Whether the time to unfold is over."""
+        return time_s >= self._unfold_s - 1e-9
 
     def command(self, time_s: float) -> JointCommand:
         """The joint command at this time."""

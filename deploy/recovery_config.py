@@ -13,6 +13,7 @@ class RecoveryConfig:
     tries: int = 3  # after one fall; then the robot stays down
     again_s: float = 3.0  # of walking: a fall before that counts as the same fall
     try_s: float = 6.0  # longest time of a try
+    unfold_s: float = 1.0  # of it, at first: the joints go to the default pose, so that limbs come apart
     asked: bool = False  # each fall waits for an operator to ask; otherwise --recover is enough
     wait_s: float = 20.0  # longest time until the robot lies still, and an operator has asked
     rest_rad_s: float = 0.3  # a robot lies still whose base and joints are all slower
@@ -28,6 +29,7 @@ class RecoveryConfig:
         require_between(self, 0.1, 60.0, "try_s")
         require_between(self, 0.1, 3600.0, "wait_s")
         require_between(self, 0.0, 60.0, "again_s", "rest_s", "stand_s")
+        require_between(self, 0.0, self.try_s, "unfold_s")
         require_between(self, 0.01, 100.0, "rest_rad_s", "stand_rad_s")
         require_between(self, 0.01, math.pi / 2, "upright_rad")
         require_between(self, 0.01, 2 * math.pi, "pose_rad")

@@ -27,7 +27,7 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-QUICK = RecoveryConfig(tries=2, try_s=0.5, wait_s=2.0, rest_s=0.1, stand_s=0.1)
+QUICK = RecoveryConfig(tries=2, try_s=0.5, unfold_s=0.0, wait_s=2.0, rest_s=0.1, stand_s=0.1)
 # A body of frames turns without a gyro's reading, and its acceleration stays the same.
 LOOSE = SensorLimits(rotation_rad=6.0, rest_error=2.0, lean_error=2.0, long_lean_error=2.0, lift_error=2.0)
 SAFETY = SafetyConfig(damping_s=0.1, recovery=QUICK, sensors=LOOSE)
@@ -116,6 +116,21 @@ class TestOnFrames:
         loop.finish()
         to_the_end(loop)
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
+
+    def test_it_unfolds_before_the_policy_decides(self, go1: Robot) -> None:
+        """Joints go to the default pose, from where they fell, and the policy begins afresh after that."""
+        recovery = replace(QUICK, unfold_s=0.2)
+        loop, body, _, rises = fallen(go1, safety=replace(SAFETY, recovery=recovery))
+        body.readings[0] += 0.02
+        until(loop, Mode.RECOVERING)
+        began_s, targets = loop.state.since_s, []
+        while not rises.seen:
+            assert loop.tick()
+            targets.append(loop.target[0] - go1.default_pose[0])
+        assert loop.now_us * 1e-6 - began_s == pytest.approx(0.2, abs=0.003)
+        assert targets[0] > 0.015
+        assert abs(targets[-1]) < 1e-6
+        assert np.all(np.diff(targets) <= 0.0)
 
     def test_after_all_tries_it_stays_down(self, go1: Robot) -> None:
         loop, *_, rises = fallen(go1)
