@@ -31,7 +31,9 @@ class Audit:
         requests = self._end.requests(frames)
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return
-        command = JointCommand(*requests.values[:, np.argsort(requests.motor)])  # of mixed makers: by maker
+        values = np.empty_like(requests.values)
+        values[:, requests.motor] = requests.values  # a robot with several makers' motors gets them by maker
+        command = JointCommand(*values)
         asked = pd_torque(command, position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
         excess = (np.abs(asked) - np.abs(possible)) / self._robot.motor.peak_torque
