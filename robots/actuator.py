@@ -47,6 +47,7 @@ class Motor(NamedTuple):
     compliance: Array | None = None  # rad/(N m), of the gearbox
     voltage_gain: Array | None = None  # of a command that sets a voltage, not a current: the supply's share
     # of its nominal voltage; 0 for a motor whose command sets a current
+    duty_resistance: Array | None = None  # of such a motor: resistance at full duty over that at rest, less 1
 
 
 def weaker(motor: Motor, share: float) -> Motor:
@@ -173,16 +174,36 @@ def motor_torque(command: JointCommand, position: Array, velocity: Array, motor:
 
 def _demand(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Torque that the command demands of the motor at this speed, N m, before the motor's limits."""
-    if motor.backlash is None and motor.compliance is None:
-        asked = pd_torque(command, position, velocity)
-    else:
-        asked = _through_gear(command, position, velocity, motor)
-    asked = asked * motor.strength
+    asked = _asked(command, position, velocity, motor)
     if motor.voltage_gain is None:
         return asked
-    xp, gain, stall = library(velocity), motor.voltage_gain, motor.stall_torque
-    duty = xp.minimum(xp.maximum(asked * gain, -stall), stall)  # all of the supply's voltage at most
-    return xp.where(gain > 0.0, duty - (stall / motor.no_load_speed) * velocity, asked)
+    return library(velocity).where(motor.voltage_gain > 0.0, _driven(asked, velocity, motor), asked)
+
+
+def _asked(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque that the PD law asks for through the gearbox, N m."""
+    if motor.backlash is None and motor.compliance is None:
+        return pd_torque(command, position, velocity) * motor.strength
+    return _through_gear(command, position, velocity, motor) * motor.strength
+
+
+def _duty(asked: Array, motor: Motor) -> Array:
+    """Share of the supply's voltage, -1 to 1, that a voltage-driven motor sets where its PD law asks N m."""
+    xp = library(asked)
+    return xp.minimum(xp.maximum(asked * motor.voltage_gain / motor.stall_torque, -1.0), 1.0)
+
+
+def _driven(asked: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque of a voltage-driven motor whose PD law asks for `asked`, N m: less its back-EMF."""
+    duty = _duty(asked, motor)
+    return motor.stall_torque * (duty - velocity / motor.no_load_speed) * _conductance(duty, motor)
+
+
+def _conductance(duty: Array, motor: Motor) -> Array | float:
+    """Of a voltage-driven motor at a duty of -1 to 1, over that at rest: 1 / (1 + r duty^2)."""
+    if motor.duty_resistance is None:
+        return 1.0
+    return 1.0 / (1.0 + motor.duty_resistance * duty * duty)
 
 
 def _through_gear(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
@@ -253,9 +274,9 @@ def joint_damping(
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
     within = _engaged_damping(command, position, motor) * motor.strength
     if motor.voltage_gain is not None:
-        gain = motor.voltage_gain
-        full = xp.abs(asked + line * velocity) > (1.0 - 1e-6) * motor.stall_torque  # duty
-        within = xp.where(gain > 0.0, xp.where(full, 0.0, within * gain) + line, within)
+        gain, duty = motor.voltage_gain, _duty(_asked(command, position, velocity, motor), motor)
+        slope = xp.where(xp.abs(duty) >= 1.0, 0.0, within * gain) + line
+        within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
     delivered = xp.where((asked > most) | (asked < least), limited, within)
     if lag is not None:
         delivered = delivered * (1.0 - lag.in_mean)

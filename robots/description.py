@@ -214,6 +214,7 @@ def _optional_effects(motors: list[MotorType]) -> dict[str, np.ndarray]:
         "backlash": np.array([m.backlash_rad for m in motors]),
         "compliance": np.array([1.0 / (m.gear_stiffness_nm_rad or np.inf) for m in motors]),
         "voltage_gain": np.array([float(m.voltage_driven) for m in motors]),
+        "duty_resistance": np.array([m.duty_resistance for m in motors]),
     }
     found = {name: values for name, values in found.items() if values.any()}
     if any(m.stribeck_speed_rad_s is not None for m in motors):

@@ -34,8 +34,8 @@ CONSTRAINTS = (
 )  # fmt: skip
 NOMINALLY_ABSENT = (
     "torque_bandwidth_hz", "stribeck_friction_nm", "stribeck_speed_rad_s", "load_friction", "backlash_rad",
-    "gear_stiffness_nm_rad", "voltage_driven", "thermal_resistance_k_w", "thermal_capacity_j_k",
-    "derating_c",
+    "gear_stiffness_nm_rad", "voltage_driven", "duty_resistance", "thermal_resistance_k_w",
+    "thermal_capacity_j_k", "derating_c",
 )  # fmt: skip
 OPTIONS = ("gravity", "cone", "impratio")
 

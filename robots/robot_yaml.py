@@ -58,6 +58,7 @@ class MotorType:
     backlash_rad: float = 0.0  # whole play of the gearbox
     gear_stiffness_nm_rad: float | None = None  # of the gearbox; None for a rigid one
     voltage_driven: bool = False  # the command sets a voltage, as a hobby servo's does, not a current
+    duty_resistance: float = 0.0  # of such a motor: resistance at full duty over that at rest, less 1
     thermal_resistance_k_w: float | None = None  # from the winding to the air; None for no thermal model
     thermal_capacity_j_k: float | None = None  # of the winding with the iron around it
     derating_c: tuple[float, float] | None = (
@@ -66,7 +67,7 @@ class MotorType:
     timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
-        may_be_zero = "stribeck_friction_nm", "load_friction", "backlash_rad"
+        may_be_zero = "stribeck_friction_nm", "load_friction", "backlash_rad", "duty_resistance"
         rest = (
             name
             for name in self.__dataclass_fields__

@@ -32,6 +32,7 @@ def test_the_generated_physics_moves_as_mujoco_with_every_effect() -> None:
     model = training_model(ROBOT)
     given = random_arguments(ROBOT, model, 20, EFFECTS)
     given["motor.voltage_gain"] = np.tile([0.0, 0.9, 1.0], (20, 4))
+    given["motor.duty_resistance"] = np.full((20, 12), 0.5)
     assert {"motor.stribeck", "motor.load_friction", "motor.backlash", "lag.in_mean"} <= set(given)
     assert compare(ROBOT, model, given).errors.max() < 1e-12
 

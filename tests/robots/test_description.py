@@ -161,7 +161,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
     """The knees' motors only; 20 Hz is a time constant of 8 ms. A motor that has any is another robot."""
     effects = (
         "torque_bandwidth_hz: 20, stribeck_friction_nm: 0.4, stribeck_speed_rad_s: 2, load_friction: 0.1, "
-        "backlash_rad: 0.01, gear_stiffness_nm_rad: 400, voltage_driven: true"
+        "backlash_rad: 0.01, gear_stiffness_nm_rad: 400, voltage_driven: true, duty_resistance: 0.5"
     )
     knee = "friction_speed_rad_s: 0.6"
     lines = "\n".join(f"    {effect}" for effect in effects.split(", "))
@@ -175,6 +175,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
     np.testing.assert_array_equal(robot.motor.backlash, np.tile([0.0, 0.0, 0.01], 4))
     np.testing.assert_array_equal(robot.motor.compliance, np.tile([0.0, 0.0, 1 / 400], 4))
     np.testing.assert_array_equal(robot.motor.voltage_gain, np.tile([0.0, 0.0, 1.0], 4))
+    np.testing.assert_array_equal(robot.motor.duty_resistance, np.tile([0.0, 0.0, 0.5], 4))
     assert robot.digest != go1.digest
 
 

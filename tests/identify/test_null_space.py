@@ -1,0 +1,36 @@
+"""What data cannot tell."""
+
+import numpy as np
+import pytest
+
+from footfall.identify.null_space import null_directions, profile
+
+NAMES = ["armature", "delay", "friction"]
+
+
+def test_two_parameters_that_do_the_same_are_named_together() -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 200))
+    slope = np.stack([one, -2.0 * one, other], axis=1)
+    (found,) = null_directions(slope + 1e-6 * rng.normal(size=slope.shape), NAMES)
+    assert found.parts == pytest.approx({"armature": 1.0, "delay": 0.5}, abs=1e-3)
+    assert found.deviation > 1e3
+    assert "delay" in found.text
+
+
+def test_the_noise_decides_what_is_told_and_too_few_rows_tell_little() -> None:
+    slope = np.diag([10.0, 10.0, 1.0])
+    assert null_directions(slope, NAMES, noise=0.1) == ()
+    assert [each.parts for each in null_directions(slope, NAMES, noise=1.0)] == [{"friction": 1.0}]
+    assert len(null_directions(slope[:1], NAMES)) == 2
+
+
+def test_a_profile_shows_what_a_parameter_trades_for() -> None:
+    """misfit of a + d = 3 with d held: all values fit alike; a second equation 0.1 d = 0.1 bounds it."""
+
+    def fit_at(delay: float) -> tuple[float, np.ndarray]:
+        return 1.0 + (delay - 1.0) ** 2, np.array([3.0 - delay])
+
+    found = profile(fit_at, [0.0, 0.5, 1.0, 2.0])
+    assert found.range_within(1.3) == (0.5, 1.0)
+    np.testing.assert_allclose(found.numbers[:, 0], [3.0, 2.5, 2.0, 1.0])

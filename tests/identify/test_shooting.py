@@ -1,0 +1,68 @@
+"""Fits over windows of recordings, on an oscillator that is solved in closed form."""
+
+import numpy as np
+import pytest
+
+from footfall.identify.shooting import Number, Shooting
+
+TRUTH = np.array([7.0, 0.8])  # rad/s; share of the velocity that decays in a second
+NUMBERS = (
+    Number("speed", "rad/s", 6.0, 1.0, 20.0, 0.5),
+    Number("decay", "1/s", 0.2, 0.0, 5.0, 0.2),
+)
+TIMES = np.linspace(0.0, 0.5, 30)
+
+
+def oscillate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """x'' = -w² x - 2 d x'."""
+    w, d = numbers[:, :, None, None]
+    position, velocity = start[:, :, :1], start[:, :, 1:]
+    turn = np.sqrt(w * w - d * d)
+    sine = (velocity + d * position) / turn * np.sin(turn * TIMES)
+    found: np.ndarray = (np.exp(-d * TIMES) * (position * np.cos(turn * TIMES) + sine))[..., None]
+    return found
+
+
+def recorded(noise: float = 0.001, count: int = 12) -> Shooting:
+    """Windows of two recordings, the second three times as long; estimated starts are off."""
+    rng = np.random.default_rng(0)
+    start = rng.normal(size=(count, 2)) * (0.3, 2.0)
+    measured = oscillate(TRUTH[:, None], start[None])[0]
+    measured = measured + noise * rng.normal(size=measured.shape)
+    return Shooting(
+        oscillate,
+        NUMBERS,
+        measured,
+        np.array([0.001]),
+        start + rng.normal(size=start.shape) * (0.003, 0.3),
+        np.array([0.003, 0.3]),
+        (np.arange(count) >= count // 4).astype(int),
+    )
+
+
+def test_a_fit_finds_the_truth_although_starts_are_wrong_and_readings_jump() -> None:
+    windows = recorded()
+    windows.measured[::3, 7] += 0.3
+    windows.measured[1, 3] = np.nan
+    fitted = windows.fit()
+    assert fitted == pytest.approx(TRUTH, rel=0.01)
+    assert np.nanmedian(np.abs(windows.errors(fitted))) < 0.002
+    assert np.nanmedian(np.abs(windows.errors(windows.guess))) > 0.01
+
+
+def test_recordings_count_alike_and_windows_held_out_do_not_count() -> None:
+    windows = recorded()
+    weight = windows.of([0, 1, 1]).weight
+    assert weight[windows.recording == 1].sum() == pytest.approx(2 * weight[windows.recording == 0].sum())
+    judging = np.arange(12) % 2 == 0
+    windows.measured[judging] = 0.0  # nonsense that must not be seen
+    fitted = windows.of([0, 1], without=judging).fit()
+    assert fitted == pytest.approx(TRUTH, rel=0.02)
+
+
+def test_a_held_number_stays() -> None:
+    held = recorded().held("speed", 7.0)
+    assert [each.name for each in held.numbers] == ["decay"]
+    assert held.fit() == pytest.approx(TRUTH[1:], rel=0.05)
+    residual, slope = held.slopes(held.fit())
+    assert slope.shape == (12, residual.shape[1], 1)
