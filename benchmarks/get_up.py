@@ -50,6 +50,7 @@ class Result:
     tilt_rad: float | None = None  # of the base as it lay; None if the loop damped it for another reason
     stood_s: float | None = None  # after RECOVERING began
     ended: str = ""  # the mode after RECOVERING
+    ended_s: float | None = None  # when that began, after RECOVERING began
     energy_j: float = 0.0  # electrical, until it stood
     torque_share: float = 0.0  # greatest, of a motor's peak torque
     impact_share: float = 0.0  # greatest normal force on trunk and limbs but the feet, of the weight
@@ -80,7 +81,7 @@ class Drop:
                 body.take_power()
             return
         if self._left_s is None and mode is not Mode.RECOVERING:
-            self._left_s, found.ended = now_s, str(mode)
+            self._left_s, found.ended, found.ended_s = now_s, str(mode), now_s - self._began_s
         if self._left_s is not None and (mode is not Mode.STANDING or now_s - self._left_s > AFTER_S):
             loop.finish(skip_lie_down=True)
             return
@@ -208,6 +209,8 @@ def main() -> None:
         kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found])
         print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
     print("after RECOVERING:", dict(Counter(r.ended or "nothing" for r in found)))
+    handed_over = sum(r.ended == Mode.STANDING and (r.ended_s or 0.0) <= options.within for r in found)
+    print(f"STANDING, by the supervisor, within {options.within:g} s: {handed_over} of {drops}")
     quantiles = np.quantile(times[up], [0.5, 0.9, 1.0]) if up.any() else []
     print("time, s, median, 90 %, longest:", np.round(quantiles, 2))
     for name in ("energy_j", "torque_share", "impact_share", "speed_rad_s"):
