@@ -99,18 +99,21 @@ class TestEndings:
         with pytest.raises(ZeroDivisionError):
             shell("train")
 
+    @pytest.mark.parametrize(
+        ("error", "status"), [(BrokenPipeError(), 141), (OSError(28, "No space left on device"), 2)]
+    )
     def test_output_that_reaches_no_reader_is_noticed_before_the_end(
-        self, monkeypatch: pytest.MonkeyPatch
+        self, monkeypatch: pytest.MonkeyPatch, error: OSError, status: int
     ) -> None:
         """Printed text may wait in a buffer until the process ends, and its failure with it."""
 
         class Pipe(io.StringIO):
             def flush(self) -> None:
-                raise BrokenPipeError
+                raise error
 
         monkeypatch.setattr(cli, "app", lambda *_, **__: 0)
         monkeypatch.setattr(sys, "stdout", Pipe())
-        assert cli.main(["doctor"]) == 141
+        assert cli.main(["doctor"]) == status
 
     def test_sigterm_lets_a_verb_close_what_is_open(
         self, shell: Shell, monkeypatch: pytest.MonkeyPatch
@@ -170,6 +173,15 @@ class TestEndings:
 
 
 class TestSmallVerbs:
+    def test_every_verb_explains_itself(self, shell: Shell) -> None:
+        for verb in (
+            "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "demo",
+            "diagnose", "doctor",
+        ):  # fmt: skip
+            explained = shell(verb, "--help")
+            assert (explained.status, f"footfall {verb}" in explained.out) == (0, True), verb
+        assert shell("--version").out.strip().count(".") == 2
+
     def test_export_writes_where_it_is_told(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.train.api.export_run", (Path("x.onnx"), 1.25e-7))
         for options, out in ((("--out", "mine.onnx"), Path("mine.onnx")), ((), None)):

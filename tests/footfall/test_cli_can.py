@@ -1,17 +1,15 @@
 """`footfall can` on a simulated robot: what it shows, what it asks, what it refuses."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from multicast import robot_on_multicast
-from rich.table import Table
 from shell import Shell
 
 from footfall.deploy import bench, scan
@@ -21,7 +19,6 @@ from footfall.plant import serve
 from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
-from footfall.verbs import can
 
 
 def joints(out: str) -> list[list[str]]:
@@ -206,43 +203,6 @@ class TestVirtual:
         )
 
 
-def test_on_a_terminal_a_table_is_kept_up_to_date_five_times_a_second(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A hip that turns by 1 rad/s; its place is its time. The last state stays on the screen."""
-    now = SimpleNamespace(s=0.0)
-    shown: list[list[str]] = []
-
-    class Screen:
-        def __init__(self, table: Table, **_: Any) -> None:
-            self.update(table)
-
-        def update(self, table: Table, **_: Any) -> None:
-            shown.append([next(iter(column.cells)) for column in table.columns])
-
-        def __enter__(self) -> "Screen":
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            pass
-
-    def states() -> list[bench.MotorState]:
-        return [
-            bench.MotorState("hip", "can0", 1, "AK10", 0.004, now.s, 1.0, -0.5, 41.0, np.nan, "over-current")
-        ]
-
-    monkeypatch.setattr("rich.console.Console", lambda: SimpleNamespace(is_terminal=True))
-    monkeypatch.setattr("rich.live.Live", Screen)
-    monkeypatch.setattr(can.time, "monotonic", lambda: now.s)
-    with can._live(SimpleNamespace(states=states)) as show:  # type: ignore[arg-type]
-        for now.s in (0.125, 0.25, 0.375, 0.5, 0.625):
-            show()
-    assert [row[4] for row in shown] == ["+0.000", "+0.250", "+0.500", "+0.625"]
-    assert shown[0] == [
-        "hip", "can0", "1", "AK10", "+0.000", "+1.00", "-0.50", "41", "-", "4", "over-current",
-    ]  # fmt: skip
-
-
 class TestRefusals:
     @pytest.mark.parametrize("verb", ["enable", "zero", "clear"])
     def test_nothing_is_done_that_nobody_confirms(self, shell: Shell, verb: str) -> None:
@@ -256,21 +216,14 @@ class TestRefusals:
         monkeypatch.setattr("builtins.input", lambda _: answer)
         assert shell.refuses("can", "zero", "--bus", "virtual") == "not confirmed"
 
-    @pytest.mark.parametrize(
-        ("options", "says"),
-        [
-            (["--bus", "nonsense"], "no bus 'nonsense'"),
-            (["--bus", "serial"], "cannot open bus 'can0' on serial"),
-            (["--bus", "virtual", "--robot", "rex"], "no robot 'rex'"),
-        ],
-    )
-    @pytest.mark.parametrize(
-        "verb", [["scan"], ["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
-    )
-    def test_a_wrong_interface_or_robot_is_one_line(
-        self, shell: Shell, verb: list[str], options: list[str], says: str
-    ) -> None:
-        assert says in shell.refuses("can", *verb, *options)
+    def test_a_wrong_interface_or_robot_is_one_line(self, shell: Shell) -> None:
+        for options, told in (
+            ("--bus nonsense", "no bus 'nonsense'"),
+            ("--bus serial", "cannot open bus 'can0' on serial"),
+            ("--bus virtual --robot rex", "no robot 'rex'"),
+        ):
+            for verb in ("scan", "monitor", "enable --yes", "zero --yes", "clear --yes"):
+                assert told in shell.refuses("can", *verb.split(), *options.split())
 
     def test_a_joint_that_the_robot_lacks_is_named(self, shell: Shell) -> None:
         complaint = shell.refuses("can", "monitor", "--bus", "virtual", "--joint", "tail")
@@ -281,23 +234,14 @@ class TestRefusals:
         assert "duration" in shell.refuses("can", "monitor", "--duration", duration).lower()
 
 
-@pytest.fixture(scope="module")
-def served() -> Iterator[None]:
+def test_a_robot_of_another_process_is_scanned_and_watched(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motor counts that has been heard at all: a busy machine may stall at the end."""
+    monkeypatch.setattr(bench, "SILENCE_US", 60_000_000)
     with robot_on_multicast("--duration", "600", "--motor-timeout", "20"):
-        yield
-
-
-class TestAnotherProcess:
-    def test_a_robot_behind_a_network_is_scanned(self, shell: Shell, served: None) -> None:
         assert [row[-1] for row in tried(shell, "scan", "--bus", "udp_multicast")] == ["found"] * 12
-
-    def test_it_is_switched_on_and_watched(
-        self, shell: Shell, served: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """Whoever has been heard at all, since a busy machine may stall at the end."""
-        monkeypatch.setattr(bench, "SILENCE_US", 60_000_000)
-        for verb in (["enable", "--yes"], ["monitor"]):
-            assert len(tried(shell, *verb, "--bus", "udp_multicast", "--duration", "2")) == 12
+        assert len(tried(shell, "monitor", "--bus", "udp_multicast", "--duration", "1")) == 12
 
 
 def test_what_a_scan_finds_is_held_against_robot_yaml(

@@ -41,11 +41,6 @@ def test_it_goes_from_training_to_a_report(
     assert str(Path("d/report.html").resolve()) in outcome.out
 
 
-def test_without_options_it_makes_a_folder_of_its_own(steps: list[tuple[str, ...]], shell: Shell) -> None:
-    assert shell("demo").status == 0
-    assert Path(steps[1][1]).match("runs/demo-*/trained")
-
-
 @pytest.mark.parametrize(
     ("robot", "walkers", "half_speed"),
     [("hexapod", ["hexapod-flat", "tripod", "mpc"], "0.125"), ("g1", ["g1-flat", "step", "mpc-wbc"], "0.4")],

@@ -88,12 +88,6 @@ def test_compare_nests_the_same_under_each_name_and_takes_a_controller_at_severa
     assert "https://" not in text.split("</head>")[0]  # self-contained
 
 
-def test_a_policy_without_settings_says_so(shell: Shell, tmp_path: Path) -> None:
-    path = tmp_path / "flat.json"
-    assert shell("evaluate", "go1-flat", *BRIEF, "--json", path).status == 0
-    assert json.loads(path.read_text())["settings"] is None
-
-
 def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,12 +135,6 @@ def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: R
         assert shell("compare", "b", "a", *options, "--json", "none", "--html", "None").status == 0
         outputs = {"json_path": Path("none"), "html_path": Path("None")}
         assert called.of("compare_policies") == ((("b", "a"), expected), outputs)
-
-
-def test_a_controllers_other_settings_are_what_is_evaluated(shell: Shell, called: Recorder) -> None:
-    called.replace("footfall.evaluate.api.evaluate_policy", scored())
-    assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
-    assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"
 
 
 def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Recorder) -> None:

@@ -125,13 +125,6 @@ class TestWhatTheLogNames:
         tolerance = 0.25 if "--tolerance" in options else 0.0
         assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, [], None), {})
 
-    def test_a_difference_is_status_1(self, shell: Shell, log: dict) -> None:
-        log["result"].first_difference, log["result"].complete, log["result"].damaged = "step 3", False, 3
-        outcome = shell("replay", "a.mcap")
-        assert outcome.status == 1
-        for fact in ("cut short", "3 damaged parts", "first difference: step 3", "0.00123"):
-            assert fact in outcome.out
-
     def test_the_folder_is_looked_into_where_the_name_leads_nowhere(
         self, shell: Shell, called: Recorder, log: dict, go1: Robot
     ) -> None:
@@ -141,11 +134,3 @@ class TestWhatTheLogNames:
         complaint = shell.refuses("replay", "a.mcap")
         assert "its name of /its/folder" in complaint
         assert "give --robot" in complaint
-
-    def test_a_policy_that_is_gone_is_told_with_the_reason(
-        self, shell: Shell, called: Recorder, log: dict
-    ) -> None:
-        called.replace("footfall.policies.registry.load_policy", refuse)
-        complaint = shell.refuses("replay", "a.mcap")
-        assert "(enough): give --policy" in complaint
-        assert shell.refuses("replay", "a.mcap", "--policy", "mine") == "enough"

@@ -131,11 +131,10 @@ class Mine:
     ("act", "state", "status"),
     [
         ("os._exit(0)", "ESTOP", 1),
-        ("os.fork()", "IDLE", 0),
-        ("os.kill(os.getpid(), 14)", "IDLE", 0),  # SIGALRM without an alarm
-        ("os.kill(os.getpid(), 10)", "IDLE", 0),  # SIGUSR1
+        # SIGALRM without an alarm, SIGUSR1
+        ("os.kill(os.getpid(), 14); os.kill(os.getpid(), 10); os.fork()", "IDLE", 0),
     ],
-    ids=["os._exit", "fork", "SIGALRM", "SIGUSR1"],
+    ids=["os._exit", "signals and fork"],
 )
 def test_a_policy_that_would_end_the_process(
     walk: list[str], tmp_path: Path, act: str, state: str, status: int

@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorder import Recorder
 from shell import Shell
 
 from footfall import robot_check
-from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import LyingResult, find_lying_pose
 from footfall.plant.standing import StandingResult
@@ -178,7 +176,7 @@ class TestNew:
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: go1)
         outcome = shell(
             "robot", "new", "--from", "a.urdf", "--out", "mine", "--feet", "left,right", "--packages", "p",
-            "--packages", "q", "--peak-torque", "23.7", "--speed", "hip=30.1,knee=20.06",
+            "q", "--peak-torque", "23.7", "--speed", "hip=30.1, knee=20.06",
             "--armature", "a=b=0.01", "--forward=-y", "--up", "z",
             "--actuator", "hip=A, knee=B",
         )  # fmt: skip
@@ -205,19 +203,3 @@ class TestNew:
     def test_a_figure_is_a_number_above_zero(self, shell: Shell, value: str) -> None:
         told = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
         assert "expected a number above 0, or such as hip=23.7,knee=35.5" in told
-
-
-def refuse(*_: Any, **__: Any) -> None:
-    raise UserError("enough")
-
-
-class TestRequest:
-    def test_figures_by_joint_may_have_spaces_between_them(self, shell: Shell, called: Recorder) -> None:
-        called.replace("footfall.robots.importer.create.import_robot", refuse)
-        shell.refuses("robot", "new", "--from", "a.urdf", "--out", "mine", "--speed", "hip=1, knee=2")
-        assert called.of("import_robot")[0][0].speed_rad_s == {"hip": 1.0, "knee": 2.0}
-
-    def test_packages_may_follow_one_another(self, shell: Shell, called: Recorder) -> None:
-        called.replace("footfall.robots.importer.create.import_robot", refuse)
-        shell.refuses("robot", "new", "--from", "a.urdf", "--out", "mine", "--packages", "p", "q")
-        assert called.of("import_robot")[0][0].packages == (Path("p"), Path("q"))

@@ -11,7 +11,6 @@ from shell import Shell
 pytest.importorskip("ray")
 
 from footfall.train.sweeps.results import Point, Trial
-from footfall.train.sweeps.sweep import POINTS, RESULTS
 
 
 @pytest.fixture
@@ -36,18 +35,6 @@ def test_options_and_tables(shell: Shell, called: Recorder, swept: SimpleNamespa
     assert ["trial-0", "4", "0.2", "3", "1.235", "12,345"] in rows
     assert ["0.2", "3", "2.346", "±", "0.5", "3"] in rows
     assert ["0.2", "3", "2.5", "unknown", "1", "2"] in rows
-
-
-def test_without_a_trial_tables_are_empty_and_files_are_named_all_the_same(
-    shell: Shell, called: Recorder, swept: SimpleNamespace
-) -> None:
-    swept.trials, swept.points = [], []
-    for tokens in (("space.yaml",), ("--resume", "mine")):
-        outcome = shell("sweep", *tokens)
-        assert outcome.status == 0
-        folder = called.of("sweep")[0][1] if tokens[0] == "space.yaml" else Path("mine")
-        assert outcome.out.endswith(f"wrote {folder / RESULTS} and {folder / POINTS}\n")
-    assert called.of("sweep")[0][1].match("runs/sweep-*")
 
 
 def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:

@@ -37,15 +37,13 @@ def copied_run(run_folder: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(run_folder, tmp_path / "run"))
 
 
-def test_the_policy_is_there_when_training_ends(run_folder: Path) -> None:
-    assert (run_folder / "policy.onnx").is_file()
+def test_the_policy_is_there_when_training_ends_and_has_walked(shell: Shell, run_folder: Path) -> None:
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
-
-
-def test_the_finished_policy_has_walked_over_the_bus(run_folder: Path) -> None:
     evaluation = json.loads((run_folder / "evaluation.json").read_text())
     assert evaluation["scenarios"]["gentle"]["episodes"] > 0
+    complaint = shell.refuses("train", "--preset", "smoke", "--out", run_folder)
+    assert f"--resume {run_folder}" in complaint
 
 
 def test_the_run_folder_is_a_policy(shell: Shell, run_folder: Path) -> None:
@@ -58,11 +56,6 @@ def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path, tmp
     outcome = shell("export", run_folder, "--out", out)
     assert outcome.status == 0, outcome.err
     assert out.read_bytes() == (run_folder / "policy.onnx").read_bytes()
-
-
-def test_training_into_the_same_folder_is_refused(shell: Shell, run_folder: Path) -> None:
-    complaint = shell.refuses("train", "--preset", "smoke", "--out", run_folder)
-    assert f"--resume {run_folder}" in complaint
 
 
 @pytest.mark.parametrize("verb", [["train", "--resume"], ["export"]], ids=" ".join)

@@ -45,24 +45,21 @@ def test_by_default_it_is_the_cpu_presets_on_the_generated_physics(made: list[An
     assert [kind for kind, *_ in made] == ["GymnasiumEnv", "GymnasiumVectorEnv"]
 
 
-def test_what_is_asked_for_reaches_it(made: list[Any]) -> None:
-    footfall.gym.make_single("hexapod", "smoke", "mjx", "rgb_array")
-    footfall.gym.make_vector("hexapod", 7, "smoke", "mjx", "rgb_array")
+def test_what_is_asked_for_reaches_it_with_settings_of_its_robot(
+    made: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[Any] = []
+
+    def smoke(preset: str, robot: Robot) -> Any:
+        read.append((preset, robot.name))
+        return load_preset("smoke")
+
+    monkeypatch.setattr(footfall.gym, "load_preset", smoke)
+    footfall.gym.make_single("hexapod", "mine.yaml", "mjx", "rgb_array")
+    footfall.gym.make_vector("hexapod", 7, "mine.yaml", "mjx", "rgb_array")
+    assert read == [("mine.yaml", "hexapod")] * 2
     (_, robot, config, mode), (_, many_robot, many_config, count, many_mode) = made
     assert (robot.name, many_robot.name) == ("hexapod", "hexapod")
     assert config == many_config
     assert (config.physics, config.episode_s) == ("mjx", load_preset("smoke").env.episode_s)
     assert (mode, count, many_mode) == ("rgb_array", 7, "rgb_array")
-
-
-@pytest.mark.parametrize("make", [footfall.gym.make_single, footfall.gym.make_vector])
-def test_its_settings_are_read_for_its_robot(
-    made: list[Any], monkeypatch: pytest.MonkeyPatch, make: Any, go1: Robot
-) -> None:
-    asked: list[Any] = []
-    monkeypatch.setattr(
-        footfall.gym, "load_preset", lambda *given: asked.append(given) or load_preset("smoke", go1)
-    )
-    make("hexapod", preset="mine.yaml")
-    ((preset, robot),) = asked
-    assert (preset, robot.name) == ("mine.yaml", "hexapod")
