@@ -57,23 +57,21 @@ class TestOne:
             warnings.filterwarnings("ignore", message=".*Box observation space m.* value is.*infinity.*")
             check_env(one, skip_render_check=True)
 
-    def test_it_sees_what_the_policy_will_see(self, one: GymnasiumEnv) -> None:
-        observation, info = one.reset(seed=1)
-        assert observation.shape == (observation_size(one.env.contract),)
-        assert observation.dtype == np.float32
-        assert info["command"].shape == (3,)
-
     def test_a_fall_terminates_and_a_timeout_truncates(self, one: GymnasiumEnv) -> None:
-        one.reset(seed=2)
-        generator, ends = np.random.default_rng(0), set()
-        for k in range(600):
-            action = np.zeros(12) if k > 300 else 5 * generator.uniform(-1, 1, 12)  # stands, or thrashes
-            _, reward, terminated, truncated, info = one.step(action)
+        begun, _ = one.reset(seed=2)
+        assert begun.shape == (observation_size(one.env.contract),)
+        upside_down = one.state.qpos.at[2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
+        last = one.state.steps + one.env.episode_steps - 1
+        for changes, ends in (
+            ({}, (False, False)),
+            ({"qpos": upside_down}, (True, False)),
+            ({"steps": last}, (False, True)),
+        ):
+            one.reset(seed=2)
+            one.state = one.state._replace(**changes)
+            _, reward, terminated, truncated, info = one.step(np.zeros(12))
+            assert (terminated, truncated) == ends
             assert np.isfinite([reward, info["linear_error_m_s"], info["yaw_error_rad_s"]]).all()
-            if terminated or truncated:
-                ends.add((terminated, truncated))
-                one.reset()
-        assert ends == {(True, False), (False, True)}
 
     def test_the_command_in_the_information_is_the_one_to_go_on_with(self, one: GymnasiumEnv) -> None:
         _, info = one.reset(seed=4)
@@ -107,11 +105,6 @@ class TestOne:
         env = gymnasium.make(ID, preset="smoke").unwrapped
         with pytest.raises(gymnasium.error.ResetNeeded):
             env.step(np.zeros(12))
-
-    def test_it_is_found_by_name_alone(self) -> None:
-        code = f"import gymnasium; print(gymnasium.make('footfall.gym:{ID}').spec.id)"
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        assert done.stdout.splitlines()[-1] == ID
 
     @pytest.mark.filterwarnings("ignore:.*render mode")  # gymnasium's own advice
     @pytest.mark.parametrize(
@@ -156,12 +149,6 @@ class TestMany:
             alone, reward, *_ = one.step(action[3])
             assert observations[3] == pytest.approx(alone, abs=1e-4)
             assert rewards[3] == pytest.approx(reward, abs=1e-6)
-
-    def test_seeds_can_be_given_one_by_one(self, many: GymnasiumVectorEnv) -> None:
-        together, _ = many.reset(seed=20)
-        apart, _ = many.reset(seed=[20 + k for k in range(MANY)])
-        assert np.array_equal(together, apart)
-        assert many.np_random_seed == tuple(20 + k for k in range(MANY))
 
     def test_the_second_reset_gives_each_the_second_episode_of_its_seed(
         self, many: GymnasiumVectorEnv, one: GymnasiumEnv
@@ -237,10 +224,6 @@ class TestMany:
         assert np.array_equal(info["_episode"], ended)
         assert np.array_equal(info["episode"]["l"] > 0, ended)
 
-    def test_pictures_are_made_if_asked_for(self) -> None:
-        env = footfall.gym.make_vector("go1", num_envs=2, preset="smoke", render_mode="rgb_array")
-        assert env.render_mode == "rgb_array"
-
     def test_one_and_many_learn_what_the_robots_own_files_say(self, own_folder: Path) -> None:
         (own_folder / "training.yaml").write_text("env: {episode_s: 7.0}")
         for made in (
@@ -291,11 +274,12 @@ def test_it_can_be_seen() -> None:
     """In processes of their own, since MuJoCo settles on a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
-        probe = run(PROBE, variables)
-        if probe.returncode == 0:
-            done = run(RENDER, variables)
+        done = run(RENDER, variables)
+        if done.returncode == 0:
             assert (done.stdout, done.stderr) == ("(320, 480, 3) uint8 True\n", "")
             return
+        probe = run(PROBE, variables)
+        assert probe.returncode, done.stderr  # it can be rendered here, but not by the environment
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
 
 

@@ -143,12 +143,11 @@ class TestPurity:
         step(first[0], two)
         assert equal(step(begun, one), first)
 
-    @pytest.mark.parametrize("cores", [1, 3])
     def test_neither_company_nor_threads_change_a_bit(
-        self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str, cores: int
+        self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str
     ) -> None:
         for module in ("c", "generated.on_processor"):
-            monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: cores)
+            monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: 3)
         monkeypatch.setattr("footfall.envs.physics.generated.on_processor.LEAST_SHARE", 5)
         physics, given = ENGINES[engine](training_model(ROBOT), ROBOT), arguments(begun)
         many = jax.vmap(physics)(*given)
@@ -295,11 +294,12 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
     return motion._replace(lagged_torque=2.0 * each), drive, fields
 
 
-@pytest.mark.parametrize("at_once", [3, 16])
+@IN_C
 def test_every_episode_that_ends_begins_anew_and_no_other(
-    at_once: int, monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State
+    monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State
 ) -> None:
-    monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", at_once)
+    """21 end, and 16 at most begin at once."""
+    monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", 16)
     ends = np.arange(len(begun.steps)) % 3 > 0
     level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which goes on
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)

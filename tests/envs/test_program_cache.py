@@ -132,12 +132,6 @@ def test_nobody_waits_for_a_program_to_be_written(
     assert only_file(cache).stat().st_size > 0
 
 
-def test_what_is_not_there_beforehand_is_made(cache: Path, make: Maker) -> None:
-    prefetch("settings")
-    assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
-    assert make.made == 1
-
-
 def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "settings", b"model")
     kept(make, "settings", b"another model")

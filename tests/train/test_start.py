@@ -1,6 +1,5 @@
 """How a training gets going: device, imports and compilation, with nothing in each other's way."""
 
-import gc
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -13,7 +12,6 @@ import numpy as np
 import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-from footfall.common.collector import collector_paused
 from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
@@ -25,31 +23,6 @@ from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
 from footfall.train.entry import start_device
 from footfall.train.runs.folder import open_run
-
-
-def test_collector_is_paused_inside_and_back_after_an_error() -> None:
-    was_on = []
-
-    @collector_paused()
-    def fails() -> None:
-        was_on.append(gc.isenabled())
-        raise ValueError("inside")
-
-    assert gc.isenabled()
-    with pytest.raises(ValueError, match="inside"):
-        fails()
-    assert was_on == [False]
-    assert gc.isenabled()
-
-
-def test_collector_that_was_off_stays_off() -> None:
-    gc.disable()
-    try:
-        with collector_paused():
-            pass
-        assert not gc.isenabled()
-    finally:
-        gc.enable()
 
 
 def test_the_device_starts_on_no_program_that_others_may_have_written(
@@ -104,18 +77,15 @@ def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
         lowered.compile(compiler_options={"xla_gpu_no_such": True})
 
 
-@pytest.mark.parametrize(("platform", "expected"), [("gpu", GPU_OPTIONS), ("cpu", None)])
-def test_only_gpus_are_told(platform: str, expected: object) -> None:
-    mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)]))
-    assert compiler_options(mesh) is expected
-
-
-@pytest.mark.parametrize(
-    ("platform", "count", "expected"), [("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)]
-)
-def test_one_gpus_program_is_kept(platform: str, count: int, expected: bool) -> None:
-    mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)] * count), size=count)
-    assert worth_keeping(mesh) is expected
+def test_only_gpus_are_told_and_one_gpus_program_is_kept() -> None:
+    for platform, count, options, kept in (
+        ("gpu", 1, GPU_OPTIONS, True),
+        ("gpu", 2, GPU_OPTIONS, False),
+        ("cpu", 1, None, False),
+    ):
+        mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)] * count), size=count)
+        assert compiler_options(mesh) is options
+        assert worth_keeping(mesh) is kept
 
 
 def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:

@@ -31,7 +31,6 @@ from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
 from footfall.train.sweeps import sweep as sweep_module
-from footfall.train.sweeps import trial as trials
 from footfall.train.sweeps.check import reported_metrics
 from footfall.train.sweeps.config import SweepConfig, trial_config
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
@@ -124,17 +123,11 @@ def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> 
         reported_metrics("go1", replace(config, env=env), "brax")
 
 
-def test_a_missing_file_is_noticed_before_a_missing_library(
+def test_a_missing_file_is_noticed_before_a_missing_library_and_that_is_named(
     tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     assert "nosuch.yaml" in shell.refuses("sweep", tmp_path / "nosuch.yaml")
-
-
-def test_without_ray_the_extra_is_named(
-    tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
     assert "[sweep]'" in shell.refuses("sweep", written(tmp_path))
 
 
@@ -197,8 +190,6 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
     # Told to go on, it finds its run, and nothing left to do.
     train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     assert len(reports) == ITERATIONS
-    with pytest.raises(UserError, match=r"diverged_limit -100\.00%"):
-        train_trial(config, tmp_path / "bad", {"seed": 5, "diverged_limit": -1.0}, reports.append)
 
 
 def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
@@ -344,14 +335,6 @@ def test_results_are_ranked_written_and_what_is_left_is_counted(tmp_path: Path, 
     assert [points[2][k] for k in (1, 3, 4)] == ["3.6", "1", "3"]
 
 
-def test_points_are_ranked_by_their_mean_in_the_direction_asked_for() -> None:
-    trials = [Trial("f", seed, {"a": a}, 1.0 * a + seed, 1, "") for a in (3, 1, 2) for seed in (0, 1)]
-    assert [(p.settings["a"], p.mean, p.seeds) for p in points_of(trials, "min")] == [
-        (1, 1.5, 2), (2, 2.5, 2), (3, 3.5, 2),
-    ]  # fmt: skip
-    assert [p.settings["a"] for p in points_of(trials, "max")] == [3, 2, 1]
-
-
 def test_a_trial_reports_what_a_display_would_show() -> None:
     told: list[Any] = []
     reporter = Reporter(told.append)
@@ -362,22 +345,3 @@ def test_a_trial_reports_what_a_display_would_show() -> None:
         {"environment_steps": 256, "speed/steps_per_s": 12.5, "a": 1.0},
         {"environment_steps": 512, "speed/steps_per_s": 13.5, "a": 2.0, "episode/length_s": 4.0},
     ]
-
-
-def test_a_trial_is_begun_once_with_its_own_settings_and_then_resumed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    done: list[Any] = []
-    monkeypatch.setattr(trials, "begin", done.append)
-    monkeypatch.setattr(trials, "resume", lambda folder, display: done.append((folder, display)))
-    config, folder = SweepConfig({}, preset="smoke"), tmp_path / "t0"
-    train_trial(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, print)
-    request, resumed = done
-    assert (request.robot, request.seed, request.out) == ("go1", 6, folder)
-    assert resumed[0] == folder
-    assert load_preset(request.preset).ppo.clip_param == 0.33
-    done.clear()
-    folder.mkdir()
-    (folder / "run.yaml").touch()
-    train_trial(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, print)
-    assert [folder for folder, _ in done] == [tmp_path / "t0"]
