@@ -1,16 +1,14 @@
 """The parts of the MPC, against brute force."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import NamedTuple
 
-import daqp
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from footfall.common.constants import GRAVITY_M_S2
-from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
+from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
 from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.robots.description import load_robot
@@ -109,12 +107,6 @@ class TestProblem:
             expected = cost(plan) - cost(plans[0])
             assert condensed(plan) - condensed(plans[0]) == pytest.approx(expected, rel=1e-6)
 
-    def test_it_holds_only_feet_that_stand(self) -> None:
-        situation = random_situation(1)
-        problem = PROBLEMS.build(*situation)
-        assert len(problem.step) == situation.contacts.sum()
-        assert np.all(situation.contacts[problem.step, problem.leg])
-
     def test_a_large_cost_of_changes_keeps_what_was_before(self) -> None:
         """Of feet that stand all the time; they cannot do otherwise than before."""
         problems = ForceProblems(BODY, HORIZON, replace(WEIGHTS, force_change=1e6), CONTACT)
@@ -124,19 +116,6 @@ class TestProblem:
         solution = BoundedSolver().solve(problem)
         assert solution is not None
         np.testing.assert_allclose(problems.wrenches(solution, problem, 4).force, before, atol=1e-3)
-
-    def test_standing_level_asks_for_the_weight(self) -> None:
-        state = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.25]), np.zeros(6))
-        reference = BodyState(*(np.tile(part, (HORIZON.steps, 1)) for part in state))
-        contacts = np.ones((HORIZON.steps, 4), dtype=bool)
-        feet = np.tile(PLACES, (HORIZON.steps, 1, 1))
-        even = np.tile([0.0, 0.0, BODY.mass * GRAVITY_M_S2 / 4], (4, 1))
-        problem = PROBLEMS.build(state, reference, contacts, feet, even)
-        solution = BoundedSolver().solve(problem)
-        assert solution is not None
-        forces = PROBLEMS.wrenches(solution, problem, 4).force
-        np.testing.assert_allclose(forces[:, 2], BODY.mass * GRAVITY_M_S2 / 4, rtol=1e-4)
-        np.testing.assert_allclose(forces[:, :2], 0, atol=1e-3)
 
 
 class TestSolver:
@@ -163,38 +142,10 @@ class TestSolver:
         first = np.abs((fallback - exact).reshape(3, n)[:, now])
         assert first.max() < 1.0
 
-    @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
-    def test_a_base_that_falls_is_met_with_all_that_feet_may_press(self, daqp_iterations: int) -> None:
-        """At 3 m/s downwards and 20 cm too low, more than 150 N on each foot would be better still."""
-        state = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, -3.0]))
-        wanted = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3]), np.zeros(6))
-        reference = BodyState(*(np.tile(part, (HORIZON.steps, 1)) for part in wanted))
-        contacts = np.ones((HORIZON.steps, 4), dtype=bool)
-        pressed = np.tile([0.0, 0.0, 150.0], (4, 1))
-        feet = np.tile(PLACES, (HORIZON.steps, 1, 1))
-        problem = PROBLEMS.build(state, reference, contacts, feet, pressed)
-        solution = BoundedSolver(daqp_iterations).solve(problem)
-        assert solution is not None
-        np.testing.assert_allclose(PROBLEMS.wrenches(solution, problem, 4).force[:, 2], 150.0, atol=0.5)
-
     def test_a_problem_that_is_no_problem_gives_none_and_no_crash(self) -> None:
         problem = PROBLEMS.build(*random_situation(0))
         broken = problem._replace(gradient=np.full_like(problem.gradient, np.nan))
         assert BoundedSolver().solve(broken) is None
-
-    @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
-    def test_bounds_hold_on_both_sides(self, daqp_iterations: int) -> None:
-        """x near (-1, -2, 9) and x0 from 1, x1 up to 5, x2 up to 4, x0 + x1 from 1.5, x2 - x1 up to 3."""
-        near = np.array([-1.0, -2.0, 9.0])
-        problem = SimpleNamespace(
-            hessian=np.eye(3),
-            gradient=-near,
-            rows=np.array([[1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]),
-            lower=np.array([1.0, -5.0, -4.0, 1.5, -1e30]),
-            upper=np.array([1e30, 5.0, 4.0, 1e30, 3.0]),
-        )
-        found = BoundedSolver(daqp_iterations).solve(problem)  # type: ignore[arg-type]
-        np.testing.assert_allclose(found, [1.0, 1.0, 4.0], atol=1e-3)
 
     def test_where_it_is_stopped_its_last_numbers_serve_only_if_they_may(self) -> None:
         problem = PROBLEMS.build(*random_situation(1))
@@ -207,13 +158,3 @@ class TestSolver:
         solution = BoundedSolver().solve(problem)
         assert solution is not None
         np.testing.assert_array_equal(PROBLEMS.wrenches(solution, problem, 4).force, 0)
-
-
-REACH = FootholdConfig(capture_gain_s=0.05, most_step_m=0.3)
-PLACE = 0.19 + 0.13j  # forward + i leftward: front left
-
-
-def test_daqp_reports_success_as_a_positive_number() -> None:
-    """What `BoundedSolver` relies on."""
-    _, _, status, _ = daqp.solve(np.eye(2), np.ones(2), np.eye(2), np.ones(2), -np.ones(2))
-    assert status > 0

@@ -1,24 +1,17 @@
 """Model-predictive control on soles: moments, footholds that catch a falling body, and a biped that walks."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from direct_plant import DirectPlant, walk
 
-from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.catch import catching_foothold
 from footfall.policies.controllers.mpc.config import CatchConfig, Contact, Horizon, Weights
-from footfall.policies.controllers.mpc.controller import Mpc
 from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
-from footfall.policies.controllers.mpc.whole_body import MpcWholeBodyConfig
 from footfall.policies.controllers.mpc.wrenches import Wrenches, sole_levers
-from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
-from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
@@ -57,11 +50,6 @@ class TestMoments:
         assert -slippery.moment[0, 2] == pytest.approx(most)
         assert -firm.moment[0, 2] > 2 * most
 
-    def test_a_foot_in_the_air_presses_with_nothing(self) -> None:
-        force, moment = planned(0.1)
-        assert not force[1].any()
-        assert not moment[1].any()
-
 
 def pendulum_walk(wanted: complex, velocity: complex, steps: int) -> tuple[list[complex], complex]:
     """Places of the feet, and the mean velocity of the last two steps, of a pendulum caught by each foot."""
@@ -95,17 +83,3 @@ def test_steps_catch_the_body_and_become_those_of_the_steady_gait(velocity: comp
     assert mean == pytest.approx(0.4 + 0.05j, abs=0.02)
     widths = np.abs(np.diff(np.array(feet)[-3:]).imag)
     np.testing.assert_allclose(widths.mean(), 0.2, atol=0.02)
-
-
-def test_it_catches_with_two_feet_only() -> None:
-    plan = controller_settings(G1, "mpc-wbc", MpcWholeBodyConfig).plan
-    four = controller_settings(load_robot("go1"), "mpc-wbc", MpcWholeBodyConfig).plan
-    with pytest.raises(UserError, match="two feet"):
-        Mpc(load_robot("go1"), replace(four, foothold=plan.foothold))
-
-
-def test_the_biped_walks_as_commanded() -> None:
-    policy = load_policy("mpc-wbc", G1)
-    result = walk(policy, DirectPlant(G1, seed=2), lambda _: np.array([0.4, 0.0, 0.2]), 3.6)
-    assert not result.fell
-    np.testing.assert_allclose(result.mean_velocity(after_s=2.0), [0.4, 0.0, 0.2], atol=0.07)

@@ -149,12 +149,6 @@ class TestMpc:
             np.testing.assert_allclose(pose, [0, 0, yaw, centre[0], centre[1], 0.27 + centre[2]], atol=1e-9)
             np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
 
-    def test_a_heading_across_half_a_turn_is_a_small_one(self, mpc: Mpc) -> None:
-        base = base_of(Rotation.from_euler("z", 3.1))
-        mpc.reference.yaw = -3.1
-        yaw = mpc.reference.over_horizon(base, mpc.command.value).pose[:, 2]
-        np.testing.assert_allclose(yaw, 2 * np.pi - 6.2)
-
     def test_the_path_loses_its_surplus_speed(self, mpc: Mpc) -> None:
         """Against an integration of v = wanted + (now - wanted) exp(-t / 0.2 s), at the steps' middles."""
         steps = CONFIG.horizon.steps

