@@ -51,26 +51,11 @@ class Cart:
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        ({}, "cart.yaml: name: required field missing"),
-        ({"name": 3}, "cart.yaml: name: 3 is not text"),
         ({"name": "a", "steered": "left"}, "cart.yaml: steered: 'left' is none of front, rear"),
         ({"name": "a", "steered": ["rear"]}, "cart.yaml: steered: ['rear'] is none of front, rear"),
-        ({"name": "a", "covered": 1}, "cart.yaml: covered: 1 is not true or false"),
-        (
-            {"name": "a", "colour": "red"},
-            "cart.yaml: no setting colour (there are name, wheels, covered, steered, span)",
-        ),
-        (
-            {"name": "a", "wheels": [{"radius_m": "big"}]},
-            "cart.yaml: wheels[0].radius_m: 'big' is not a number",
-        ),
         (
             {"name": "a", "wheels": [{"radius_m": 1.0}, {"radius_m": -1.0}]},
             "cart.yaml: wheels[1]: radius_m must be above 0, not -1.0",
-        ),
-        (
-            {"name": "a", "wheels": [{"radius_m": 1.0, "spokes": 8.5}]},
-            "cart.yaml: wheels[0].spokes: 8.5 is not a whole number",
         ),
     ],
 )
@@ -104,22 +89,6 @@ class Spring:
 
 
 @pytest.mark.parametrize(
-    "settings",
-    [
-        {"stiffness": (1e-300, 1e300)},
-        {"rest_m": 0.0},
-        {"share": 0.0},
-        {"share": 1.0},
-        {"share": None},
-        {"travel_m": (2.0, 2.0)},
-        {"travel_m": None},
-    ],
-)
-def test_values_at_the_edge_of_their_range_are_accepted(settings: dict) -> None:
-    Spring(**settings)
-
-
-@pytest.mark.parametrize(
     ("settings", "reason"),
     [
         ({"stiffness": (1.0, 0.0)}, "stiffness must be above 0, not 0.0"),
@@ -136,6 +105,9 @@ def test_values_at_the_edge_of_their_range_are_accepted(settings: dict) -> None:
     ],
 )
 def test_values_out_of_range_are_named_with_the_rule(settings: dict, reason: str) -> None:
+    Spring((1e-300, 1e300), 0.0, 0.0, (2.0, 2.0))  # all at the edge of their range
+    Spring(share=1.0)
+    Spring(share=None, travel_m=None)
     with pytest.raises(ValueError) as caught:  # noqa: PT011, compared in full
         Spring(**settings)
     assert str(caught.value) == reason
@@ -221,11 +193,6 @@ def test_numbers_with_an_exponent_need_no_point(text: str) -> None:
     assert cart.span == (0.0, float(text))
 
 
-def test_dump_reads_back() -> None:
-    cart = Cart("a", (Wheel(0.3), Wheel(0.4, 12)), True)
-    assert structure(yaml.safe_load(dump(cart)), Cart, "cart.yaml") == cart
-
-
 @dataclass(frozen=True)
 class Inner:
     size: float
@@ -249,15 +216,7 @@ class Defaults:
     count: int = 3
 
 
-@dataclass(frozen=True)
-class Span:
-    ends: tuple[float, float]
-
-
 class TestSettings:
-    def test_are_plain_data_as_json_has_them(self) -> None:
-        assert unstructure(Span((0.2, 0.8))) == {"ends": [0.2, 0.8]}
-
     def test_a_file_reads_as_what_was_dumped(self, tmp_path: Path) -> None:
         settings = Outer(3, Inner(2.5, ("b", "a"), True), "yes")
         path = tmp_path / "a.yaml"
@@ -302,10 +261,6 @@ class TestSettings:
         assert load(tmp_path / "empty.yaml", Defaults) == Defaults()
         with pytest.raises(UserError, match=r"empty\.yaml: count.*: required"):
             load(tmp_path / "empty.yaml", Outer)
-
-    @pytest.mark.parametrize("text", ["1e-3", "-2E5", "+3.e4", "1e3"])
-    def test_exponents_make_numbers(self, text: str) -> None:
-        assert structure({"size": text}, Inner, "").size == float(text)
 
     def test_a_merge_replaces_leaf_by_leaf_and_leaves_both_as_they_were(self) -> None:
         base = {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}

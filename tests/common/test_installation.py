@@ -14,7 +14,7 @@ import pytest
 from footfall import machine
 from footfall.common import installation, versions
 from footfall.common.errors import UserError
-from footfall.common.installation import install, install_extras, missing, needs_extra, requirements
+from footfall.common.installation import install, install_extras, needs_extra
 from footfall.common.sources import read_sources
 
 ROOT = Path(__file__).parents[2]
@@ -57,29 +57,24 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 PIP = f"{shlex.quote(sys.executable)} -m pip install"
 
 
-def test_from_a_clone_elsewhere(installed, tmp_path: Path) -> None:
-    installed(tmp_path.as_uri(), '"dir_info": {"editable": true}')
-    assert install_extras("gym", "watch") == f"{PIP} --editable '{tmp_path}[gym,watch]'"
-
-
-def test_inside_the_clone(installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    installed(tmp_path.as_uri(), '"dir_info": {"editable": true}')
-    monkeypatch.chdir(tmp_path)
-    assert install_extras("gym") == f"{PIP} --editable '.[gym]'"
-
-
-def test_from_a_folder_whose_name_has_a_space(installed, tmp_path: Path) -> None:
-    folder = tmp_path / "my robots"
-    folder.mkdir()
-    installed(folder.as_uri(), '"dir_info": {}')
-    assert install_extras("gym") == f"{PIP} '{folder}[gym]'"
-
-
-def test_from_a_wheel(installed, tmp_path: Path) -> None:
-    wheel = tmp_path / "footfall-0.1.0-py3-none-any.whl"
-    wheel.touch()
-    installed(wheel.as_uri(), '"archive_info": {}')
-    assert install_extras("gym") == f"{PIP} '{wheel}[gym]'"
+@pytest.mark.parametrize(
+    ("name", "about", "wanted"),
+    [
+        ("clone", '"dir_info": {"editable": true}', "--editable '{at}[gym,watch]'"),
+        (".", '"dir_info": {"editable": true}', "--editable '.[gym,watch]'"),
+        ("my robots", '"dir_info": {}', "'{at}[gym,watch]'"),
+        ("footfall-0.1.0-py3-none-any.whl", '"archive_info": {}', "'{at}[gym,watch]'"),
+    ],
+)
+def test_from_where_it_was_installed(
+    installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, about: str, wanted: str
+) -> None:
+    at = tmp_path if name == "." else tmp_path / name
+    if name == ".":
+        monkeypatch.chdir(tmp_path)
+    at.mkdir(exist_ok=True)
+    installed(at.as_uri(), about)
+    assert install_extras("gym", "watch") == f"{PIP} {wanted.format(at=at)}"
 
 
 @pytest.mark.parametrize("url", [None, "file:///nowhere/footfall-0.1.0-py3-none-any.whl", "https://x/y.whl"])
@@ -102,13 +97,6 @@ def test_the_short_name_where_it_is_this_environments_pip(
     assert install("jax[cuda12]") == f"{tmp_path}/mine/python -m pip install 'jax[cuda12]'"
 
 
-def test_what_is_needed_and_what_is_missing(installed) -> None:
-    installed(None)
-    assert [package.name for package in requirements()] == ["numpy", "pytest"]
-    assert [package.name for package in missing()] == ["pytest"]  # not in that version
-    assert [package.name for package in missing("sweep")] == ["nosuchpackage"]
-
-
 def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: Path) -> None:
     installed(tmp_path.as_uri(), '"dir_info": {}')
     with pytest.raises(UserError) as caught, needs_extra("sweep", "sweeps need"):
@@ -121,14 +109,6 @@ def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: 
 def test_a_defect_of_footfall_is_no_missing_package() -> None:
     with pytest.raises(ModuleNotFoundError), needs_extra("sweep", "sweeps need"):
         import footfall.nosuchroom  # noqa: F401
-
-
-def test_doctor_says_what_each_extra_lacks(installed, tmp_path: Path) -> None:
-    installed(tmp_path.as_uri(), '"dir_info": {}')
-    packages, extras = machine.check_packages(), machine.check_extras()
-    assert (packages.good, packages.advice) == (False, f"{PIP} 'pytest>=999'")
-    assert extras.found == "train lacks nosuchpackage; sweep lacks nosuchpackage"
-    assert extras.advice == f"where wanted: {PIP} '{tmp_path}[train,sweep]'"
 
 
 def test_doctor_names_one_command_to_train_whatever_lacks(
@@ -144,17 +124,6 @@ def test_doctor_names_one_command_to_train_whatever_lacks(
     monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None)
     advice = {machine.check_simulators().advice, machine.check_accelerator().advice}
     assert advice == {f"to train: {PIP} '{tmp_path}[train]'"}
-
-
-@pytest.mark.parametrize(("mjx", "good"), [("3.3.0", True), ("3.2.9", False)])
-def test_doctor_wants_both_simulators_of_one_release(
-    monkeypatch: pytest.MonkeyPatch, mjx: str, good: bool
-) -> None:
-    monkeypatch.setattr(machine, "version", {"mujoco": "3.3.0", "mujoco-mjx": mjx}.__getitem__)
-    finding = machine.check_simulators()
-    assert finding.good is good
-    assert finding.found == f"mujoco 3.3.0, mujoco-mjx {mjx}"
-    assert bool(finding.advice) is not good
 
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

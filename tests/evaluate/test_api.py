@@ -122,12 +122,6 @@ class TestApi:
         assert set(of.versions) >= {"footfall", "mujoco"}
         assert f"report: {html_path}" in console.file.getvalue()  # type: ignore[attr-defined]
 
-    def test_without_a_report_nothing_is_filmed(
-        self, ran: SimpleNamespace, console: Console, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda _: pytest.fail("it filmed"))
-        assert list(api.compare_policies(["stand"], TWO, console=console)) == ["stand"]
-
     def test_a_report_is_a_file(self, ran: SimpleNamespace, console: Console) -> None:
         with pytest.raises(UserError, match="cannot write the report to /dev/null: give a file name"):
             api.compare_policies(["stand"], TWO, html_path=Path("/dev/null"), console=console)
@@ -142,10 +136,6 @@ class TestApi:
             monkeypatch.delenv(name, raising=False)
         with pytest.raises(UserError, match="MUJOCO_GL=egl"):
             api.compare_policies(["stand"], html_path=tmp_path / "report.html")
-
-    def test_a_policy_named_twice_is_refused(self, ran: SimpleNamespace, console: Console) -> None:
-        with pytest.raises(UserError, match="'stand' is named twice"):
-            api.compare_policies(["stand", "trot", "stand"], TWO, console=console)
 
     @pytest.mark.parametrize(
         ("changes", "complaint"),

@@ -9,16 +9,15 @@ import pytest
 from rich.console import Console
 
 from footfall.common.errors import UserError
-from footfall.evaluate import api, suite
+from footfall.evaluate import api
 from footfall.evaluate.api import compare_policies, evaluate_policy
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.episodes import EpisodeTask
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import films
 from footfall.evaluate.report.films import Film, FilmTask, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
-from footfall.evaluate.suite import run_course, run_suite
+from footfall.evaluate.suite import run_suite
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
@@ -71,37 +70,6 @@ class TestSuite:
         figures = run_suite(["stand"], EvaluationConfig("go1", ("push",)), SHORT)["stand"]["push"]
         assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
         assert 0.1 < figures["dv50"] < 6.0
-
-    def test_each_policy_has_its_own_walk_and_another_seed_gives_other_episodes(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        tasks: list[EpisodeTask] = []
-
-        def note(_: object, given: list[EpisodeTask], *__: object, **___: object) -> list[TaskResult]:
-            tasks.extend(given)
-            return [TaskResult(None, task.policy) for task in given]
-
-        monkeypatch.setattr(suite, "run_all", note)
-        walks = run_course(["a", "b"], EvaluationConfig("go1", ("still",)), SHORT)
-        assert {policy: walk.error for policy, walk in walks.items()} == {"a": "a", "b": "b"}
-        tasks.clear()
-        for seed in (1, 2):
-            run_suite(["a"], EvaluationConfig("go1", ("still",), seed=seed), SHORT)
-        assert len({task.plan.seed for task in tasks}) == 4
-
-    def test_on_the_course_one_policy_walks_at_a_time_however_many_workers_there_are(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """Others beside it would be in its time per step."""
-        asked: list[int | None] = []
-
-        def note(_: object, tasks: list[EpisodeTask], workers: int | None = None) -> list[TaskResult]:
-            asked.append(workers)
-            return [TaskResult(None, "not run")] * len(tasks)
-
-        monkeypatch.setattr(suite, "run_all", note)
-        run_course(["a", "b"], EvaluationConfig("go1", ("still",), workers=4), SHORT)
-        assert asked == [1]
 
 
 class TestEvaluate:

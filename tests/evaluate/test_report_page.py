@@ -9,20 +9,16 @@ from typing import Any
 
 import pytest
 from markupsafe import Markup
-from report_pages import COURSE, Page, comparison, page_of, result, summary, walked
+from report_pages import Page, comparison, page_of, result, walked
 
 from footfall.evaluate.comparison import Comparison, command_line
-from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import (
-    course_plots,
     learning_curves,
-    scenario_plots,
     svg,
 )
 from footfall.evaluate.report import page as page_module
 from footfall.evaluate.report.films import Film, FilmTask, frame_indices, frame_times
-from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
 
@@ -89,11 +85,6 @@ class TestPage:
         assert "1 of 1 episode failed: its process died (1)" in text
 
 
-def taken(name: str, trace: Trace) -> course_plots.Walk:
-    """A walk with its place by letter."""
-    return course_plots.Walk("abc".index(name), name, trace, 20.0)
-
-
 def readings(panel: str) -> list[list[Any]]:
     """The points with numbers of a panel."""
     attribute = re.search(r'data-readings="([^"]*)"', panel)
@@ -112,12 +103,6 @@ class TestPlots:
         assert path is not None
         ends = [float(each) for each in path.groups()]
         assert [left, bottom, right, top] == pytest.approx(ends, abs=0.06)
-
-    def test_a_policy_keeps_its_colour_where_another_has_nothing_to_show(self) -> None:
-        walk = taken("b", walked())
-        for plot in (course_plots.tracking([walk], COURSE), course_plots.timing([walk])):
-            assert svg.colour(1) in plot.panels[0]
-            assert svg.colour(0) not in plot.panels[0]
 
 
 class TestLearning:
@@ -149,47 +134,6 @@ def two(go1: Robot) -> Comparison:
 
 
 class TestOrder:
-    def test_each_plot_gets_the_scenarios_that_it_is_about(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        given: dict[str, Any] = {}
-
-        def note(module: Any, name: str) -> None:
-            monkeypatch.setattr(
-                module, name, lambda *arguments: given.setdefault(name, arguments) and svg.Plot(name, "", [])
-            )
-
-        for name in ("survival", "conditions", "sweep"):
-            note(scenario_plots, name)
-        for name in ("tracking", "gait", "torque_speed", "timing"):
-            note(course_plots, name)
-        note(page_module, "learning_curves")
-        names = ("friction", "sweep", "push", "nominal", "payload")
-        policies = []
-        for number, (name, trace) in enumerate((("a", None), ("b", walked(2.0)), ("c", walked(1.0)))):
-            plain = result(name, f"runs/{name}", 0.1, 0, 2.0, trace)
-            scenarios = {each: summary(0.1, number, about=each) for each in names}
-            policies.append(replace(plain, period_ms=5.0 + number, result={"scenarios": scenarios}))
-        of = replace(comparison(go1, *policies), config=EvaluationConfig("go1", names))
-        assert [plot.title for plot in page_module.plots(of)] == [
-            "survival", "tracking", "gait", "conditions", "sweep", "torque_speed", "timing",
-            "learning_curves",
-        ]  # fmt: skip
-        (pushes,), (levels,), (commands,) = (given[name] for name in ("survival", "conditions", "sweep"))
-        assert [(each["about"], each["falls"]) for each in pushes.values()] == [("push", k) for k in range(3)]
-        assert [each["about"] for each in commands.values()] == ["sweep"] * 3
-        assert [(level, summaries["b"]["about"]) for level, summaries in levels] == [
-            ("friction", "friction"), ("payload_kg", "payload"),
-        ]  # fmt: skip
-        walks, plan = given["tracking"]
-        assert [(walk.place, walk.policy, walk.period_ms) for walk in walks] == [(1, "b", 6.0), (2, "c", 7.0)]
-        assert [walk.trace for walk in walks] == [policy.course.trace for policy in policies[1:]]
-        assert plan == COURSE
-        assert given["gait"] == (walks, plan, go1)
-        assert given["torque_speed"] == (walks, go1)
-        assert given["timing"] == (walks,)
-        assert given["learning_curves"] == ({"a": "runs/a", "b": "runs/b", "c": "runs/c"},)
-
     @pytest.fixture
     def read(self, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
         """The words of a page with plots that are quick to make."""
@@ -202,22 +146,6 @@ class TestOrder:
             return " ".join(Page(page_module.render(of, shown)).words.split())
 
         return words
-
-    def test_the_page_tells_all_in_order(self, two: Comparison, read: Callable[..., str]) -> None:
-        words, place = read(two, mine=Film(b"f", b"p")), 0
-        for part in (
-            "mine · trot on go1", "mine falls least often", "seed 3, scenarios nominal, push",
-            "Figures Films",
-            "Plot 0 Plot 1 All figures", "trot did not walk the course", "Headline figures",
-            "Falls in each scenario", "Films", "mine reached the end", "No film of trot: its process died.",
-            "Plot 0 trot panel panel caption 0", "Plot 1 trot panel caption 1", "All figures by scenario",
-            "nominal", "Figures of nominal", "Figures of push", "What ended episodes early",
-            "How it was measured", "estimate it from the same readings", "mine : made by hand",
-            "--seed 3 --episodes 24 --html report.html", "footfall 1.2.3, mujoco 3.1", "Definitions",
-            "Episodes that ended in a fall", "Scenarios", "nominal about:", "push about:", "course about:",
-        ):  # fmt: skip
-            place = words.index(part, place) + len(part)
-        assert "Plot 2" not in words  # it has no panels
 
     def test_what_was_unusual_is_said(self, two: Comparison, read: Callable[..., str]) -> None:
         usual = read(two)

@@ -5,7 +5,6 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import numpy as np
 import pytest
 from markupsafe import Markup
@@ -21,7 +20,6 @@ from footfall.evaluate.report.course_plots import Walk
 from footfall.evaluate.report.svg import Panel, Reading
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
-from footfall.robots.actuator import limit_torque
 from footfall.robots.description import Robot
 
 PLAN = EpisodePlan(
@@ -114,10 +112,6 @@ class TestSurvival:
         assert np.asarray(median.get_xydata()).tolist() == [[1.8, 0.5]]
         assert fit.get_color() == bar.get_color() == median.get_markeredgecolor() == svg.colour(0)
 
-    def test_who_stood_or_fell_at_every_push_has_no_fit(self, drawn: list[Drawn]) -> None:
-        scenario_plots.survival({"a": self.summary(None, [None, None])})
-        assert len(drawn[0].lines(svg.colour(0))) == 1  # what was measured
-
 
 class TestConditions:
     def test_each_condition_has_its_error_and_its_falls(self, drawn: list[Drawn]) -> None:
@@ -158,10 +152,6 @@ class TestConditions:
         scenario_plots.conditions([("step_m", {"a": {"rows": on_stairs}})])
         assert len(drawn) == 3
         assert drawn[2].points(svg.colour(0))[1] == [100.0, 50.0]
-
-    def test_where_nobody_has_rows_there_is_no_plot(self, drawn: list[Drawn]) -> None:
-        plot = scenario_plots.conditions([("friction", {"a": {"episodes": 0}})])
-        assert (list(plot.panels), list(plot.legend), drawn) == ([], [], [])
 
 
 class TestSweep:
@@ -266,19 +256,6 @@ class TestGait:
             (inner,) = [box for box in boxes if box.x0 == pytest.approx(begin, abs=0.011)]
             assert inner.width == pytest.approx((0.25, 0.25, 0.25, 0.45)[foot], abs=0.011)
 
-    def test_duty_and_stride_rate_are_of_the_window(self, go1: Robot, drawn: list[Drawn]) -> None:
-        course_plots.gait([Walk(0, "a", wandering(), 20.0)], PLAN, go1)
-        seen = wandering().foot_contact[300:501]
-        strides = (~seen[:-1] & seen[1:]).sum() / 4 / 2.01
-        assert drawn[0].axes.get_title(loc="left") == f"a: duty {seen.mean():.2f}, {strides:.1f} strides/s"
-        assert drawn[0].label.endswith(f"duty factor {seen.mean():.2f}")
-        names = [foot.name for foot in go1.description.feet]
-        for reading in drawn[0].readings:
-            index = round(reading.x * 100)
-            down = [name for name, there in zip(names, wandering().foot_contact[index], strict=True) if there]
-            assert reading.text == f"{reading.x:.2f} s: {', '.join(down) or 'no foot'} on the ground"
-        assert [round(each.x, 2) for each in drawn[0].readings[:3]] == [3.0, 3.02, 3.04]
-
     def test_the_steady_window_is_of_the_longest_motion_though_a_stand_be_longer(self) -> None:
         def window(from_s: tuple[float, ...], *forward: float) -> tuple[float, float]:
             schedule = CommandSchedule(from_s, tuple((each, 0.0, 0.0) for each in forward))
@@ -307,37 +284,6 @@ class TestGait:
     def test_touchdowns_are_counted_per_foot_and_second(self) -> None:
         contact = np.array([[1, 0], [0, 0], [1, 1], [1, 0], [0, 1]], dtype=bool)
         assert course_plots.touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
-
-
-class TestMotors:
-    def test_marks_are_the_joints_of_a_kind_within_what_its_motor_delivers(
-        self, go1: Robot, drawn: list[Drawn]
-    ) -> None:
-        traces = [wandering(), replace(wandering(), motor_torque=2.0 * wandering().motor_torque)]
-        course_plots.torque_speed(
-            [Walk(k + 1, "abc"[k + 1], each, 20.0) for k, each in enumerate(traces)], go1
-        )
-        kinds = list(dict.fromkeys(joint.motor for joint in go1.description.joints))
-        assert len(kinds) > 1
-        expected = [
-            (f"torque-{r}-{k + 1}", f"{'bc'[k]}: {kind}") for r, kind in enumerate(kinds) for k in range(2)
-        ]
-        assert [(panel.identity, panel.axes.get_title(loc="left")) for panel in drawn] == expected
-        for number, panel in enumerate(drawn):
-            kind, trace = kinds[number // 2], traces[number % 2]
-            joints = [k for k, joint in enumerate(go1.description.joints) if joint.motor == kind]
-            x, y = panel.points(svg.colour(number % 2 + 1))
-            np.testing.assert_array_equal(x, trace.joint_velocity[:, joints].ravel())
-            np.testing.assert_array_equal(y, trace.motor_torque[:, joints].ravel())
-            motor = jax.tree.map(lambda part, at=joints[0]: np.broadcast_to(part, (12,))[at], go1.motor)
-            for sign, drawn_limit in zip((1, -1), panel.lines(svg.INK), strict=True):
-                speed, limit = np.asarray(drawn_limit.get_xydata()).T
-                assert (speed[0], speed[-1]) == pytest.approx(
-                    (-1.05 * motor.no_load_speed, 1.05 * motor.no_load_speed)
-                )
-                np.testing.assert_allclose(limit, limit_torque(np.full(43, sign * 1e9), speed, motor))
-            low, high = panel.axes.get_ylim()
-            assert high == -low == pytest.approx(1.08 * motor.peak_torque)
 
 
 class TestTiming:
@@ -381,10 +327,6 @@ class TestLearning:
         assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
         assert list(plot.legend) == [1]
 
-    def test_one_point_is_no_curve(self, drawn: list[Drawn], tmp_path: Any) -> None:
-        (tmp_path / "metrics.jsonl").write_text('{"step": 5, "reward/total": 1.0}')
-        assert not learning_curves.learning_curves({"mine": str(tmp_path)}).panels
-
     def test_what_is_no_row_of_numbers_is_passed_over(self, tmp_path: Any) -> None:
         path = tmp_path / "metrics.jsonl"
         path.write_bytes(
@@ -406,18 +348,6 @@ def test_where_there_is_nothing_to_draw_there_is_no_panel(go1: Robot) -> None:
 
 
 class TestPanel:
-    def test_the_drawing_has_a_label_ids_of_its_own_and_the_pages_colours(self) -> None:
-        with Panel("mine-7", height=100.0) as panel:
-            panel.axes.plot([0, 1], [0, 1], color=svg.INK)
-            text = panel.svg('a "line" & more', [Reading(0.25, None, "a < b")])
-        assert text.startswith('<svg role="img" aria-label="a &#34;line&#34; &amp; more" data-readings="')
-        assert 'viewBox="0 0 340 100"' in text
-        assert "currentColor" in text
-        assert not any(stand_in in text for stand_in in (svg.INK, svg.LINE, svg.PAPER))
-        assert 'id="mine-7-' in text
-        assert "<metadata>" not in text
-        assert 'width="340pt"' not in text
-
     def test_readings_lie_in_the_box_of_the_axes(self) -> None:
         with Panel("p", height=120.0) as panel:
             panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))

@@ -79,10 +79,6 @@ class TestSuite:
             assert task.ground_truth
             assert not task.keep_trace
 
-    def test_fewer_episodes_are_run_where_fewer_are_asked_for(self, asked: list[Any]) -> None:
-        suite.run_suite(["a"], replace(CONFIG, episodes=1), FILE)
-        assert [task.plan.scenario for task in asked[0][0]] == ["two", "one"]
-
     def test_the_course_is_walked_once_by_each_and_recorded(self, asked: list[Any]) -> None:
         walks = suite.run_course(["b", "a"], CONFIG, FILE)
         ((tasks, workers),) = asked
@@ -156,26 +152,9 @@ class TestEpisode:
             len(np.shape(v)) < 1 or len(v) in (3, 12, own.nbody - 1) for v in ran.given[2].sample.values()
         )
 
-    def test_what_is_not_asked_for_is_not_there(self, ran: SimpleNamespace, go1: Robot) -> None:
-        plain = replace(self.PLAN, levels={}, pushes=())
-        found = run_with(load_policy("stand", go1), self.task(plan=plain))
-        episode = ran.given[2]
-        assert (episode.plant, episode.sample, episode.pushes, episode.ground_truth) == (
-            None,
-            None,
-            (),
-            False,
-        )
-        assert found.trace is None
-
     def test_trouble_is_each_reason_once_the_fall_first(self, ran: SimpleNamespace, go1: Robot) -> None:
         faults = ("motor 3 is hot", "it tilted", "motor 3 is hot")
         ran.trace = replace(ran.trace, fell=True, fall_reason="it tilted", faults=faults)
         assert run_with(load_policy("stand", go1), self.task()).trouble == "it tilted; motor 3 is hot"
         ran.trace = replace(ran.trace, fall_reason="", faults=())
         assert run_with(load_policy("stand", go1), self.task()).trouble == ""
-
-    def test_a_task_is_run_with_the_policy_that_it_names(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(episodes, "run_with", lambda policy, task: (policy.name, task))
-        for name in ("stand", "trot"):
-            assert episodes.run_task(self.task(policy=name)) == (name, self.task(policy=name))

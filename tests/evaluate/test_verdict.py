@@ -47,17 +47,6 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
-class TestDirections:
-    """What a reader is told is better, and of whom."""
-
-    def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
-        assert {key for key, figure in figures().items() if figure.upright} == {
-            *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
-            *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
-            "legs_touch_share",
-        }
-
-
 class TestBest:
     def test_is_who_has_an_interval_apart_from_all_others(self) -> None:
         assert best(ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)]) == 1
@@ -65,9 +54,6 @@ class TestBest:
     def test_is_nobody_where_intervals_overlap(self) -> None:
         assert best(ERROR, [scored(0.30, 0.06), scored(0.20, 0.06)]) is None
         assert best(FALLS, [scored(0.1, falls=4), scored(0.1, falls=5)]) is None
-
-    def test_is_the_highest_where_more_is_better(self) -> None:
-        assert best(PUSH, [pushed(2.0, 1.8, 2.2), pushed(1.0, 0.8, 1.2)]) == 0
 
     def test_who_stands_every_push_beats_who_does_not_but_not_another_of_his_kind(self) -> None:
         unmoved, weak = pushed(None, None, None, falls=0), pushed(1.0, 0.8, 1.2)
@@ -94,11 +80,6 @@ class TestBest:
         summaries = [scored(0.10, 0.02), scored(0.50, 0.02), scored(0.11, 0.02)]
         assert leaders(ERROR, summaries) == {0, 2}
         assert best(ERROR, summaries) is None
-
-    def test_who_has_no_figure_is_no_rival(self) -> None:
-        still = scored(0.2) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
-        assert best(ERROR, [scored(0.1, 0.01), still, scored(0.2, 0.01)]) == 0
-        assert best(ERROR, [scored(0.1, 0.01), still]) is None
 
     def test_a_policy_whose_episodes_all_failed_beats_nobody(self) -> None:
         failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
@@ -227,13 +208,6 @@ class TestVerdict:
             ("dv50", "push"),
         ]
 
-    def test_overlapping_intervals_are_no_clear_difference(self) -> None:
-        sentence = verdict({"nominal": {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}})
-        assert sentence == (
-            "Over 24 episodes of nominal there is no clear difference in falls or velocity error:"
-            " the 95 % intervals overlap."
-        )
-
     def test_a_small_error_of_who_falls_more_is_told_with_the_falls(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.01, falls=3), "b": scored(0.3, 0.01)}})
         assert "a leads in velocity error but falls more often than others" in sentence
@@ -241,10 +215,6 @@ class TestVerdict:
 
     def test_too_few_episodes_are_said_to_be_too_few(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, episodes=3), "b": scored(0.9, episodes=3)}})
-        assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
-
-    def test_the_fewest_episodes_count_where_some_failed(self) -> None:
-        sentence = verdict({"nominal": {"a": scored(0.1, episodes=24), "b": scored(0.9, episodes=3)}})
         assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
 
     def test_one_policy_alone_is_described(self) -> None:

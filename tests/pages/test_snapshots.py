@@ -131,24 +131,6 @@ class TestSnapshots:
         exporter.answer = Exported(None)
         assert snapshots.poll() is None
 
-    def test_what_was_asked_for_before_another_choice_is_not_handed_out(self, run: Path) -> None:
-        snapshots, exporter = self.found(run)
-        self.write(run / "checkpoints" / "00000090.ckpt", 100)
-        done = self.write(run / FINISHED, 50)
-        assert snapshots.poll() is None
-        snapshots.chosen = FINISHED
-        exporter.answer = Exported(run.parent / "out" / "00000090.onnx")
-        assert snapshots.poll() == Snapshot(done, 90)
-
-    def test_a_checkpoint_that_was_written_again_is_exported_again(self, run: Path) -> None:
-        """A resumed run computes iterations anew."""
-        snapshots, exporter = self.found(run)
-        kept = self.write(run / "checkpoints" / "00000090.ckpt", 200)
-        out = self.write(run.parent / "out" / "00000090.onnx", 100)
-        snapshots.chosen = "iteration 90"
-        assert snapshots.poll() is None
-        assert exporter.asked == [(kept, out)]
-
     def test_an_exporter_that_dies_is_a_problem_and_another_is_started(self, run: Path) -> None:
         exporter, ended = Exporter(run), []
         ours, theirs = multiprocessing.Pipe()
@@ -188,12 +170,6 @@ class TestSnapshots:
         )
         assert export_checkpoint(run, checkpoint, out) == Exported("made")  # type: ignore[arg-type]
         assert given == [(run, out, out.with_name(checkpoint.name))]
-
-    def test_a_finished_policy_without_checkpoints_has_no_iteration(self, tmp_path: Path) -> None:
-        (tmp_path / FINISHED).touch()
-        found = Snapshots(tmp_path, tmp_path / "out")
-        assert found.poll() == Snapshot(tmp_path / FINISHED, None)
-        assert found.exporting is None
 
     @pytest.fixture
     def snapshots(self, begun: Path, tmp_path: Path) -> Iterator[Snapshots]:
@@ -274,16 +250,6 @@ class TestSnapshots:
         assert export_checkpoint(begun, checkpoint, out) == Exported(out)
         assert out.read_bytes() == b"weights"
         assert list(tmp_path.glob("*.ckpt")) == []
-
-    def test_a_full_disk_is_told(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        def full(*_: Any) -> None:
-            raise OSError(errno.ENOSPC, "No space\n left")
-
-        monkeypatch.setattr(Path, "hardlink_to", full)
-        monkeypatch.setattr(shutil, "copyfile", full)
-        checkpoint = self.write(run / "1.ckpt", 100)
-        told = export_checkpoint(run, checkpoint, run.parent / "out" / "1.onnx")
-        assert told == Exported(None, "[Errno 28] No space left")
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ from footfall.robots.actuator import (
     joint_torque,
     limit_torque,
     motor_torque,
-    pd_torque,
 )
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target, soft_limits
@@ -35,13 +34,6 @@ def arrays(low: float, high: float) -> st.SearchStrategy:
 commands = st.builds(
     JointCommand, arrays(-10, 10), arrays(-50, 50), arrays(0, 500), arrays(0, 20), arrays(-100, 100)
 )
-
-
-def test_pd_law() -> None:
-    command = JointCommand(*(np.array([x]) for x in (1.0, 2.0, 10.0, 3.0, 0.5)))
-    assert pd_torque(command, np.array([0.4]), np.array([-1.0])) == pytest.approx(
-        10.0 * 0.6 + 3.0 * 3.0 + 0.5
-    )
 
 
 def test_numpy_and_jax_agree(go1: Robot) -> None:
@@ -72,37 +64,11 @@ def test_torque_in_the_direction_of_motion_stays_under_the_torque_speed_line(
     assert torque * np.sign(speed or 1.0) <= line + 1e-9 or torque * np.sign(speed) <= 0
 
 
-@given(wide)
-def test_nothing_is_left_at_no_load_speed(asked: float) -> None:
-    speed = MOTOR.no_load_speed
-    assert limit_torque(np.array([abs(asked)]), speed, MOTOR)[0] <= 1e-9
-    assert limit_torque(np.array([-abs(asked)]), -speed, MOTOR)[0] >= -1e-9
-
-
-@given(st.floats(-10, 10), st.floats(-15, 15))
-def test_small_torques_pass_unchanged(asked: float, speed: float) -> None:
-    """Up to where the line crosses the torque asked for: 10 N m is available below 20 rad/s."""
-    assert limit_torque(np.array([asked]), np.array([speed]), MOTOR)[0] == asked
-
-
-@given(wide, wide, speeds)
-def test_more_asked_is_never_less_delivered(a: float, b: float, speed: float) -> None:
-    low, high = sorted((a, b))
-    at = np.array([speed])
-    assert limit_torque(np.array([low]), at, MOTOR)[0] <= limit_torque(np.array([high]), at, MOTOR)[0]
-
-
 @given(speeds)
 def test_friction_opposes_motion(speed: float) -> None:
     torque = friction_torque(np.array([speed]), MOTOR)[0]
     assert torque * speed <= 0
     assert abs(torque) <= MOTOR.friction[0] + MOTOR.damping[0] * abs(speed) + 1e-12
-
-
-def test_friction_is_fully_developed_past_its_speed() -> None:
-    assert friction_torque(np.array([0.2]), MOTOR) == pytest.approx(-0.5 - 0.05 * 0.2)
-    assert friction_torque(np.array([0.1]), MOTOR) == pytest.approx(-0.25 - 0.05 * 0.1)
-    assert friction_torque(np.zeros(1), MOTOR) == 0.0
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))

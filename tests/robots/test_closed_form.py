@@ -85,8 +85,3 @@ def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> No
 )
 def test_limbs_of_another_kind_have_none(change: dict) -> None:
     assert closed_form(limb()._replace(**change), limb().tip) is None
-
-
-def test_a_limb_reaches_as_far_as_all_its_links_in_a_line() -> None:
-    links = ([0.05, 0.06, 0.02], [0.02, 0.02, 0.2], [0.05, 0.035, 0.19])
-    assert limb().reach == pytest.approx(sum(np.linalg.norm(link) for link in links))

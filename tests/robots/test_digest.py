@@ -220,10 +220,6 @@ def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) 
         assert changes(own_folder, "robot.xml", old, new), new
 
 
-def test_a_geom_that_touches_through_a_pair_alone_counts(own_folder: Path) -> None:
-    assert changes(own_folder, "robot.xml", 'size="0.0175"', 'size="0.0176"')
-
-
 def test_whose_part_a_body_is_counts(own_folder: Path) -> None:
     """The second part of a tail, at the same place on the first one as it was on the tail."""
     edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')

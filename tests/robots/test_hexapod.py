@@ -83,12 +83,3 @@ def test_of_all_ways_to_stand_on_three_feet_and_three_only_the_tripods_keep_the_
             assert least == pytest.approx(0.127, abs=1e-3)
         else:
             assert least < 1e-9, f"{set(three)} and {set(other)}: on an edge, or outside"
-
-
-@pytest.mark.parametrize(("name", "feet", "least"), [("wave", 5, 0.12), ("ripple", 4, 0.12)])
-def test_its_other_gaits_stand_on_more_feet_and_keep_the_centre_inside(
-    name: str, feet: int, least: float
-) -> None:
-    standing = [frozenset(FEET) - up for up in lifted(name)]
-    assert {len(stand) for stand in standing} == {feet}
-    assert min(map(margin, standing)) > least

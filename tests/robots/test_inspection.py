@@ -37,13 +37,6 @@ def test_masses_are_those_of_all_links(looked: Inspection) -> None:
     np.testing.assert_allclose(looked.centre_m, [ahead, aside, -(left + right) / 4.76], atol=1e-9)
 
 
-def test_feet_are_seen_from_the_base_and_the_shorter_one_is_in_the_air(looked: Inspection) -> None:
-    np.testing.assert_allclose(looked.feet[0].place, [0.06, 0.1, -0.415], atol=1e-9)
-    np.testing.assert_allclose(looked.feet[1].place, [0.06, -0.12, -0.407], atol=1e-9)
-    assert [foot.gap_m for foot in looked.feet] == pytest.approx([0.0, 0.008], abs=1e-9)
-    assert list(looked.findings()) == ["foot r is 8 mm above the ground in the default pose"]
-
-
 @pytest.mark.parametrize("off_m", [-0.004, 0.004])
 def test_a_foot_in_the_air_is_found_whatever_standing_height_is_written(
     robot: Robot, tmp_path: Path, off_m: float

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.leg_bodies import NO_LEG, leg_of_bodies
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
@@ -44,14 +43,6 @@ def meeting(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple
     contacts = in_pose(model, robot, pose).contact
     touching = contacts.geom[contacts.dist <= 0.0].tolist()
     return [(model.geom(one).name, model.geom(other).name) for one, other in touching]
-
-
-def test_training_keeps_the_declared_pairs(robot: Robot, lean: mujoco.MjModel) -> None:
-    legs = leg_of_bodies(lean, [foot.joints for foot in robot.description.feet])
-    names = [foot.name for foot in robot.description.feet]
-    paired = legs[lean.geom_bodyid[np.array([lean.pair_geom1, lean.pair_geom2])]].T
-    assert NO_LEG not in paired
-    assert {(names[one], names[other]) for one, other in paired} == DECLARED[robot.name]
 
 
 def test_pairs_are_frictionless_and_of_round_geoms(lean: mujoco.MjModel) -> None:
@@ -105,11 +96,6 @@ def test_the_plant_keeps_its_true_shapes(go1: Robot) -> None:
     assert plant.npair == 0
     met = {frozenset(pair) for pair in meeting(plant, go1, crossed(go1, 0.45, (0, 1)))}
     assert frozenset({"FR_foot", "FL_foot"}) in met
-
-
-def test_pairs_of_geoms_that_collide_by_themselves_stay_on_the_plant() -> None:
-    robot = load_robot("g1")
-    assert plant_model(robot).npair == training_model(robot).npair > 0
 
 
 def test_pairs_that_are_all_by_which_legs_collide_stay_on_the_plant(own_folder: Path) -> None:

@@ -40,15 +40,6 @@ def test_standing_costs_sixteen_constraint_rows(go1: Robot, lean: mujoco.MjModel
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL) == 16
 
 
-def test_training_has_no_rows_but_contact_even_past_the_limits(go1: Robot, lean: mujoco.MjModel) -> None:
-    data = standing(lean, go1)
-    data.qpos[2] = 1.0
-    data.qpos[joint_addresses(lean, go1)[0]] = go1.upper_rad + 0.2
-    data.qvel[:] = 1.0
-    mujoco.mj_forward(lean, data)
-    assert data.nefc == 0
-
-
 def test_plant_holds_the_joints_at_their_limits(go1: Robot) -> None:
     model = plant_model(go1)
     data = standing(model, go1)
@@ -56,13 +47,6 @@ def test_plant_holds_the_joints_at_their_limits(go1: Robot) -> None:
     data.qpos[joint_addresses(model, go1)[0]] = go1.upper_rad + 0.01
     mujoco.mj_forward(model, data)
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) == 12
-
-
-def test_friction_is_left_to_the_joint_law(go1: Robot, lean: mujoco.MjModel) -> None:
-    for model in (lean, plant_model(go1)):
-        assert not model.dof_frictionloss.any()
-        assert not model.dof_damping.any()
-    assert go1.motor.friction.all()
 
 
 def test_training_model_has_the_plants_body(go1: Robot, lean: mujoco.MjModel) -> None:
@@ -124,17 +108,6 @@ def test_feet_meet_the_training_floor_as_they_would_the_plants(
     trained, plant = (standing(model, robot).contact for model in (training_model(robot), plant_model(robot)))
     for field in ("friction", "solref", "solimp", "dim"):
         np.testing.assert_array_equal(getattr(trained, field), getattr(plant, field)[:4], field)
-
-
-def test_plant_falls_onto_its_trunk(go1: Robot) -> None:
-    model = plant_model(go1)
-    data = standing(model, go1)
-    data.qpos[2] = 0.04
-    data.qpos[joint_addresses(model, go1)[0]] = np.tile((0.0, 1.5, -2.7), 4)
-    mujoco.mj_forward(model, data)
-    trunk = model.body("trunk").id
-    touching = model.geom_bodyid[data.contact.geom].ravel()
-    assert trunk in touching
 
 
 BODY = '<body name="base" pos="0 0 1">{base}<geom size="0.1"/>{legs}</body>'
@@ -303,14 +276,6 @@ def test_a_floor_is_added_where_nothing_can_be_stood_upon(
     assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes
 
 
-def test_an_added_floor_meets_whatever_can_touch(go1: Robot) -> None:
-    model = plant_model(go1)
-    floor = model.geom("floor").id
-    assert model.geom_contype[floor] == model.geom_conaffinity[floor] == 2**31 - 1
-    np.testing.assert_array_equal(model.geom_friction[floor], [0.8, 0.005, 0.0001])
-    assert model.geom_type[floor] == mujoco.mjtGeom.mjGEOM_PLANE
-
-
 def test_a_plants_imu_sits_where_the_robots_does_along_the_bases_axes(
     own_folder: Path, tmp_path: Path
 ) -> None:
@@ -378,30 +343,6 @@ def test_feet_that_a_plant_lacks_or_names_otherwise_are_told_of(go1: Robot, tmp_
     own = read_plant(go1)
     names = [[own.model.geom(geom).name for geom in geoms] for geoms in own.feet]
     assert names == [list(foot.geoms) for foot in go1.description.feet]
-
-
-@pytest.mark.parametrize(("away_m", "found"), [(0.05, True), (0.057, False)])
-def test_a_foot_may_be_a_quarter_of_its_link_from_its_place(
-    go1: Robot, tmp_path: Path, away_m: float, found: bool
-) -> None:
-    """Of a shank of 0.213 m; the nearer of two geoms is the foot, one of another leg's link is not."""
-    feet = (
-        '<geom name="knob" size="0.01" class="collision" pos="0 0 -0.1"/>'
-        f'<geom name="toe" size="0.01" class="collision" pos="0 {away_m} -0.213"/>'
-        f'<geom name="seen" size="0.01" class="visual" pos="0 0 -0.213"/>'
-    )
-    path = changed_plant(go1, tmp_path / "plant.xml", ('<geom name="FR_foot" class="foot"/>', feet))
-    plant = read_plant(go1, path)
-    assert plant.feet[0].tolist() == ([plant.model.geom("toe").id] if found else [])
-
-
-def test_one_geom_that_serves_for_two_of_a_foot_counts_once(go1: Robot, tmp_path: Path) -> None:
-    feet = list(go1.description.feet)
-    feet[0] = replace(feet[0], geoms=("FR_foot", "FR_foot"))
-    robot = replace(go1, description=replace(go1.description, feet=tuple(feet)))
-    path = changed_plant(go1, tmp_path / "plant.xml", ('"FR_foot"', '"toe"'))
-    plant = read_plant(robot, path)
-    assert plant.feet[0].tolist() == [plant.model.geom("toe").id]
 
 
 @pytest.mark.parametrize(

@@ -31,12 +31,6 @@ def test_a_lag_is_exact_for_steps_of_any_length(step_s: float) -> None:
     assert impulse == pytest.approx(demand * end_s + (first - demand) * lag_s * (1 - left), abs=1e-12)
 
 
-def test_a_lag_of_zero_is_none() -> None:
-    mean, end = lagged(np.array([7.0]), np.array([-3.0]), lag_over(np.array([0.0]), 0.005))
-    assert mean == pytest.approx(7.0, abs=1e-4)
-    assert end == pytest.approx(7.0, abs=1e-12)
-
-
 def test_a_lag_attenuates_a_sine_as_its_bandwidth_says() -> None:
     """At the bandwidth the amplitude is 1 / sqrt(2)."""
     bandwidth_hz, step_s = 40.0, 1e-5
@@ -54,11 +48,6 @@ def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
     for speed, dry in ((2.0, 0.5 + 0.2), (6.0, 0.5 + 0.04), (0.1, (0.5 + 0.4 / (1 + 0.0025)) * 0.5)):
         loss = friction_torque(np.array([-speed]), motor)
         assert loss == pytest.approx(dry + 0.05 * speed, rel=1e-12)
-
-
-def test_a_stribeck_speed_that_is_not_given_is_five_ramps() -> None:
-    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))
-    assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 
 
 def test_load_friction_is_a_share_of_the_motor_torque() -> None:
@@ -112,13 +101,6 @@ def test_within_the_play_the_joint_is_free() -> None:
     assert at(0.009, 3.0, one(0, 0, 50, 2, 0), motor) == 0.0
     assert at(0.011, 3.0, one(0, 0, 50, 2, 0), motor) == pytest.approx(-0.05 - 6.0)
     assert at(0.009, 3.0, one(0, 0, 0, 2, 0), motor) == pytest.approx(-6.0)
-
-
-def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
-    """Stiffness 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
-    motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
-    assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
-    assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)
 
 
 SERVO = """<mujoco><worldbody>

@@ -1,6 +1,5 @@
 """The standing height: where the feet touch, and refused where they do not."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,7 +11,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
-from footfall.robots.stance import base_corners, foot_places, in_default_pose, touching_height
+from footfall.robots.stance import base_corners, in_default_pose, touching_height
 
 # Thigh and shank of 0.213 m at 0.9 rad, then the hip's 0.08 m, all turned by 0.1 rad.
 FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
@@ -55,16 +54,6 @@ def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder:
         assert (data.ncon > 0) is touches
 
 
-def test_the_lowest_foot_decides(go1: Robot, own_folder: Path) -> None:
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
-    short = '<geom name="RL_foot" class="foot"/>'
-    assert short in text
-    xml.write_text(text.replace(short, '<geom name="RL_foot" class="foot" pos="0 0 -0.15"/>'))
-    touching = touching_height(go1.description, load_spec(xml).compile())
-    assert touching == pytest.approx(FOOT_BELOW_BASE_M + 0.023)
-
-
 @pytest.mark.parametrize(("said", "true"), [(0.278, False), (2.0, False), (0.299, True), (0.290, True)])
 def test_a_height_at_which_no_foot_touches_is_refused(own_folder: Path, said: float, true: bool) -> None:
     declaration = own_folder / "robot.yaml"
@@ -97,14 +86,6 @@ def odd(own_folder: Path) -> Robot:
     )
     declaration.write_text(bent)
     return load_robot(own_folder)
-
-
-def test_in_the_default_pose_the_base_is_level_and_other_joints_are_where_they_start(odd: Robot) -> None:
-    model = load_spec(odd.xml_path).compile()
-    qpos = in_default_pose(model, odd.description).qpos
-    assert qpos[:8].tolist() == [0.7, 0, 0, 0, 1, 0, 0, 0]
-    assert qpos[model.joint("tail").qposadr[0]] == 0.4
-    np.testing.assert_array_equal(qpos[joint_addresses(model, odd)[0]], odd.default_pose)
 
 
 def test_the_rigid_body_is_what_mujoco_sees_turn_and_move_as_one(odd: Robot) -> None:
@@ -140,15 +121,6 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
         mujoco.mj_inverse(model, data)
         np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ wanted, atol=1e-9)
         assert np.abs(data.qfrc_inverse[base]).max() > 0.1
-
-
-def test_a_foot_of_several_geoms_is_in_their_middle(go1: Robot) -> None:
-    feet = list(go1.description.feet)
-    feet[1] = replace(feet[1], geoms=("FL_foot", "FR_foot"))
-    model = load_spec(go1.xml_path).compile()
-    places = foot_places(replace(go1.description, feet=tuple(feet)), model)
-    np.testing.assert_allclose(places[1], (places[0] + foot_places(go1.description, model)[1]) / 2)
-    assert places[1, 1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_box_around_the_base_holds_all_that_can_touch_and_nothing_else(

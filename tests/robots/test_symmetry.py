@@ -49,12 +49,6 @@ def test_each_kind_of_numbers_has_its_size_and_its_image(
     assert mirrored.dtype == np.float32
 
 
-def test_a_single_number_has_no_axis() -> None:
-    assert kinds.SCALAR.shape(PARTS) == ()
-    assert kinds.CLOCK.shape(PARTS) == (2,)
-    assert kinds.JOINTS.shape(Parts(7)) == (7,)
-
-
 def test_rotations_are_mirrored_as_the_motion_is() -> None:
     """A small turn r x p of a point, seen in the mirror, is the mirrored turn of the mirrored point."""
     turn, point = np.array([0.3, -0.5, 0.7]), np.array([1.1, 0.4, -0.8])
@@ -166,8 +160,3 @@ def test_the_clock_changes_its_sign_where_partners_take_turns(
 def test_a_gait_that_has_no_image_is_refused(go1: Robot) -> None:
     with pytest.raises(UserError, match="no mirror image"):
         find_symmetry(go1, np.array([0.0, 0.5, 0.25, 0.25]))
-
-
-def test_a_clock_keeps_its_sign_where_partners_step_together() -> None:
-    together = SYMMETRY._replace(clock=1.0)
-    assert kinds.CLOCK.mirror(together)(np.array([3.0, 4.0])).tolist() == [3.0, 4.0]

@@ -61,24 +61,13 @@ class TestModel:
         loss_w = np.array([m.winding_resistance_ohm for m in motors]) * current_a**2
         np.testing.assert_allclose(temperature_c - 25.0, 2.0 * loss_w * (1 - np.exp(-1)), rtol=1e-12)
 
-    def test_a_motor_without_current_cools_to_the_air(self, heated: Robot) -> None:
-        cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
-        np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
-
     def test_the_current_limit_falls_between_two_temperatures(self, heated: Robot) -> None:
         for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
             left = allowed(np.full(N, temperature_c), winding_of(heated))
             np.testing.assert_allclose(left, share, rtol=1e-12)
 
-    def test_without_derating_heat_takes_nothing(self, go1: Robot) -> None:
-        winding = winding_of(warm(go1, derating_c=None))
-        np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
-
 
 class TestDeclaration:
-    def test_a_robot_without_it_has_no_winding(self, go1: Robot) -> None:
-        assert go1.winding is None
-
     @pytest.mark.parametrize(
         ("given", "complaint"),
         [
@@ -169,9 +158,3 @@ class TestTraining:
             for each in step:
                 ours = warmed(ours, each**2, winding_of(heated), env.period_s / len(step))
         np.testing.assert_allclose(theirs, ours, rtol=1e-3)
-
-    def test_motors_are_derated(self, heated: Robot) -> None:
-        actuation = LocomotionEnv(heated, CONFIG).actuation
-        targets = jnp.tile(jnp.asarray(heated.default_pose), (10, 1))
-        drive = actuation.drive(targets, {}, None, jnp.full(N, 110.0))
-        np.testing.assert_allclose(drive.motor.peak_torque, 0.25 * heated.motor.peak_torque, rtol=1e-6)

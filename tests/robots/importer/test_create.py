@@ -16,12 +16,9 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stand import StandConfig
 from footfall.policies.registry import controllers_of, load_policy
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
-from footfall.robots.importer.motors import choose_drive, with_armature
 from footfall.robots.importer.read import read_source
 from footfall.robots.importer.shapes import Kind
-from footfall.robots.importer.statics import Statics
 from footfall.train.config import load_preset
 
 
@@ -74,17 +71,6 @@ class TestWhatIsKept:
         wanted = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
         assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(wanted, abs=1e-5)
 
-    def test_a_urdf_says_nothing_of_friction(self, four: tuple[Robot, Imported]) -> None:
-        robot, made = four
-        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
-        feet = [model.geom(foot.geoms[0]) for foot in robot.description.feet]
-        assert [(foot.friction[0], foot.priority[0]) for foot in feet] == [(0.8, 1)] * 4
-        assert "friction of the feet on the ground: 0.8" in made.guesses
-
-    def test_an_imu_where_the_file_has_one(self, four: tuple[Robot, Imported]) -> None:
-        model = mujoco.MjModel.from_xml_path(str(four[0].xml_path))
-        assert model.site("imu").pos == pytest.approx([0.03, -0.02, 0.05])
-
     def test_a_given_reflected_inertia(self, two: tuple[Robot, Imported]) -> None:
         robot, made = two
         assert robot.armature[robot.joint_index("left_knee")] == pytest.approx(0.03)
@@ -105,16 +91,6 @@ class TestWhatIsMade:
         low, high = robot.soft_limits
         assert (low < robot.default_pose).all()
         assert (robot.default_pose < high).all()
-
-    def test_a_pose_with_the_centre_of_mass_above_the_feet(self, four: tuple[Robot, Imported]) -> None:
-        robot, _ = four
-        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
-        data = mujoco.MjData(model)
-        for name, angle in zip(robot.joint_names, robot.default_pose, strict=True):
-            data.joint(name).qpos = angle
-        mujoco.mj_forward(model, data)
-        away = data.subtree_com[1] - data.xpos[1] - robot.foot_places.mean(axis=0)
-        assert away[:2] == pytest.approx([0.0, 0.0], abs=0.01)
 
     def test_the_other_side_mirrored_to_the_last_digit(self, two: tuple[Robot, Imported]) -> None:
         robot, _ = two
@@ -191,18 +167,6 @@ class TestWhatIsMade:
             assert [float(model.geom(name).size[0]) for name in foot.geoms] == [0.006, 0.008, 0.01]
         assert ((model.geom_type == Kind.mjGEOM_CAPSULE) & (model.geom_contype != 0)).sum() == 2 * 3
 
-    def test_the_gains_let_no_joint_sag(self, tmp_path: Path) -> None:
-        """3 N m on the last joint, 0.12 rad at most: 25 N m/rad, where 4 N m motors alone would have 5.3."""
-        (tmp_path / "m.urdf").write_text(quadruped())
-        source = read_source(tmp_path / "m.urdf")
-        machine, _ = build_machine(source, "dog")
-        peak = dict.fromkeys((hinge.name for hinge in machine.hinges), 4.0)
-        machine, _ = with_armature(machine, peak, {})
-        torque = np.append(np.zeros(11), -3.0)
-        drive = choose_drive(machine, source, peak, {}, Statics(torque, np.zeros((0, 0)), np.zeros((12, 0))))
-        kp = 1.7e-4 * 4.0 * (2 * np.pi * drive.natural_frequency_hz) ** 2
-        assert 25.0 <= kp < 27.0
-
     def test_reflected_inertia_is_estimated_from_the_torque_and_said_to_be(
         self, four: tuple[Robot, Imported]
     ) -> None:
@@ -262,18 +226,9 @@ class TestWishes:
         assert [foot.name for foot in robot.description.feet] == ["FL", "FR", "RL"]
         assert len(robot.joint_names) == 9
 
-    def test_from_the_command_line(self, tmp_path: Path, quick: None) -> None:
-        (tmp_path / "m.urdf").write_text(quadruped())
-        arguments = ["--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]
-        assert main(["robot", "new", *arguments, "--peak-torque", "hip=9,knee=10.5"]) == 0
-        robot = load_robot(tmp_path / "dog")
-        assert robot.motor.peak_torque[:3] == pytest.approx([21.0, 9.0, 10.5])
-
 
 class TestRefusals:
     """One line, exit status 2, and nothing written."""
-
-    KNEE = '<limit lower="-2.3{0}" upper="-0.4" effort="2{0}" velocity="1{0}"/>'
 
     @pytest.mark.parametrize(
         ("text", "reason"),
@@ -366,16 +321,6 @@ class TestRefusals:
         (guess,) = (guess for guess in made.guesses if "without limits" in guess)
         assert all(f"{leg}_knee" in guess for leg in HIPS)
 
-    def test_hinges_without_limits_of_an_mjcf_are_given_a_range_and_named_at_once(
-        self, tmp_path: Path
-    ) -> None:
-        text = BIPED_MJCF.replace(' range="-1.8 0.6"', "").replace(' range="0 2.2"', "")
-        robot, made = make(tmp_path, text, "xml")
-        hip = robot.joint_index("right_hip")
-        assert (robot.lower_rad[hip], robot.upper_rad[hip]) == pytest.approx((-np.pi, np.pi))
-        (guess,) = (guess for guess in made.guesses if "without limits" in guess)
-        assert all(f"{side}_{part}" in guess for side in ("left", "right") for part in ("hip", "knee"))
-
 
 def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:
     """Of the base, then of the joints, in the order given."""
@@ -404,13 +349,6 @@ class TestControllers:
         robot, _ = four
         assert controller_settings(robot, "stand", StandConfig).kp >= robot.kp.max() * (1.0 - 1e-3)
 
-    def test_commands_follow_from_the_length_of_the_legs(
-        self, four: tuple[Robot, Imported], two: tuple[Robot, Imported]
-    ) -> None:
-        """0.45 and 0.25 of sqrt(g L): legs of about 0.42 m and 0.69 m."""
-        assert four[0].description.commands.forward_m_s == (-0.9, 0.9)
-        assert two[0].description.commands.forward_m_s == (-0.7, 0.7)
-
 
 class TestCreate:
     def request(self, tmp_path: Path, folder: str = "made", **wishes: Any) -> ImportRequest:
@@ -424,17 +362,6 @@ class TestCreate:
         assert made.folder == tmp_path / "new/deep/my dog-2_x"
         assert load_robot(made.folder).name == "my_dog-2_x"
         assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
-
-    @pytest.mark.parametrize("wish", ["peak_torque_nm", "speed_rad_s", "armature"])
-    def test_a_wish_for_a_joint_that_there_is_not_is_refused(self, tmp_path: Path, wish: str) -> None:
-        with pytest.raises(UserError, match="no joint has 'wrist' in its name"):
-            import_robot(self.request(tmp_path, **{wish: {"wrist": 3.0}}))
-        assert not (tmp_path / "made").exists()
-
-    def test_a_link_to_nowhere_is_a_folder_that_exists(self, tmp_path: Path) -> None:
-        (tmp_path / "made").symlink_to(tmp_path / "nowhere")
-        with pytest.raises(UserError, match="exists already"):
-            import_robot(self.request(tmp_path))
 
     def test_what_cannot_be_loaded_is_not_left_behind(self, tmp_path: Path) -> None:
         """Joints of so much damping that the plant's steps cannot follow it."""

@@ -90,16 +90,6 @@ class TestFeet:
         assert [g.shape.position[2] - g.shape.size[0] for g in others] == pytest.approx([0.006] * 3)
         assert len(foot_of(*rods, joints=3)[0]) == 1
 
-    def test_parts_that_are_called_feet_go_before_lower_ones(self) -> None:
-        feet, others = foot_of(ball("spur", -0.3), ball("paw", -0.2, of_body="foot"), feet=["foot"])
-        assert [g.name for g in feet] == ["FL_foot"]
-        assert feet[0].shape.position[2] == pytest.approx(-0.18)
-        assert [g.name for g in others] == ["spur"]
-
-    def test_down_is_where_the_link_says_that_it_is(self) -> None:
-        feet, _ = foot_of(ball("a", -0.2), ball("b", 0.16), up=-UP)
-        assert feet[0].shape.position[2] == pytest.approx(0.18)
-
     @pytest.mark.parametrize(("half_height", "radius"), [(0.02, 0.005), (0.008, 0.004)])
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_a_sole_stands_on_balls_at_its_corners_and_the_rest_is_clear_of_the_ground(
@@ -145,11 +135,6 @@ class TestFeet:
         rest = others[0].shape
         ends = rest.position[2] + np.array([-1.0, 1.0]) * (rest.size[1] + rest.size[0])
         assert ends == pytest.approx([-0.2, 0.03])
-
-    def test_a_thick_rod_ends_in_a_ball_of_four_centimetres(self) -> None:
-        feet, _ = foot_of(geom("rod", Kind.mjGEOM_CAPSULE, [0.07, 0.1], [0.0, 0.0, -0.1]))
-        assert feet[0].shape.size[0] == 0.04
-        assert feet[0].shape.position[2] == pytest.approx(-0.27 + 0.04)
 
     def test_a_tall_box_ends_in_a_ball_as_wide_as_its_narrow_side(self) -> None:
         feet, others = foot_of(geom("box", Kind.mjGEOM_BOX, [0.03, 0.02, 0.1], [0.1, 0.0, -0.1]))

@@ -30,11 +30,6 @@ class TestLimbs:
         limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
         assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
 
-    def test_names_go_before_depth_but_not_above_the_base(self, tmp_path: Path) -> None:
-        limbs = hanging("tail", 0.0, 0.9), hanging("foot_1", 0.1, 0.3), hanging("foot_2", -0.1, 0.2)
-        up = hanging("foot_3", 0.3, -0.3)
-        assert feet_of(read(tmp_path, on_base(*limbs, up))) == ["foot_1", "foot_2"]
-
     def test_a_geom_or_a_site_may_bear_the_name(self, tmp_path: Path) -> None:
         one = hanging("a", 0.1, 0.2, '<site name="left_foot"/>')
         two = hanging("b", -0.1, 0.2, '<geom name="right_foot" size="0.01" mass="0"/>')
@@ -96,8 +91,3 @@ class TestLimbs:
         assert old in text
         with pytest.raises(UserError, match=says):
             find_limbs(read(tmp_path, text.replace(old, new)))
-
-    def test_a_loop_that_is_switched_off_closes_nothing(self, tmp_path: Path) -> None:
-        loop = '<equality><weld body1="a" body2="b" active="false"/></equality>'
-        source = read(tmp_path, on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra=loop))
-        assert feet_of(source) == ["a", "b"]

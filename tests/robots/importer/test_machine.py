@@ -67,13 +67,6 @@ class TestMachine:
             (f"{s}_roll", f"{s}_pitch", f"{s}_knee") for s in "lr"
         ]
 
-    def test_each_hinge_keeps_its_own_figures(self, machine: Machine) -> None:
-        hinges = {hinge.name: hinge for hinge in machine.hinges}
-        roll, knee = hinges["r_roll"], hinges["l_knee"]
-        assert (roll.low, roll.high, roll.zero, roll.damping, roll.friction) == (-0.6, 0.9, 0.3, 0.3, 0.0)
-        assert (knee.low, knee.high, knee.zero, hinges["r_pitch"].friction) == (-2.0, -0.1, -0.5, 0.4)
-        np.testing.assert_allclose(roll.anchor, [0.01, 0.02, -0.03])
-
     def test_a_foot_keeps_its_friction_and_what_it_collides_with(self, machine: Machine) -> None:
         model = mujoco.MjModel.from_xml_string(model_xml(machine))
         foot = model.geom(machine.legs[1].geoms[0])
@@ -84,14 +77,6 @@ class TestMachine:
         """0.05 m ahead and 0.1 m up, and 0.02 and 0.01 m along axes that are turned by 0.5 rad about y."""
         along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
         np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
-
-    def test_what_is_named_imu_on_a_limb_is_none(self, tmp_path: Path) -> None:
-        text = ODD.replace("My_IMU", "mark").replace('<body name="imu_box" pos="1 1 1"/>', "")
-        machine, guesses = build_machine(
-            read(tmp_path, text.replace('name="l_bracket"', 'name="l_imu"')), "odd"
-        )
-        assert not machine.imu.any()
-        assert any("IMU: at the origin of 'pelvis'" in guess for guess in guesses)
 
     def test_only_joints_of_the_robot_that_lead_to_no_foot_are_said_to_be_rigid(self, source: Source) -> None:
         _, guesses = build_machine(source, "odd")

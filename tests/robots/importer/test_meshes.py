@@ -9,7 +9,6 @@ from foreign_robots import make, quadruped
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.meshes import read_points
-from footfall.robots.importer.read import read_source
 
 
 class TestMeshes:
@@ -26,20 +25,6 @@ class TestMeshes:
         robot, _ = make(tmp_path, text, packages=(tmp_path / "elsewhere",))
         assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
         assert -robot.foot_places[0, 2] > 0.3
-
-    def test_beside_the_urdf(self, tmp_path: Path) -> None:
-        (tmp_path / "foot.obj").write_text(self.OBJ)
-        foot = '<collision><geometry><mesh filename="foot.obj"/></geometry></collision>'
-        (tmp_path / "m.urdf").write_text(quadruped(foot=foot))
-        points = next(iter(read_source(tmp_path / "m.urdf").meshes.values()))
-        assert points.max(axis=0) == pytest.approx([0.35, 0.06, -0.21])
-
-    def test_stl_as_text(self, tmp_path: Path) -> None:
-        (tmp_path / "a.stl").write_text(
-            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 4 5.5 6\nvertex -1 0 1e-1\n"
-        )
-        points = read_points(tmp_path / "a.stl", np.array([1.0, 2.0, -1.0]))
-        assert points == pytest.approx(np.array([[1, 4, -3], [4, 11, -6], [-1, 0, -0.1]]))
 
     def test_collada_through_its_scene(self, tmp_path: Path) -> None:
         """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""

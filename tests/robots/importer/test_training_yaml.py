@@ -77,18 +77,6 @@ def test_what_differs_between_no_robots_is_left_out(tmp_path: Path) -> None:
     assert yaml.safe_load(text) == {"com_offset_m": {"low": 0.0, "high": 0.04}}
 
 
-def test_no_load_takes_more_than_half_of_the_base_away(tmp_path: Path) -> None:
-    machine = machine_of(tmp_path, 39.0)
-    light = dataclasses.replace(machine.links[0], mass=1.2)
-    light_based = dataclasses.replace(machine, links=(light, *machine.links[1:]))
-    assert ranges_of(light_based, 0.45)["payload_kg"]["low"] == -0.6
-
-
-def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: Path) -> None:
-    ranges = written(tmp_path, 0.45, 13.0)["commands"]["ranges"]
-    assert ranges == {"forward_m_s": [-1.2, 1.8], "leftward_m_s": [-0.6, 0.6], "yaw_rad_s": [-0.96, 0.96]}
-
-
 @pytest.mark.parametrize(
     ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
 )
