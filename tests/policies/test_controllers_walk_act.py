@@ -151,6 +151,19 @@ class TestHeading:
             policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (0.0, 0.0, 0.5)))
         assert turns[-1] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
 
+    def test_a_robot_that_stands_keeps_to_none(self) -> None:
+        """Turned by half a circle meanwhile, it sets off like one that keeps to no heading at all."""
+        both = Walk(ROBOT, "trot", replace(CONFIG, heading=self.CONFIG)), make()
+        positions = []
+        for policy in both:
+            policy.reset(seen())
+            policy.act(seen(CONFIG.settle_s, FORWARD, yaw=1.0))
+            for k in range(2 * PERIOD):
+                policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
+            off = [policy.act(seen(CONFIG.settle_s + 2.0, FORWARD, yaw=-2.0)) for _ in range(20)]
+            positions.append([told.position for told in off])
+        np.testing.assert_array_equal(*positions)
+
 
 class TestGround:
     """Feet that stand by the clock and bear nothing, and feet that fly by it and bear something."""
