@@ -35,10 +35,6 @@ def test_a_kind_is_known_by_its_model_and_features_not_by_its_clock(
     assert kind(tmp_path, monkeypatch, flags="sse") != first
 
 
-def test_each_kind_has_a_folder_of_its_own(home: Path) -> None:
-    assert compilation_cache() == home / "footfall" / "jax" / processor_kind()
-
-
 def test_a_folder_that_the_user_names_is_taken_as_it_is(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(home / "mine"))
     assert compilation_cache() == home / "mine"

@@ -1,7 +1,6 @@
 """Files that no other user may have written."""
 
 import os
-import stat
 from pathlib import Path
 
 import pytest
@@ -27,13 +26,6 @@ def test_a_file_that_others_may_write_is_refused(file: Path, mode: int) -> None:
     file.chmod(mode)
     with pytest.raises(NotPrivateError, match=r"others may write to .*one"):
         read_private(file)
-
-
-def test_a_folder_that_others_may_write_is_refused_for_reading_and_writing(file: Path) -> None:
-    file.parent.chmod(0o770)
-    for use in (lambda: read_private(file), lambda: write_private(file, b"more")):
-        with pytest.raises(NotPrivateError, match=r"others may write to .*programs"):
-            use()
 
 
 def test_what_belongs_to_another_user_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,14 +72,6 @@ def test_a_folder_with_what_others_may_have_written_is_refused(
 
 
 class TestPrivateFiles:
-    def test_folder_and_file_are_for_their_owner_alone(self, tmp_path: Path) -> None:
-        path = tmp_path / "deep" / "folder" / "file"
-        write_private(path, b"mine")
-        write_private(path, b"mine again")
-        assert read_private(path) == b"mine again"
-        assert stat.S_IMODE(path.stat().st_mode) == 0o600
-        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
-
     @pytest.mark.parametrize("mode", [0o720, 0o702])
     def test_neither_group_nor_others_may_write_to_its_folder(self, tmp_path: Path, mode: int) -> None:
         path = tmp_path / "folder" / "file"

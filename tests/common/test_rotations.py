@@ -14,7 +14,6 @@ QUATERNIONS /= np.linalg.norm(QUATERNIONS, axis=1, keepdims=True)
 VECTORS = RNG.normal(size=(6, 3))
 YAW_90 = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
 ROLL_90 = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
-PITCH_30 = np.array([np.cos(np.pi / 12), 0.0, np.sin(np.pi / 12), 0.0])
 
 
 def matrix(quaternion: np.ndarray) -> np.ndarray:
@@ -71,47 +70,12 @@ def test_gravity_of_a_robot_on_its_right_side_points_to_its_right() -> None:
     np.testing.assert_allclose(rotations.projected_gravity(ROLL_90), [0.0, -1.0, 0.0], atol=1e-12)
 
 
-def test_heading_and_tilt_are_apart() -> None:
-    turned_and_pitched = rotations.multiply(YAW_90, PITCH_30)
-    assert rotations.heading(turned_and_pitched) == pytest.approx(np.pi / 2)
-    assert rotations.tilt(turned_and_pitched) == pytest.approx(np.pi / 6)
-    assert rotations.tilt(ROLL_90) == pytest.approx(np.pi / 2)
-    assert rotations.tilt(np.array([1.0, 1e-9, 0.0, 0.0])) == 0.0
-    assert rotations.tilt(ROLL_90.tolist()) == rotations.tilt(ROLL_90)
-
-
 def test_roll_pitch_yaw_are_those_of_z_y_x_order() -> None:
     angles = (0.3, -0.7, 2.1)
     half = [np.array([np.cos(a / 2), *(np.sin(a / 2) * np.eye(3)[k])]) for k, a in enumerate(angles)]
     quaternion = product(half[2], product(half[1], half[0]))
     assert rotations.roll_pitch_yaw(rotations.rotation_matrix(quaternion)) == pytest.approx(angles)
     assert rotations.heading(quaternion) == pytest.approx(2.1)
-
-
-def test_heading_matrix_turns_forward_to_the_left() -> None:
-    np.testing.assert_allclose(rotations.heading_matrix(np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize(("angle", "wrapped"), [(3.2, 3.2 - 2 * np.pi), (-3.2, 2 * np.pi - 3.2), (0.5, 0.5)])
-def test_angles_are_wrapped_to_half_a_turn(angle: float, wrapped: float) -> None:
-    assert rotations.wrap_angle(angle) == pytest.approx(wrapped)
-
-
-def test_cross_products_are_numpys() -> None:
-    np.testing.assert_allclose(
-        rotations.cross(VECTORS[0], VECTORS), np.cross(VECTORS[0], VECTORS), atol=1e-12
-    )
-    np.testing.assert_allclose(rotations.skew(VECTORS[0]) @ VECTORS[1], np.cross(VECTORS[0], VECTORS[1]))
-    np.testing.assert_allclose(
-        rotations.skews(VECTORS) @ VECTORS[1], np.cross(VECTORS, VECTORS[1]), atol=1e-12
-    )
-
-
-def test_normalised_vectors_keep_their_direction() -> None:
-    np.testing.assert_allclose(
-        rotations.normalised(np.array([[0.0, 3.0, 4.0], [0.0, -2.0, 0.0]])),
-        [[0.0, 0.6, 0.8], [0.0, -1.0, 0.0]],
-    )
 
 
 TURNS = Rotation.from_quat(QUATERNIONS, scalar_first=True)
@@ -171,13 +135,6 @@ def test_angles_come_back_into_half_a_turn_from_wherever(turns: int) -> None:
         wrapped = rotations.wrap_angle(angle + 2 * np.pi * turns)
         assert wrapped == pytest.approx(angle, abs=1e-9) or wrapped == pytest.approx(angle + 2 * np.pi)
     assert rotations.wrap_angle(np.pi) == -np.pi
-
-
-def test_unit_vectors_of_a_batch_are_each_by_themselves() -> None:
-    vectors = RNG.normal(size=(2, 5, 4))
-    expected = vectors / np.linalg.norm(vectors, axis=-1)[..., None]
-    np.testing.assert_allclose(rotations.normalised(vectors), expected)
-    np.testing.assert_allclose(rotations.normalised(np.array([3.0, -4.0])), [0.6, -0.8])
 
 
 def test_a_cross_product_of_rows_is_numpys_for_any_shape() -> None:

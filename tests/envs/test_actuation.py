@@ -93,28 +93,6 @@ class TestActuation:
             with pytest.raises(UserError, match=f"{name}: {complaint}"):
                 LocomotionEnv(ROBOT, config)
 
-    def test_targets_stay_within_the_soft_limits_and_the_rate(self) -> None:
-        actuation = Actuation(ROBOT, CONFIG)
-        default = jnp.asarray(ROBOT.default_pose, dtype=jnp.float32)
-        far = jnp.tile(default + 100.0, (3, 1))
-        targets = np.asarray(actuation.targets(far, default, {}))
-        step = ROBOT.description.target_rate_rad_s * CONFIG.timestep_s
-        expected = np.minimum(ROBOT.default_pose + step, ROBOT.soft_limits[1])
-        np.testing.assert_allclose(targets[0], expected, rtol=1e-5)
-        near = jnp.asarray(ROBOT.soft_limits[1] - 1.5 * step, dtype=jnp.float32)
-        targets = np.asarray(actuation.targets(far, near, {}))
-        np.testing.assert_allclose(targets[-1], ROBOT.soft_limits[1], rtol=1e-5)
-
-    def test_the_sampled_motors_get_their_own_gains_strength_and_bias(self) -> None:
-        sample = {"kp": jnp.full(N, 1.1), "kd": jnp.full(N, 0.8), "motor_strength": jnp.full(N, 0.9)}
-        actuation = Actuation(ROBOT, CONFIG)
-        drive = actuation.drive(jnp.zeros((4, N)), sample | {"encoder_bias": jnp.full(N, 0.02)})
-        np.testing.assert_allclose(drive.kp, 1.1 * ROBOT.kp, rtol=1e-6)
-        np.testing.assert_allclose(drive.kd, 0.8 * ROBOT.kd, rtol=1e-6)
-        np.testing.assert_allclose(drive.motor.strength, 0.9 * ROBOT.motor.strength, rtol=1e-6)
-        np.testing.assert_allclose(drive.encoder_bias, np.full(N, 0.02), rtol=1e-6)
-        np.testing.assert_array_equal(actuation.drive(jnp.zeros((4, N)), {}).encoder_bias, np.zeros(N))
-
 
 def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
     """And the added inertia is half a step of its slope in velocity, here by differences."""

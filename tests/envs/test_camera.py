@@ -1,16 +1,14 @@
 """Pictures and information of the gymnasium face."""
 
-from dataclasses import replace
 from typing import Any
 
-import gymnasium
 import mujoco
 import numpy as np
 import pytest
 
 from footfall.envs import camera, gymnasium_env
 from footfall.envs.camera import Camera
-from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv
+from footfall.envs.gymnasium_env import GymnasiumVectorEnv
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 
@@ -71,14 +69,6 @@ class TestPictures:
         assert [each[0][0] for each in renderer[1:]] == [1.0, 2.0]
         many.close()
         assert renderer[-1] == ("closed",)
-
-    def test_nothing_is_shown_unless_asked_for(self, renderer: list[Any]) -> None:
-        one = GymnasiumEnv(ROBOT, SMOKE)
-        one.state = type("S", (), {"qpos": np.zeros(19)})()
-        assert one.render() is None
-        assert one.metadata["render_fps"] == 50
-        assert GymnasiumVectorEnv(ROBOT, replace(SMOKE, control_rate_hz=25.0)).metadata["render_fps"] == 25
-        assert gymnasium.Env.metadata.get("render_fps") is None
 
 
 def test_information_is_of_the_episodes_that_go_on_and_of_those_that_ended() -> None:

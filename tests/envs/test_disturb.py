@@ -23,7 +23,7 @@ from footfall.envs.task import Task
 from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
-from footfall.envs.terms.events import Occasion, begin_late, drop, push, reset_pose, slope
+from footfall.envs.terms.events import Occasion, drop, push, reset_pose, slope
 from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
@@ -161,12 +161,6 @@ class TestResetPose:
         )
         return np.asarray(state.qpos), np.asarray(state.qvel)
 
-    def test_in_the_middle_it_is_the_default_pose_at_rest(self) -> None:
-        qpos, qvel = self.draw(np.full(31, 0.5))
-        expected = [0, 0, ROBOT.description.standing_height_m, 1, 0, 0, 0, *ROBOT.default_pose]
-        np.testing.assert_allclose(qpos, expected, atol=1e-6)
-        np.testing.assert_array_equal(qvel, np.zeros(18))
-
     def test_it_stands_on_the_ground_wherever_that_is(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Half a metre up where x is 0, and sloping."""
         monkeypatch.setattr(data, "ground_height", lambda place: 0.5 + 0.1 * place[0])
@@ -243,8 +237,3 @@ class TestDrop:
         occasion = Occasion(SCENE, True, jnp.asarray(u, dtype=jnp.float32), 1.0)
         assert int(drop.change(begun, occasion, limp_s=1.5).limp_steps) == 37
         assert drop.change(begun, occasion).limp_steps is None
-
-    def test_an_episode_that_begins_late_is_shorter(self, begun: State) -> None:
-        scene = Scene(MODEL, ROBOT, FEET, 0.02)
-        occasion = Occasion(scene, True, jnp.array([0.5]), 1.0)
-        assert int(begin_late.change(begun, occasion, up_to_s=2.0).steps) == 50

@@ -5,13 +5,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from footfall.envs.config import GaitConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.feet import Feet
-from footfall.envs.gait import make_gait
 from footfall.envs.ground import in_contact
 from footfall.policies.action import gait_reference
-from footfall.policies.gaits import GaitPattern, find_gait
+from footfall.policies.gaits import find_gait
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -59,24 +57,6 @@ class TestFeet:
         feet = Feet(MODEL, ROBOT, CONFIG.timestep_s, find_gait("trot", ROBOT))
         swing = feet.planned_swing(jnp.array([phase], dtype=jnp.float32), jnp.float32(1.0))
         np.testing.assert_allclose(swing, share, atol=1e-5)
-
-    def test_the_reference_lifts_each_foot_straight_up(self) -> None:
-        gait = make_gait(ROBOT, GaitConfig("trot", reference_lift_m=0.05))
-        data, feet = mujoco.MjData(MODEL), []
-        for pose in (ROBOT.default_pose, ROBOT.default_pose + gait.amplitude_rad):
-            data.qpos[7:] = pose
-            mujoco.mj_kinematics(MODEL, data)
-            feet.append([data.geom(foot.geoms[0]).xpos.copy() for foot in ROBOT.description.feet])
-        np.testing.assert_allclose(np.subtract(feet[1], feet[0]), np.tile([0, 0, 0.05], (4, 1)), atol=1e-4)
-
-    def test_a_foot_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(self) -> None:
-        crawl = GaitPattern(0.5, np.arange(4) / 4)
-        swing = Feet(MODEL, ROBOT, 0.005, crawl).planned_swing(jnp.zeros(1), jnp.float32(1.0))
-        np.testing.assert_allclose(swing, [0, 1, 0, 0], atol=1e-6)
-
-    def test_without_a_gait_no_swing_is_planned(self) -> None:
-        swing = Feet(MODEL, ROBOT, 0.005, None).planned_swing(jnp.full(1, 0.3), jnp.float32(1.0))
-        np.testing.assert_array_equal(swing, np.zeros(4))
 
 
 def test_feet_of_two_sizes_have_each_its_own_clearance() -> None:

@@ -116,12 +116,6 @@ def test_afterwards_jax_is_what_it_was() -> None:
     assert (jax.lax.scan, jax.ops.segment_sum, jnp.insert) == (scan, sums, insertion)
 
 
-def test_a_processor_is_traced_for_as_ever() -> None:
-    scan = jax.lax.scan
-    with fewer_kernels():
-        assert jax.lax.scan is scan
-
-
 def operations(given: jax.stages.Lowered) -> Counter[str]:
     """How often each operation stands in what XLA is given."""
     return Counter(re.findall(r'stablehlo\.(\w+)"?\(', given.as_text()))

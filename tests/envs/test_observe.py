@@ -75,14 +75,6 @@ class TestObserver:
         noisy = tilted + np.array([0.1, 0.0, 0.0])
         np.testing.assert_allclose(seen[3:6], noisy / np.linalg.norm(noisy), atol=1e-6)
 
-    def test_noise_of_positions_and_velocities_is_drawn_apart(self) -> None:
-        observer, env = self.make(Noise(joint_position=0.1, joint_velocity=0.1))
-        state, _ = env.reset(jax.random.PRNGKey(0))
-        u = jax.random.uniform(jax.random.PRNGKey(1), (4000, observer.numbers))
-        seen = jax.vmap(lambda each: observer.observe(state, jnp.zeros((8, 30)), each)[1])(u)
-        correlation = np.corrcoef(np.asarray(seen)[:, [*range(6, 18), *range(18, 30)]].T)
-        assert np.abs(correlation - np.eye(24)).max() < 0.1
-
     def test_the_observation_is_as_old_as_its_delay(self) -> None:
         observer, env = self.make(Noise(), observation_delay_s=1.5 * CONFIG.timestep_s)
         state, _ = env.reset(jax.random.PRNGKey(0))

@@ -34,20 +34,11 @@ PERFECT = example_data(SCENE)._replace(
     foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
     swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
 )
-BEST = {
-    name: 1.0
-    for name in ("track_linear", "track_yaw", "alive", "gait_contact", "upright", "raised", "stands")
-}
 
 
 def value(name: str, **changes: object) -> float:
     changed = {key: jnp.asarray(each, dtype=jnp.float32) for key, each in changes.items()}
     return float(REWARDS[name](PERFECT._replace(**changed), **PARAMETERS.get(name, {})))
-
-
-@pytest.mark.parametrize("name", REWARDS)
-def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
-    assert value(name) == pytest.approx(BEST.get(name, 0.0), abs=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -25,23 +25,6 @@ PRESETS = {
 }
 
 
-def test_mirroring_twice_changes_nothing() -> None:
-    joints, feet, bodies, _ = find_symmetry(ROBOT)
-    vector = np.arange(1.0, 13.0)
-    np.testing.assert_array_equal(joints(joints(vector)), vector)
-    np.testing.assert_array_equal(feet[feet], np.arange(4))
-    np.testing.assert_array_equal(bodies[bodies], np.arange(13))
-
-
-def test_partners_have_the_names_one_expects() -> None:
-    joints, feet, *_ = find_symmetry(ROBOT)
-    other = {"L": "R", "R": "L"}
-    names = ROBOT.joint_names
-    assert [names[i] for i in joints.source] == [name[0] + other[name[1]] + name[2:] for name in names]
-    labels = [foot.name for foot in ROBOT.description.feet]
-    assert [labels[i] for i in feet] == [name[0] + other[name[1]] + name[2:] for name in labels]
-
-
 def test_mirrored_torques_move_the_mirrored_robot_to_the_mirror_image() -> None:
     """In the air, but for the trunk's centre of mass, which lies 2 mm off its middle."""
     model = training_model(ROBOT)

@@ -47,10 +47,6 @@ class TestComparison:
         assert self.compared(chosen, file).push_scenario == "late"
         assert self.compared(EvaluationConfig("go1", ("one", "where")), file).push_scenario is None
 
-    def test_summaries_are_by_name_in_the_order_of_the_policies(self) -> None:
-        found = self.compared(EvaluationConfig("go1", ("one",))).summaries("one")
-        assert list(found.items()) == [("b's name", "b"), ("a's name", "a")]
-
 
 def test_brackets_in_a_name_are_no_markup() -> None:
     console = Console(file=io.StringIO(), width=200)
@@ -67,26 +63,6 @@ class TestTable:
         assert [str(column.header) for column in table.columns] == ["", *names]
         rows = zip(*(column.cells for column in table.columns), strict=True)
         return {str(label): list(cells) for label, *cells in rows}
-
-    def test_each_policy_has_its_number_interval_and_the_best_is_green(self) -> None:
-        good = bare("a", 0) | {
-            "fall_rate_interval": [0.0, 0.05], "lin_vel_rmse": 0.2, "lin_vel_rmse_interval": [0.1, 0.3],
-            "peak_torque_nm": 12.34,
-        }  # fmt: skip
-        bad = bare("b", 12) | {
-            "fall_rate_interval": [0.3, 0.7],
-            "lin_vel_rmse": 0.25,
-            "lin_vel_rmse_interval": [0.2, 0.4],
-        }
-        cells = self.cells(bad, good)
-        assert [cell.plain for cell in cells["Falls"]] == ["12 of 24\n30 to 70 %", "0 of 24\n0 to 5 %"]
-        assert [str(cell.style) for cell in cells["Falls"]] == ["", "bold green"]
-        assert [cell.plain for cell in cells["Velocity error (m/s)"]] == [
-            "0.250\n0.200 to 0.400", "0.200\n0.100 to 0.300",
-        ]  # fmt: skip
-        assert [str(cell.style) for cell in cells["Velocity error (m/s)"]] == ["", ""]
-        assert [cell.plain for cell in cells["Peak torque (N m)"]] == ["–", "12.3"]
-        assert list(cells) == ["Falls", "Velocity error (m/s)", "Peak torque (N m)"]
 
     def test_failed_episodes_are_told_by_policy_and_scenario_before_the_notes(self) -> None:
         failed = bare("a") | {"failed_episodes": ["episode 3: no"], "notes": ["no floor"]}

@@ -37,24 +37,6 @@ class TestGeometry:
         np.testing.assert_allclose(shape.rgba, [0.1, 0.2, 0.3, 0.4], atol=1e-6)
         assert (shape.geom, shape.body) == (1, 1)  # the first is the ground
 
-    def test_what_is_drawn_stays_as_it_was_when_the_model_changes(self, go1: Robot) -> None:
-        model = plant_model(go1)
-        shapes = visible_shapes(model)
-        before = [(s.position.copy(), s.quaternion.copy(), s.rgba.copy()) for s in shapes]
-        model.geom_pos[:], model.geom_quat[:], model.geom_rgba[:], model.mat_rgba[:] = 7.0, 7.0, 7.0, 7.0
-        for shape, values in zip(shapes, before, strict=True):
-            for now, then in zip((shape.position, shape.quaternion, shape.rgba), values, strict=True):
-                np.testing.assert_array_equal(now, then)
-
-    def test_a_material_colours_what_has_no_colour_of_its_own(self) -> None:
-        model = mujoco.MjModel.from_xml_string(
-            '<mujoco><asset><material name="m" rgba="1 0 0 1"/></asset><worldbody><body>'
-            '<geom size=".1" material="m"/><geom size=".1" material="m" rgba="0 1 0 1"/><geom size=".1"/>'
-            "</body></worldbody></mujoco>"
-        )
-        colours_of = [shape.rgba.tolist() for shape in visible_shapes(model)]
-        assert colours_of == [[1, 0, 0, 1], [0, 1, 0, 1], [0.5, 0.5, 0.5, 1]]
-
     def test_meshes_are_not_mixed_up(self) -> None:
         corners = " ".join(f"{x} {y} {z}" for x in (0, 1) for y in (0, 2) for z in (0, 3))
         box = f'<mesh name="box" vertex="{corners}"/>'

@@ -107,18 +107,6 @@ class TestCommand:
     def _needs_viser(self) -> None:
         pytest.importorskip("viser")
 
-    def test_a_folder_that_is_no_run_is_told(self, shell: Shell, tmp_path: Path) -> None:
-        assert "no run at" in shell.refuses("watch", tmp_path)
-
-    def test_a_port_that_is_taken_is_told(self, shell: Shell, finished: Path, tmp_path: Path) -> None:
-        with socket.create_server(("localhost", 0)) as taken:
-            port = taken.getsockname()[1]
-            for command in (["watch", finished], ["train", "--watch", "--out", tmp_path / "new"]):
-                complaint = shell.refuses(*command, "--port", str(port))
-                assert f"localhost:{port}" in complaint
-                assert "--port" in complaint
-        assert not (tmp_path / "new").exists()
-
     def test_a_port_that_was_just_let_go_is_free(self) -> None:
         """The system holds it for a while after a connection that the server ended."""
         with socket.create_server(("127.0.0.1", 0)) as server:
@@ -127,10 +115,6 @@ class TestCommand:
                 server.accept()[0].close()
                 assert visitor.recv(1) == b""
         check_page("127.0.0.1", port)
-
-    @pytest.mark.parametrize("host", ["no.such.host.invalid", "203.0.113.1", "a..b"])
-    def test_a_host_that_is_not_ours_is_told(self, shell: Shell, finished: Path, host: str) -> None:
-        assert host in shell.refuses("watch", finished, "--host", host)
 
     def test_without_viser_the_extra_is_named(
         self, shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch

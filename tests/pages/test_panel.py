@@ -95,11 +95,6 @@ class TestCommands:
         page["Follow"].value = False
         assert not panel.follow
 
-    def test_the_status_is_shown(self, panel: Panel, page: PageControls) -> None:
-        for text in ("one", "one", "two"):
-            panel.say(text)
-            assert text in [getattr(each, "content", None) for each in page.by_label.values()]
-
 
 class TestCurves:
     def drawn(self, panel: Panel, path: Path, rows: list[dict[str, Any]]) -> None:
@@ -127,15 +122,6 @@ class TestCurves:
                 steps = np.array([1, 2, 4][:count])
                 np.testing.assert_allclose(chart.data, [steps, scale[n] * (steps + n)])
 
-    def test_a_long_curve_is_thinned_along_both_axes(
-        self, panel: Panel, page: PageControls, tmp_path: Path
-    ) -> None:
-        rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(1001)]
-        self.drawn(panel, tmp_path / "metrics.jsonl", rows)
-        ((steps, values),) = (chart.data for chart in page.charts.values())
-        assert len(steps) == len(values) == 400
-        np.testing.assert_allclose(values, 3.0 * steps)
-
     def test_a_telephone_gets_curves_of_its_own_below_the_controls(
         self, panel: Panel, page: PageControls, tmp_path: Path
     ) -> None:
@@ -152,12 +138,3 @@ class TestCurves:
             assert len(own.charts) == told
         for gone in page.disconnected:
             gone(client)
-
-    def test_a_policy_whose_folder_keeps_no_metrics_awaits_no_curves(
-        self, panel: Panel, page: PageControls, tmp_path: Path
-    ) -> None:
-        def told(finished: bool) -> bool:
-            panel.draw(MetricsFile(tmp_path / "none"), finished)
-            return any("yet" in getattr(each, "content", "") for each in page.by_label.values())
-
-        assert [told(False), told(True)] == [True, False]

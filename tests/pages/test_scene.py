@@ -2,7 +2,6 @@
 
 import socket
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from footfall.pages.geometry import visible_shapes
 from footfall.pages.page import serving
 from footfall.pages.scene import Scene
 from footfall.pages.walk import standing
@@ -69,10 +67,6 @@ class TestScene:
         bodies = list(scene.bodies)
         assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
 
-    def test_an_arrow_of_nothing_is_not_there(self, scene: Scene, data: mujoco.MjData) -> None:
-        scene.show(data, np.array([0.04, 0.0, 0.9]), np.array([0.0, 0.06, 0.0]), follow=False)
-        assert [scene._arrows[name].visible for name in ("command", "velocity")] == [False, True]
-
     def test_the_view_catches_up_with_the_robot_by_tenths_where_it_follows(
         self, scene: Scene, data: mujoco.MjData
     ) -> None:
@@ -84,31 +78,6 @@ class TestScene:
         scene.begin()
         scene.show(data, np.zeros(3), np.zeros(3), follow=True)
         np.testing.assert_allclose(scene._world.position, [-0.3, 0.2, 0.0], atol=1e-6)
-
-    def test_shapes_hang_on_their_bodies(self, go1: Robot) -> None:
-        """With a server that only notes what it is given."""
-        given: dict[str, Any] = {}
-
-        def note(name: str, *args: Any, **named: Any) -> Any:
-            given[name] = (args, named)
-            return SimpleNamespace(name=name)
-
-        drawing = SimpleNamespace(
-            add_frame=note, add_grid=note, add_arrows=note, add_mesh_simple=note,
-            configure_default_lights=lambda **_: None,
-        )  # fmt: skip
-        camera, connected = SimpleNamespace(), []
-        model = plant_model(go1)
-        server: Any = SimpleNamespace(
-            scene=drawing, initial_camera=camera, on_client_connect=connected.append
-        )
-        Scene(server, go1, model)
-        for shape in visible_shapes(model):
-            (vertices, faces), named = given[f"/world/body_{shape.body}/geom_{shape.geom}"]
-            np.testing.assert_array_equal(vertices, shape.vertices)
-            np.testing.assert_array_equal(faces, shape.faces)
-            np.testing.assert_array_equal(named["position"], shape.position)
-            np.testing.assert_array_equal(named["wxyz"], shape.quaternion)
 
     def test_before_anything_walks_the_robot_stands(self, go1: Robot) -> None:
         """In its default pose, its lowest foot on the ground, not its bodies heaped at the origin."""

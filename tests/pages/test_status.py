@@ -26,15 +26,6 @@ class TestStatus:
             setattr(plain, name, value)
         return plain
 
-    def test_what_there_is_nothing_of_is_left_out(self) -> None:
-        text = as_markdown(self.status(episodes=1))
-        assert "| Falls | 0 in 1 starts |" in text
-        assert "Not usable" not in text
-        assert "goes on with" not in text
-        assert "| Training | 500 of 2,000 steps (25%) |" in text
-        assert "the run's policy.onnx" in as_markdown(self.status(iteration=None))
-        assert "2,500 of 2,000 steps (100%)" in as_markdown(self.status(trained_steps=2500))
-
     def test_what_is_waited_for(self) -> None:
         nothing = self.status(policies=0, iteration=None, metrics_age_s=None)
         assert "**waiting for the first checkpoint**" in as_markdown(nothing)

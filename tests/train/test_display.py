@@ -13,7 +13,7 @@ from rich.console import Console
 from training_metrics import METRICS
 
 from footfall.train.runs import display
-from footfall.train.runs.display import Display, metrics_table
+from footfall.train.runs.display import Display
 
 
 class TestTerminal:
@@ -29,12 +29,6 @@ class TestTerminal:
         text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\n", file.getvalue())
         lines = text.splitlines()
         return lines[len(lines) - 1 - lines[::-1].index("512 of 1,024 steps, 1,000 per s") :]
-
-    def test_the_reward_is_first_and_details_are_left_to_the_log(self) -> None:
-        last = self.shown(METRICS)
-        assert last[1].split() == ["reward/total", "1.500", "tracking/linear_error_m_s", "0.250"]
-        assert "learning/kl_mean 4.0e-04" in " ".join(" ".join(last).split())
-        assert not any("policy_dist" in line for line in last)
 
     def test_it_fits_a_small_terminal(self) -> None:
         last = self.shown(METRICS | {f"reward/term_{k}": 0.0 for k in range(40)})
@@ -74,14 +68,3 @@ class TestLines:
             shown.update(10, 1.0, self.METRICS)
             counts.append(out.getvalue().count("\n"))
         assert counts == [1, 1, 2, 2, 3]
-
-    def test_the_table_has_rewards_at_the_left_and_the_rest_by_group(self) -> None:
-        table = metrics_table(self.METRICS, 10)
-        cells = [list(column.cells) for column in table.columns]
-        assert cells == [
-            ["reward/total", "reward/a", "reward/b", ""], ["1.500", "-2.0e-03", "0.250", ""],
-            ["tracking/linear_error_m_s", "tracking/yaw_error_rad_s", "episode/length_s", "learning/kl"],
-            ["0.123", "0.568", "12.340", "0.000"],
-        ]  # fmt: skip
-        assert metrics_table(self.METRICS, 2).row_count == 2
-        assert metrics_table(self.METRICS, 0).row_count == 1

@@ -12,7 +12,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.envs.config import CurriculumConfig, RewardConfig
-from footfall.envs.delays import delayed_goals, delayed_readings
+from footfall.envs.delays import delayed_readings
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.observation import observation_size
 from footfall.robots.description import load_robot
@@ -110,35 +110,6 @@ class TestStep:
 
 
 class TestDelays:
-    period_s, timestep_s = 0.02, 0.005
-    starts_s = np.arange(4) * 0.005
-
-    def arriving(self, delay_s: float, goals: jax.Array) -> np.ndarray:
-        """Targets of the four physics steps of a control step, one joint."""
-        delay = jnp.float32(delay_s)
-        return np.asarray(delayed_goals(goals, delay, self.starts_s, self.timestep_s, self.period_s))[:, 0]
-
-    @pytest.mark.parametrize(
-        ("delay_s", "expected"),
-        [
-            (0.0, [3, 3, 3, 3]),
-            (0.005, [2, 3, 3, 3]),
-            (0.006, [2, 2.8, 3, 3]),  # one millisecond of the second step is over when the target arrives
-            (0.0025, [2.5, 3, 3, 3]),
-            (0.02, [2, 2, 2, 2]),
-            (0.0225, [1.5, 2, 2, 2]),
-            (0.04, [1, 1, 1, 1]),
-        ],
-    )
-    def test_a_target_arrives_when_its_delay_is_over(self, delay_s: float, expected: list[float]) -> None:
-        goals = jnp.array([[3.0], [2.0], [1.0]])
-        assert self.arriving(delay_s, goals) == pytest.approx(expected, abs=1e-5)
-
-    def test_no_delay_is_no_delay(self) -> None:
-        goals = jnp.array([[3.0], [2.0], [1.0]])
-        none = delayed_goals(goals, None, self.starts_s, self.timestep_s, self.period_s)
-        np.testing.assert_array_equal(none, np.full((4, 1), 3.0))
-
     @pytest.mark.parametrize("longest_s", [0.006, 0.015])
     def test_delays_at_the_motors_are_distributed_as_declared(self, longest_s: float) -> None:
         """After a step of the goals from 0 to 1, the target lacks 1 for as long as its delay lasts."""

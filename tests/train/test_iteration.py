@@ -70,15 +70,6 @@ class TestIteration:
         _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(state)
         assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
 
-    def test_each_iteration_draws_anew(self) -> None:
-        env = environment()
-        iterate = make_iteration(env, NETWORKS, CONFIG)
-        first, _, _ = iterate(begun(env))
-        assert int(first.iteration) == 1
-        keys = [iteration_keys(state, CONFIG) for state in (begun(env), first)]
-        assert not np.array_equal(keys[0][1], keys[1][1])
-        assert not np.array_equal(keys[0][2], keys[1][2])
-
 
 class Reaching(NumberEnvironment):
     """Rewards actions by how near they are to one."""

@@ -91,18 +91,6 @@ def test_an_iteration_is_logged_while_the_next_one_is_computed(run: Run) -> None
     assert seen == [(1, 0), (2, 0), (3, 1), (4, 2)]
 
 
-def test_metrics_that_are_computed_already_are_logged_at_once(run: Run) -> None:
-    seen: list[int] = []
-
-    class Immediate(FakeTrainer):
-        def iterate(self) -> dict[str, Any]:
-            seen.append(len(logged(run)))
-            return {name: float(value) for name, value in super().iterate().items()}
-
-    learn(run, Immediate(run), quiet())
-    assert seen == [0, 1, 2, 3]
-
-
 def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) -> None:
     often = replace(run, config=replace(run.config, checkpoint_interval_s=0.0))
     trainer = FakeTrainer(often)

@@ -87,14 +87,6 @@ class TestBfloat16:
             assert not np.array_equal(rounded, exact)
             assert jnp.linalg.norm(rounded - exact) < 0.02 * jnp.linalg.norm(exact)
 
-    def test_inputs_are_of_16_bits_in_whole_blocks(self) -> None:
-        state = begun(environment())
-        inputs = normalised(self.shown(), state.normalizer, self.CONFIG)
-        assert {n: (x.shape, x.dtype) for n, x in inputs.items()} == {
-            n: ((50, 8), jnp.bfloat16) for n in SIZES
-        }
-        assert normalised(self.shown(), state.normalizer, CONFIG)["state"].shape == (50, 3)
-
     def test_hidden_layers_multiply_in_16_bits(self) -> None:
         state, hidden = begun(environment()), len(self.CONFIG.actor_hidden_dims)
         for seen in (self.shown(), normalised(self.shown(), state.normalizer, self.CONFIG)):

@@ -146,11 +146,6 @@ class TestSource:
         with pytest.raises(UserError, match=f"control_rate_hz.*{contract.observation[-1].name} there"):
             check_source(source, fewer, ppo)
 
-    def test_the_actor_in_a_policy_of_the_zoo_is_read(self) -> None:
-        actor = read_exported(ZOO / "go1-flat" / "policy.onnx")
-        assert actor.layers[0][0].shape[0] == actor.mean.size == actor.std.size
-        assert actor.layers[-1][1].shape == (12,)
-
 
 class TestRun:
     def test_the_folder_holds_the_networks_and_tells_where_they_came_from(

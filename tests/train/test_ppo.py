@@ -34,7 +34,6 @@ from ppo_on_numbers import (
 
 from footfall.train.brax import ppo, rollout
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.ppo import LEAST_LEARNING_RATE
 from footfall.train.brax.state import TrainState
 
 pytestmark = pytest.mark.usefixtures("number_steps")
@@ -88,15 +87,6 @@ class TestLearningRate:
     def test_an_actor_that_moves_too_far_is_slowed_down(self) -> None:
         assert self.rates(moved=3.0, limit=1.0) == pytest.approx(RATE / 1.5 ** np.arange(1, 4), rel=1e-5)
 
-    def test_but_not_to_a_halt(self) -> None:
-        rates = self.rates(moved=3.0, limit=1.0, start=1.2 * LEAST_LEARNING_RATE)
-        assert rates == pytest.approx(LEAST_LEARNING_RATE)
-
-    def test_an_actor_that_hardly_moves_is_sped_up(self) -> None:
-        start = 1e-7  # moves it by less than the target
-        rates = self.rates(moved=1e-2, limit=1.0, start=start)
-        assert rates == pytest.approx(start * 1.5 ** np.arange(1, 4), rel=1e-5)
-
     def test_but_never_past_the_limit(self) -> None:
         assert self.rates(moved=1e-2, limit=1.2e-7, start=1e-7) == pytest.approx(1.2e-7)
 
@@ -109,11 +99,6 @@ class TestLearningRate:
         state = state._replace(optimizer=ppo.with_learning_rate(state.optimizer, jnp.float32(0.5)))
         assert learnt(state, rolled_out(env, state))[1]["learning_rate"] == pytest.approx(RATE)
 
-    def test_the_limit_falls_linearly_over_the_training(self) -> None:
-        config = replace(CONFIG, learning_rate=3e-3, final_learning_rate=1e-3, total_steps=10 * 32)
-        limits = [float(config.learning_rate_limit(jnp.float32(done))) for done in (0, 5, 10)]
-        assert limits == pytest.approx([3e-3, 2e-3, 1e-3])
-
 
 def test_a_gradient_is_shortened_to_its_limit() -> None:
     """Adam's first step would hide it: it is the same for any length. Its moments do not."""
@@ -123,14 +108,6 @@ def test_a_gradient_is_shortened_to_its_limit() -> None:
     first_moment = jnp.sqrt(sum(jnp.sum(x**2) for x in jax.tree.leaves(optimizer[-1].inner_state[0].mu)))
     assert losses["gradient_norm"][0, 0] > 0.01  # as it was
     assert float(first_moment) == pytest.approx(0.1 * 0.01, rel=1e-3)  # Adam keeps a tenth of each gradient
-
-
-def test_learning_reads_columns_of_the_rollout() -> None:
-    """Vectors and numbers, of one step and of several."""
-    columns = jnp.array([5, 0, 3])
-    for shape in ((4, 6, 3), (4, 6), (1, 6, 2)):
-        x = jnp.arange(np.prod(shape)).reshape(shape)
-        np.testing.assert_array_equal(ppo._columns(x, columns), x[:, columns])
 
 
 def test_learning_normalises_as_the_behaviour_did() -> None:

@@ -14,7 +14,6 @@ from brax.training.types import Transition
 from number_environment import SIZES, decided
 from ppo_on_numbers import (
     CONFIG,
-    ENVIRONMENTS,
     NETWORKS,
     NOT_MOVED,
     begun,
@@ -27,7 +26,7 @@ from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
 from footfall.train.brax import ppo
 from footfall.train.brax.state import TrainState
-from footfall.train.brax.symmetry import mirror_half, mirrored, with_mirror_images
+from footfall.train.brax.symmetry import mirror_half, mirrored
 
 pytestmark = pytest.mark.usefixtures("number_steps")
 
@@ -71,16 +70,6 @@ class TestMirror:
         loc, scale = NETWORKS.policy_network.apply(*behaviour, image.observation)
         np.testing.assert_allclose(extras["distribution_params"][0], loc, atol=1e-6)
         np.testing.assert_allclose(extras["distribution_params"][1], scale, atol=1e-6)
-
-    def test_images_stand_after_the_environments_in_each_step(self) -> None:
-        state, rollout = self.begun()
-        data = rollout._replace(next_observation={n: x[-1:] for n, x in rollout.observation.items()})
-        behaviour = (state.normalizer, state.params.policy)
-        both = with_mirror_images(data, self.SWAP, NETWORKS, behaviour)
-        images = mirrored(data, self.SWAP, NETWORKS, behaviour)
-        for part, expected in ((slice(None, ENVIRONMENTS), data), (slice(ENVIRONMENTS, None), images)):
-            found = jax.tree.map(lambda x, part=part: x[:, part], both)
-            jax.tree.map(np.testing.assert_array_equal, found, expected)
 
     def test_half_of_the_environments_are_replaced_by_their_images(self) -> None:
         columns = jnp.array([3, 1, 0, 2])
