@@ -100,8 +100,9 @@ class Tests:
         """
         paths = os.pathsep.join([str(copy / "src"), *filter(None, [os.environ.get("PYTHONPATH")])])
         command = [self._python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
+        command += ["-o", "addopts=--import-mode=importlib"]  # else two files of one name fail together
         process = subprocess.Popen(
-            [*command, "-o", "addopts=", f"--basetemp={copy}-tmp-{threading.get_ident()}", *targets],
+            [*command, f"--basetemp={copy}-tmp-{threading.get_ident()}", *targets],
             cwd=copy,
             env=self._environment | {"PYTHONPATH": paths},
             stdout=subprocess.PIPE,

@@ -8,8 +8,8 @@ attitude, with any joint positions inside its limits, and lies for 1.5 s. Then i
 of upright and within 15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with
 RECOVERING; the first try counts.
 
-With `--slope-deg` the ground slopes from the drop on, by up to this angle in any direction. Then a robot is
-upright that is so by gravity or by the slope, and its height is that above the slope.
+With `--slope-deg` the ground slopes from the drop on, by up to this angle in any direction. A robot then
+counts as upright by gravity or by the slope, and its height is measured above the slope.
 """
 
 import argparse
@@ -38,7 +38,7 @@ from footfall.robots.model import joint_addresses, plant_model
 DROP_M, LIE_S, DAMPING_SHARE = 0.3, 1.5, 0.02
 PUSH_M_S, LONGEST_S = 9.0, 20.0
 UPRIGHT_RAD, HEIGHT_SHARE, SLOW_RAD_S, HOLD_S = 0.2, 0.15, 1.0, 0.5
-AFTER_S = 1.0  # of standing that is watched, too
+AFTER_S = 1.0  # of standing, recorded after the robot is up
 
 
 @dataclass

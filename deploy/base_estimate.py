@@ -23,10 +23,10 @@ class Estimator(Protocol):
     def reset(self, sensed: Sensed) -> None: ...
 
     def start(self) -> None:
-        """The pose is zero here and now: the policy takes over."""
+        """Set the pose to zero: the policy takes over."""
 
     def stood_up(self, sensed: Sensed) -> None:
-        """The robot stands at rest after a fall; where it fell is known."""
+        """Begin again at rest after a fall, at the place of the fall."""
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
@@ -38,7 +38,7 @@ class Estimator(Protocol):
 
     @property
     def notes(self) -> Sequence[str]:
-        """What it does without, one line each, each once. The sequence only grows."""
+        """Sensors that it ignores, one line each, each once. The sequence only grows."""
         ...
 
 
@@ -103,14 +103,14 @@ class BaseEstimate:
             self._updated_us = now_us
 
     def pose(self, now_us: int) -> Pose:
-        """Where the base is, some ms old at most; NaN if nothing estimates it."""
+        """Where the base is, some ms old at most; NaN without an estimator."""
         if self._estimator is not None and now_us >= self._next_pose_us and self._updated_us >= 0:
             self._next_pose_us = now_us + POSE_EVERY_US
             self._pose = Pose(*self._estimator.pose())
         return self._pose
 
     def odometry(self, now_us: int) -> Odometry | None:
-        """The base's motion for the log; None if it is not time, or nothing estimates it."""
+        """The base's motion for the log; None if it is not due, or without an estimator."""
         if self._estimator is None or now_us < self._next_odometry_us:
             return None
         self._next_odometry_us = now_us + ODOMETRY_EVERY_US

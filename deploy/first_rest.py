@@ -24,10 +24,10 @@ class FirstRest:
             places: of the joints, for messages.
         """
         self._still_s, self._limits = still_s, limits
-        self._says = [*("the IMU's gyro",) * 3, *places]  # source of each speed
+        self._sources = [*("the IMU's gyro",) * 3, *places]  # of each speed
         self._since_us: int | None = None
         self._sum, self._count = np.zeros(3), 0  # of accelerations since then, world axes
-        self._speed = np.zeros(len(self._says))  # of the base about its axes and of the joints, rad/s
+        self._speed = np.zeros(len(self._sources))  # of the base about its axes and of the joints, rad/s
 
     def look(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
         """Take in a tick's readings; `velocity` is that of the joints, rad/s, (n,)."""
@@ -46,15 +46,15 @@ class FirstRest:
         fastest = int(self._speed.argmax())
         return (
             f"the robot does not keep still for {self._still_s:g} s before it gets stiffness:"
-            f" {self._says[fastest]} reads {self._speed[fastest]:.2f} rad/s"
+            f" {self._sources[fastest]} reads {self._speed[fastest]:.2f} rad/s"
         )
 
     def contradiction(self) -> Implausible | None:
-        """The fault if the mean acceleration is too far off gravity's opposite."""
+        """The fault if the mean acceleration differs too much from 1 g upwards; None otherwise."""
         if not self._still_s or not self._count:
             return None
         error = float(np.linalg.norm(self._sum / self._count - AT_REST) / AT_REST[2])
         if error <= self._limits.rest_error:
             return None
-        says = f"the IMU: before the start its acceleration is off its quaternion's gravity by {error:.0%}"
-        return Implausible(says, Mode.ESTOP)
+        fault = f"the IMU: before the start its acceleration is off its quaternion's gravity by {error:.0%}"
+        return Implausible(fault, Mode.ESTOP)

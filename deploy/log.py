@@ -1,4 +1,4 @@
-"""What a run tells, passed on by another process: to an MCAP log, and to subscribers of a feed.
+"""A run's records, written by another process to an MCAP log and to subscribers of a feed.
 
 The loop writes records to a pipe and never waits for the disk or a subscriber. Records in the pipe outlive
 the loop. If both processes are killed, the log lacks the last fraction of a second.
@@ -43,11 +43,11 @@ from footfall.robots.readings import sensed_sizes
 
 FD_KINDS = {Kind.RECEIVED: Kind.RECEIVED_FD, Kind.SENT: Kind.SENT_FD}
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
-LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
+LAST_WAIT_S = 10.0  # for the writing process after the end of the run
 
 
 class McapLog:
-    """Passes a run's records on to a process that writes them to a log, to subscribers, or both."""
+    """Sends a run's records to a process that writes them to a log, to subscribers, or both."""
 
     def __init__(
         self,
@@ -63,16 +63,17 @@ class McapLog:
 
         Args:
             path: where to write; an older file is replaced. None for no log.
-            robot, policy: whom the log is about.
+            robot, policy: of the run.
             facts: further metadata, such as the seed.
             may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
             feed: where subscribers connect, see `telemetry/feed.py`; None for no feed.
             store: in which the log lies; it is written in parts then, and old logs make room.
 
         Raises:
-            UserError: the file cannot be written or the feed not served, or another run does so.
+            UserError: the file cannot be written, the feed cannot be served, or another run
+                uses one of them.
         """
-        self._what = f"the feed {feed}" if path is None else f"the log {path}"
+        self._target = f"the feed {feed}" if path is None else f"the log {path}"
         self._may_wait = may_wait
         self._held = ExitStack()
         try:
@@ -82,7 +83,7 @@ class McapLog:
                 self._process = _start(file, listener)
         except OSError as error:
             self._held.close()
-            raise UserError(f"cannot write {self._what}: {error.strerror or error}") from None
+            raise UserError(f"cannot write {self._target}: {error.strerror or error}") from None
         except UserError:
             self._held.close()
             raise
@@ -90,7 +91,7 @@ class McapLog:
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != READY.encode():
             self._held.close()
-            raise UserError(f"cannot write {self._what}: the process that writes it does not start")
+            raise UserError(f"cannot write {self._target}: the process that writes it does not start")
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
@@ -98,7 +99,7 @@ class McapLog:
         self._health: tuple[bytes, ...] | None = None  # the latest that was written
         self._battery: BatteryState | None = None  # likewise
         self._broken = False
-        self._lacks: str | None = None
+        self._missing: str | None = None
         self._begun = False
         about = {
             "joints": list(robot.joint_names),
@@ -140,7 +141,7 @@ class McapLog:
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Readings of a joint tick, and the command (5, n) that went out; None if none did.
 
-        What motors say of their health is written when it has changed.
+        The motors' health is written when it has changed.
         """
         records = record(Kind.READINGS, now_us, np.concatenate(sensed).tobytes())
         records += record(Kind.AGES, now_us, motors.age_s.tobytes())
@@ -163,7 +164,7 @@ class McapLog:
         self._put(records)
 
     def change(self, now_us: int, change: Change) -> None:
-        """What changes of the policy, its gait or its settings, from the policy step at this time on."""
+        """A change of policy, gait or settings, from the policy step at this time on."""
         self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
 
     def applied(self, now_us: int, applied: Applied) -> None:
@@ -171,7 +172,7 @@ class McapLog:
         self._put(record(Kind.APPLIED, now_us, json.dumps(applied._asdict()).encode()))
 
     def order(self, now_us: int, order: Order) -> None:
-        """What somebody ordered the run to do."""
+        """An operator's order."""
         self._put(record(Kind.ORDER, now_us, order.to_json().encode()))
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
@@ -191,7 +192,7 @@ class McapLog:
         self._put(record(Kind.BATTERY, now_us, numbers))
 
     def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
-        """How long a tick's work took, and how late it began; written with what comes next."""
+        """How long a tick's work took, and how late it began; written with the next record."""
         if not self._broken and len(self._waiting) <= MOST_WAITING_BYTES:
             self._waiting += record(Kind.TIMING, now_us, struct.pack("<2d", work_us, lateness_us))
 
@@ -216,18 +217,18 @@ class McapLog:
         self._put(record(Kind.STATE, now_us, text.encode()))
 
     def note(self, now_us: int, note: str) -> None:
-        """What was changed of what was asked for."""
+        """A request that was refused, clipped or changed."""
         self._put(record(Kind.NOTE, now_us, note.encode()))
 
     def close(self) -> str:
-        """End the file. Returns what it lacks in one line; empty if it is complete."""
-        if self._lacks is None:
+        """End the file. Returns in one line what is missing in it; empty if it is complete."""
+        if self._missing is None:
             try:
-                self._lacks = self._close()
+                self._missing = self._close()
             except OSError as error:  # no file descriptor or thread is left
-                self._lacks = f"{self._what} may lack its end: {error.strerror or error}"
+                self._missing = f"{self._target} may lack its end: {error.strerror or error}"
             self._held.close()
-        return self._lacks
+        return self._missing
 
     def _close(self) -> str:
         if self._begun and not self._broken:
@@ -238,12 +239,12 @@ class McapLog:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()
-            return f"{self._what} has no end: the disk does not take it"
+            return f"{self._target} has no end: the disk did not accept it within {LAST_WAIT_S:g} s"
         if self._process.returncode:
             why = reason.decode().strip() or "the process that writes it failed"
-            return f"{self._what} is cut short: {why}"
+            return f"{self._target} is cut short: {why}"
         if self._left_out:
-            return f"{self._what} lacks {self._left_out} ticks or policy steps: the disk was too slow"
+            return f"{self._target} lacks {self._left_out} ticks or policy steps: the disk was too slow"
         return ""
 
     # -- into the pipe -------------------------------------------------------------------------------
@@ -253,7 +254,7 @@ class McapLog:
             return
         if len(self._waiting) > MOST_WAITING_BYTES:
             self._left_out += 1
-            self._health = None  # a change may be among what is left out
+            self._health = None  # the records left out may hold a change
         else:
             self._waiting += records
         try:
@@ -261,7 +262,7 @@ class McapLog:
                 del self._waiting[: os.write(self._pipe, self._waiting)]
                 while self._may_wait and self._waiting:
                     del self._waiting[: os.write(self._pipe, self._waiting)]
-        except OSError:  # the process has reported why
+        except OSError:  # the process reports the reason
             self._broken = True
             self._waiting.clear()
 

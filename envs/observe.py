@@ -1,4 +1,4 @@
-"""What the actor sees of the simulated robot: readings with delay, bias and noise, in frames."""
+"""The actor's observation: readings with delay, bias and noise, in a history of frames."""
 
 import jax
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ class Observer:
         Args:
             qpos, qvel: positions (nq,) and velocities (nv,).
             torque: of the motors, N m, shape (n,).
-            gravity: in the world, (3,), from which an IMU knows its attitude; None where it points down.
+            gravity: in the world, (3,), to which an IMU aligns its attitude; None where it points down.
         """
         quaternion = self._base.quaternion(qpos)
         if gravity is not None:

@@ -1,8 +1,8 @@
-"""What an episode looks like in a mirror: maps of the observations and of the action.
+"""Mirror images of observations and actions.
 
-A robot that is the same left and right, on flat ground, has a mirror image of every transition that is
-worth as much as the transition itself (Mittal et al., "Symmetry considerations for learning task symmetric
-robot policies", 2024).
+A robot that is the same left and right, on flat ground, has a mirror image of every transition, and the
+image is as good a sample as the transition itself (Mittal et al., "Symmetry considerations for learning task
+symmetric robot policies", 2024).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from footfall.robots.symmetry import Mirror, find_symmetry
 
 
 class EnvironmentMirror(NamedTuple):
-    """Mirror images of what the learner sees and does."""
+    """Mirror maps of observations and action."""
 
     observation: dict[str, Mirror]
     action: Mirror

@@ -1,9 +1,9 @@
 """Steering by the keys of a terminal, also over ssh.
 
-A terminal tells that a key was pressed, never that it was released. While a key is held, the keyboard repeats
-it, after a first delay. So a key counts as held for `first_s` after it was pressed and for `again_s` after
-each repetition; then the robot stands. Only the last key is repeated: one key at a time counts, and two of
-them go ahead and turn.
+A terminal reports that a key was pressed, never that it was released. While a key is held, the keyboard
+repeats it, after a first delay. So a key counts as held for `first_s` after it was pressed and for `again_s`
+after each repetition; then the robot stands. Only the last key is repeated: one key at a time counts, and two
+of them go ahead and turn.
 """
 
 import threading
@@ -84,7 +84,7 @@ class Keyboard:
 
     @property
     def line(self) -> str:
-        """What a status line shows of it."""
+        """Text for a status line."""
         return ", ".join(filter(None, [f"keys at {self._share:.0%}", self._operator.line]))
 
     def press(self, keys: Sequence[str], now_s: float) -> None:
@@ -99,7 +99,7 @@ class Keyboard:
                 self._orders[key]()
 
     def ask(self, now_s: float) -> None:
-        """Ask for the velocity that the held key means, or for zero."""
+        """Request the velocity of the held key, or zero."""
         if now_s >= self._until_s:
             self._held = ""
         motion = MOTIONS.get(self._held, STILL)
@@ -125,7 +125,7 @@ def steered_by_keyboard(
     keys, ended = Keys(terminal), threading.Event()
 
     def listen() -> None:
-        while not ended.is_set() and keys.open:  # without a terminal the inbox finds it silent
+        while not ended.is_set() and keys.open:  # without a terminal the inbox times out
             pressed = keys.read(1.0 / config.rate_hz)
             keyboard.press(pressed, time.monotonic())
             keyboard.ask(time.monotonic())

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 WAITING = "**waiting for the first checkpoint**"
-QUIET_S = 120.0  # a training that has written nothing for so long may have been stopped
+QUIET_S = 120.0  # without new metrics, after which the training may have been stopped
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Status:
     falls: int = 0
     last_fall: str = ""
     walked_s: float = 0.0  # since the last start
-    restart_s: float = 0.0  # after which it starts again
+    restart_s: float = 0.0  # after which the episode starts again
     command: np.ndarray = field(default_factory=lambda: np.zeros(3))  # m/s, m/s, rad/s
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # the same, true and smoothed
     pace: float = 1.0  # simulated time over wall time
@@ -35,7 +35,7 @@ class Status:
 
 
 def as_markdown(status: Status) -> str:
-    """The status as a table, or that there is no policy yet."""
+    """The status as a table; without a policy yet, a line that says so."""
     rows = [("Training", _training(status))]
     if status.policies:
         falls = f"{status.falls} in {status.episodes} starts"
@@ -48,9 +48,9 @@ def as_markdown(status: Status) -> str:
             ]
         rows += [
             ("Falls", f"{falls}: {status.last_fall}" if status.last_fall else falls),
-            ("Forward", _of(status, 0, "m/s")),
-            ("Left", _of(status, 1, "m/s")),
-            ("Yaw", _of(status, 2, "rad/s")),
+            ("Forward", _velocity(status, 0, "m/s")),
+            ("Left", _velocity(status, 1, "m/s")),
+            ("Yaw", _velocity(status, 2, "rad/s")),
         ]
     table = "\n".join(f"| {name} | {text} |" for name, text in rows)
     notes = [f"Not usable: {status.problem}"] if status.problem else []
@@ -83,7 +83,7 @@ def _is_quiet(status: Status) -> bool:
 
 
 def _age(seconds: float) -> str:
-    """A time to the precision that a reader wants."""
+    """A duration in its largest fitting unit."""
     for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * size:
             return f"{seconds / size:.0f} {unit}"
@@ -96,5 +96,5 @@ def _policy(status: Status) -> str:
     return f"of iteration {status.iteration:,}, {status.iteration * status.steps_per_iteration:,} steps"
 
 
-def _of(status: Status, axis: int, unit: str) -> str:
+def _velocity(status: Status, axis: int, unit: str) -> str:
     return f"{status.velocity[axis]:+.2f} of {status.command[axis]:+.2f} {unit}"

@@ -31,7 +31,7 @@ from footfall.train.runs.stop import StopRequest
 FRAME_US = 33_000
 WAIT_S = 0.1  # between looks at the page while nothing walks
 LOOK_S = 1.0  # between looks into the run folder
-EPISODE_S = 60.0  # then it stands up afresh, so that what an episode records stays small
+EPISODE_S = 60.0  # then the robot stands up again: the record of an episode stays small
 SMOOTHING = 0.1  # of the velocity that is shown, for each frame
 
 
@@ -55,7 +55,7 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
         view = View(server, robot, plant_model(robot), panel.live_curves)
         offer_layers(server.gui, view.layers)
         view.stand(standing(robot).data)  # until something walks
-        Walk(run, robot, view, panel, snapshots, stop).go_on()
+        Walk(run, robot, view, panel, snapshots, stop).run()
 
 
 def standing(robot: Robot) -> SimulatedRobot:
@@ -78,7 +78,7 @@ def true_moment(loop: ControlLoop, truth: Truth, command: np.ndarray) -> Moment:
 
 
 class Pace:
-    """Holds simulated time to the wall clock; time that was lost is not caught up on."""
+    """Keeps simulated time to the wall clock. Lost time is not caught up."""
 
     TOLERANCE_S = 0.1
 
@@ -88,7 +88,7 @@ class Pace:
         self.factor = 1.0  # simulated time over wall time, lately
 
     def wait(self, simulated_s: float) -> None:
-        """Sleep until the wall clock has come to this simulated time."""
+        """Sleep until the wall clock reaches this simulated time."""
         early_s = self._start_s + simulated_s - time.monotonic()
         if early_s > 0.0:
             time.sleep(early_s)
@@ -107,7 +107,7 @@ class Pace:
 
 
 class Walk:
-    """Episodes without end. The robot keeps walking while newer networks take over, until it falls."""
+    """Runs episodes one after the other. Newer networks take over while the robot walks."""
 
     def __init__(
         self, run: Run, robot: Robot, view: View, panel: Panel, snapshots: Snapshots, stop: StopRequest
@@ -126,7 +126,7 @@ class Walk:
             steps_per_iteration=run.config.ppo.steps_per_iteration,
         )
 
-    def go_on(self) -> None:
+    def run(self) -> None:
         """Show the run until a stop is requested."""
         while not self._stop.requested:
             self._look()
@@ -136,7 +136,7 @@ class Walk:
                 self._episode(self._policy)
 
     def _episode(self, policy: NewestPolicy) -> None:
-        """From standing up to a fall, the end of time, or a wish to start again."""
+        """From standing up to a fall, the time limit, or a restart from the page."""
         self._status.episodes += 1
         self._pace, self._next_frame_us = Pace(), 0
         self._view.begin()
@@ -154,15 +154,15 @@ class Walk:
             self._frame(loop, body)
 
     def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """Do what was asked for on the page, draw, look into the run folder, and wait for the wall clock."""
+        """Carry out requests, draw, look into the run folder, and wait for the wall clock."""
         self._next_frame_us += FRAME_US
-        self._do_as_asked(loop, body)
+        self._carry_out(loop, body)
         self._show(loop, body)
         self._look()
         self._pace.wait(loop.now_us * 1e-6)
 
-    def _do_as_asked(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """Do what was asked for on the page."""
+    def _carry_out(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """Carry out the page's requests: pause, push, restart."""
         if self._panel.paused:
             while self._panel.paused and not self._stop.requested:
                 self._look()

@@ -44,7 +44,7 @@ class SimulatedBattery:
             self.charge = min(max(self.charge - spent, 0.0), 1.0)
 
     def _load(self, power_w: float) -> None:
-        """Draw a power."""
+        """Draw electrical power: set voltage, current and the motors' supply."""
         before_v, battery, motors = self.voltage_v, self._battery, self._motors
         open_v = battery.open_circuit_v(self.charge)
         self.voltage_v = float(voltage_under_load(open_v, self.resistance_ohm, power_w))

@@ -34,8 +34,8 @@ class LeastSquares:
         forward: forward kinematics of joint angles (limbs, m).
         lower, upper: (limbs, m) rad, joint limits.
         default: (limbs, m) rad, where each solve begins.
-        level: (limbs,) whose last link keeps the orientation that it has in the default pose: soles at the
-            end of limbs that have hinges enough.
+        level: (limbs,) whether the last link keeps its orientation of the default pose: soles of limbs with
+            enough hinges.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
         model: its MJCF, see `load_model`.
 
     Raises:
-        UserError: a body has a ball joint, or is free besides the base.
+        UserError: a body has a ball joint, or another body than the base is free.
     """
     base = model.body(robot.description.base).id
     links = [Link(BASE), _base_body(robot.description.base, base)]
@@ -114,7 +114,7 @@ def _kind(model: mujoco.MjModel, joint: int, name: str) -> str:
             return REVOLUTE if model.jnt_limited[joint] else CONTINUOUS
         case mujoco.mjtJoint.mjJNT_SLIDE:
             return PRISMATIC
-    raise UserError(f"joint {name} is neither a hinge nor a slide: a URDF has nothing for it")
+    raise UserError(f"joint {name} is neither a hinge nor a slide: a URDF has no such joint")
 
 
 def _about(axis: np.ndarray, angle_rad: float) -> np.ndarray:

@@ -20,8 +20,8 @@ from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Origin, Run, open_run
 
 EXPORTED = ".onnx"
-# Fields of a contract that give the networks' numbers their meaning, and those that may change under them.
-SAME = ("joints", "control_rate_hz", "observation", "gait", "version")
+# Fields of a contract that must be equal, since they define inputs and outputs; fields that may differ.
+MUST_EQUAL = ("joints", "control_rate_hz", "observation", "gait", "version")
 MAY_CHANGE = (
     "robot",
     "digest",
@@ -61,7 +61,7 @@ def find_source(path: Path, trainer: str) -> Source:
 
     Args:
         path: of either.
-        trainer: that shall start from it. For another trainer's checkpoint its policy is taken.
+        trainer: of the new training. From another trainer's run its exported policy is used.
 
     Raises:
         UserError: there are none.
@@ -79,7 +79,7 @@ def find_source(path: Path, trainer: str) -> Source:
 
 
 def _contract(run: Run) -> Contract:
-    """That of the exported policy, or of what the run's settings make of the robot as it is now."""
+    """The exported policy's contract; without one, that of the run's settings and the present robot."""
     if run.policy.is_file():
         return open_network(run.policy)[1]
     return make_environment(load_robot(run.provenance.robot), run.config.env).contract
@@ -104,7 +104,7 @@ def read_exported(path: Path) -> Exported:
 
 
 def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str]:
-    """Names of the contract's fields that change, which the networks can learn to bear.
+    """Names of the contract's fields that change; the networks can adapt to these.
 
     Args:
         source: the networks.
@@ -112,9 +112,9 @@ def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str
         ppo: its settings.
 
     Raises:
-        UserError: an observation or an action would mean something else, or the networks have other sizes.
+        UserError: observations or actions differ in meaning, or the networks in size.
     """
-    differing = [name for name in SAME if getattr(source.contract, name) != getattr(contract, name)]
+    differing = [name for name in MUST_EQUAL if getattr(source.contract, name) != getattr(contract, name)]
     details = [f"{name} ({', '.join(_differences(name, source.contract, contract))})" for name in differing]
     if source.hidden_dims != tuple(ppo.actor_hidden_dims):
         details.append(
@@ -126,7 +126,7 @@ def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str
 
 
 def _differences(name: str, there: Contract, here: Contract) -> Iterator[str]:
-    """What differs of a field: the entries that one side alone has, or both values."""
+    """Differences of a field: entries that only one side has, or both values."""
     old, new = getattr(there, name), getattr(here, name)
     if isinstance(old, Gait) and isinstance(new, Gait):
         yield from (f"its {part}" for part in vars(old) if getattr(old, part) != getattr(new, part))

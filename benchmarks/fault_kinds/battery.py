@@ -4,8 +4,8 @@ from fault_kinds.kind import FaultKind
 from footfall.plant.injection import FaultInjector, Injection
 
 CELLS = 8
-LASTS_S = 12.0  # the longest that the pack of these rows does
-LOWERS = "the pack is low at first: speed and torque are limited, and the robot lies down when it is empty"
+LASTS_S = 12.0  # by then the pack of these rows is empty
+LOWERS = "speed and torque are limited while the pack is low; the robot lies down when it is empty"
 SMOOTHED = "both voltages are smoothed over 1 s, since a step's peak of current is no fault"
 READS_OFF_S = 2.0
 

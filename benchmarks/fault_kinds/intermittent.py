@@ -20,7 +20,7 @@ LIMP = 1e-9  # share of its torque that a limp motor keeps; not 0, so that it ca
 
 
 def each_tick(act: Callable[[int], None]) -> Callable[[Batches, int], Batches]:
-    """Call `act` at each tick with the ticks since the fault; frames pass unchanged."""
+    """Call `act` at each tick with the number of ticks since the fault; frames pass unchanged."""
     ticks = [0]
 
     def incoming(batches: Batches, _: int) -> Batches:
@@ -62,7 +62,7 @@ def _imu_silent(injector: FaultInjector, faulty: bool) -> None:
 
 
 def _imu_frozen(frozen_s: float, every_s: float) -> Injection:
-    """The reading stays the same for a while, now and then; its counters go on."""
+    """The reading is constant for `frozen_s` of every `every_s`; its counters go on."""
 
     def inject(injector: FaultInjector) -> None:
         kept: list[Inertial] = []
@@ -81,7 +81,7 @@ def _imu_frozen(frozen_s: float, every_s: float) -> Injection:
 
 
 def imu_replayed(length: int = 100) -> Injection:
-    """The last `length` readings of the IMU again and again, with their counters."""
+    """The last `length` readings of the IMU are repeated, with their counters."""
 
     def inject(injector: FaultInjector) -> None:
         kept: list[Frames] = []
@@ -104,7 +104,7 @@ def imu_replayed(length: int = 100) -> Injection:
 
 
 def imu_replayed_with_new_counters(injector: FaultInjector) -> None:
-    """The values of 200 ms again and again, with counters that go on."""
+    """The values of 200 ms are repeated, with counters that go on."""
     kept: list[Inertial] = []
     readings = [0]
 
@@ -214,10 +214,10 @@ def bus_lost_now_and_then(injector: FaultInjector) -> None:
     injector.bus.incoming = incoming
 
 
-LOOP = "its counters run back when the loop of 200 ms begins anew"
-LOOPED = "values repeat when the loop of 200 ms begins anew, and are recognised within another lap"
+LOOP = "its counters run back when the 200 ms start again"
+LOOPED = "values repeat when the 200 ms start again, and are recognised within another 200 ms"
 SHARE = "a share over time: one loss is no fault"
-ASKED = "a motor that is asked for little torque, or for the same again and again, shows little"
+ASKED = "the effect is small while little or constant torque is commanded"
 WARM = "below all other motors by `colder_c`"
 INTERMITTENT = (
     FaultKind("IMU replays 200 ms with their counters", imu_replayed(), 0.35, LOOP, main=True),

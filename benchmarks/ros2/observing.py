@@ -1,4 +1,4 @@
-"""What a run shows in ROS 2 by itself: its graph, and the values of its messages. Part of `looks.py`."""
+"""Checks of a run in ROS 2 that need no request: graph and values of messages. Part of `looks.py`."""
 
 import sys
 import time
@@ -20,13 +20,13 @@ WALKING_PATIENCE_S = 60.0
 
 
 def stamp_s(message: Any) -> float:
-    """Of a message's header, or of its first transform's."""
+    """Time stamp of a message's header, or of its first transform, s."""
     stamp = (message.transforms[0] if hasattr(message, "transforms") else message).header.stamp
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
 def rate_hz(peer: Peer, topic: str, seconds: float) -> float:
-    """By the stamps of messages, since they come in bursts on a busy computer."""
+    """Rate of a topic by its time stamps: messages arrive in bursts on a busy computer."""
     before = len(peer.heard[topic])
     peer.spin(seconds)
     stamps = [stamp_s(message) for _, message in peer.heard[topic][before:]]
@@ -34,7 +34,7 @@ def rate_hz(peer: Peer, topic: str, seconds: float) -> float:
 
 
 def state(peer: Peer) -> str:
-    """The supervisor's, as heard last."""
+    """The supervisor's state in the latest message."""
     latest = peer.latest("/footfall/state")
     return "" if latest is None else str(latest.data)
 

@@ -9,7 +9,7 @@ from footfall.common.config import require_between
 class BringUpLimits:
     """Largest and least values of the criteria."""
 
-    lost_rad: float = 0.5  # largest error of a joint: beyond it the step ends at once
+    lost_rad: float = 0.5  # tracking error at which a step ends at once
     still_rad: float = 0.06  # largest motion of a joint at rest
     follows: tuple[float, float] = (0.7, 1.25)  # travel of a joint over travel of its target
     shaking_rad_s: float = 0.5  # of a joint's velocity about its mean over `shaking_s`, root mean square

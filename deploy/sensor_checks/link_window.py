@@ -16,7 +16,7 @@ class LinkWindow(NamedTuple):
     replies: np.ndarray  # replies of each motor, (n,)
     imu_new: float  # share of the looks at which the IMU had a new reading
     imu_repeated: float  # share of the looks at which a new reading equalled the one before
-    imu_replayed_s: float  # how long readings have equalled those of a fixed time before
+    imu_replayed_s: float  # for how long readings have equalled earlier ones at a fixed distance in time
     imu_older: int  # samples of the IMU that were older than its latest
     moving: bool  # whether any joint moves
     resting: bool  # whether the robot is in first rest: it is still standing up

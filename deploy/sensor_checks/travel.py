@@ -24,11 +24,11 @@ class TravelLimits:
     drift_share: float = 0.2  # of the travel, for a velocity that is filtered over 5 ms
     drift_memory_s: float = 0.5  # time constant with which errors fade
     wander_rad: float = 0.05  # sum of the errors with their signs: an encoder that drifts
-    creep_rad: float = 0.03  # the same over `creep_memory_s`, in which noise adds up, too
+    creep_rad: float = 0.03  # signed sum over `creep_memory_s`, in which noise adds up too
     creep_memory_s: float = 5.0
-    creep_rad_s: float = 0.1  # a joint that is slower hides it in the last digit of its velocity
-    creep_share: float = 0.03  # of what a velocity misses between two readings
-    stuck_rad: float = 0.01  # the same, of a joint whose position or velocity repeats itself
+    creep_rad_s: float = 0.1  # least speed: below it the quantisation of the velocity hides the drift
+    creep_share: float = 0.03  # of the largest error of the velocity between two readings
+    stuck_rad: float = 0.01  # signed sum, while position or velocity repeats itself
     filter_s: float = 0.005  # by which a motor's velocity lags its position
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ class _SignedTravel(JointCheck):
     """Sum of the errors with their signs, less what a late velocity explains, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
-    most_rad_s = math.inf  # of an error: what is faster counts as that
+    most_rad_s = math.inf  # clamp of the rate of an error
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
@@ -100,7 +100,7 @@ class _SignedTravel(JointCheck):
         kept = math.exp(-window.elapsed_s / self._memory_s)
         most = self.most_rad_s * window.elapsed_s
         self._error = counts * (kept * self._error + moves * within(window.position_error, -most, most))
-        kept = math.exp(-window.elapsed_s / self._late_memory_s)  # what was late has come since then
+        kept = math.exp(-window.elapsed_s / self._late_memory_s)  # late readings have arrived since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
         allowed: np.ndarray = (self._lag_s + self._late_s) * self._fastest
@@ -110,7 +110,7 @@ class _SignedTravel(JointCheck):
 class Wander(_SignedTravel):
     """The signed error of an encoder that drifts."""
 
-    looks_at = "the same with its sign: an encoder that drifts"
+    looks_at = "the signed sum of these errors: an encoder that drifts"
     message = "its position has drifted by {0:.2f} rad against its velocity"
     limit = Limit("wander_rad")
 
@@ -129,7 +129,7 @@ class Creep(_SignedTravel):
 
     memory = "creep_memory_s"
     most_rad_s = CREEP_RAD_S
-    looks_at = "the same over seconds: an encoder that drifts slowly"
+    looks_at = "the signed sum over seconds: an encoder that drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")
 
@@ -152,7 +152,7 @@ class Creep(_SignedTravel):
 class Stuck(_SignedTravel):
     """The signed error since position or velocity repeats itself to the last digit."""
 
-    looks_at = "the same of a joint whose position or velocity repeats itself: an encoder that is stuck"
+    looks_at = "the signed sum while position or velocity repeats itself: an encoder that is stuck"
     message = "its position or velocity repeats itself, {0:.3f} rad against the other one"
     limit = Limit("stuck_rad")
 

@@ -24,7 +24,7 @@ Half = Annotated[float, Between(0.0, FASTEST)]  # half-width of a uniform range,
 
 
 class Occasion(NamedTuple):
-    """What an event is handed besides the state."""
+    """Inputs of an event besides the state."""
 
     scene: Scene
     due: jax.Array | bool  # whether the change will be kept
@@ -38,8 +38,8 @@ class EventTerm(NamedTuple):
     change: Callable[..., State]  # of a state and an `Occasion`, the state after it
     numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
     interval_s: Distribution | None  # between two of them; None: at each reset
-    heeds_due: bool  # the function itself changes nothing unless `due`: selecting twice costs a twentieth
-    generated_only: bool  # it changes what only the generated physics knows
+    heeds_due: bool  # the function itself selects by `due`: a second selection costs 5 %
+    generated_only: bool  # needs the generated physics
 
 
 def event_term(
@@ -76,7 +76,7 @@ def reset_pose(
         jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
         normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
     )
-    # Joints differ, and XLA is told so: on a GPU it would else add one by one, in case two were the same.
+    # unique_indices: otherwise XLA adds one by one on a GPU, in case two indices are equal.
     qpos = scene.base.turned(state.qpos, quaternion)
     qpos = qpos.at[scene.positions].add(joint_rad * u[7 : 7 + n], unique_indices=True)
     qvel = scene.base.moving(state.qvel, velocity_m_s * u[3:5], yaw_rate_rad_s * u[5])
@@ -140,7 +140,7 @@ def slope(
 def begin_late(
     state: State, occasion: Occasion, *, up_to_s: Annotated[float, Between(0.0, 100.0)] = 2.0
 ) -> State:
-    """Shorten an episode by up to this time, so that episodes that only time ends do not all end together."""
+    """Shorten an episode by up to this time: time limits of different episodes then do not coincide."""
     return state._replace(steps=jnp.int32(occasion.u[0] * up_to_s / occasion.scene.period_s))
 
 

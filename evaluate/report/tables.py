@@ -12,7 +12,7 @@ from footfall.evaluate.verdict import headlines
 
 @dataclass(frozen=True)
 class Cell:
-    """A number with what stands small below it."""
+    """A number, with smaller text below it."""
 
     text: str
     small: str = ""
@@ -21,11 +21,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Heading:
-    """What a column or a row is about."""
+    """Heading of a column or a row."""
 
     label: str
     small: str = ""
-    place: int | None = None  # of the policy that it names, which gives it a colour
+    place: int | None = None  # index of the policy, which sets its colour
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def scenario_parts(comparison: Comparison) -> list[ScenarioPart]:
 
 
 def all_warnings(comparison: Comparison) -> list[str]:
-    """Whatever a reader has to know before believing a figure."""
+    """Warnings that limit how far the figures can be trusted."""
     lines = warnings({policy.name: policy.result for policy in comparison.policies})
     return lines + [
         f"{policy.name} did not walk the course: {policy.course.error}"

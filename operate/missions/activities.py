@@ -103,7 +103,7 @@ class Follow:
         if self._index == len(path.points) - 1:
             return Reach(path.end, self.limits, self.tracking).act(now)
         turn_s = abs(float(path.heading[self._index]) - now.pose.yaw_rad) / self.limits.yaw_rad_s
-        remaining_s = float(path.to_go_s[self._index]) + turn_s
+        remaining_s = float(path.remaining_s[self._index]) + turn_s
         velocity = along(path, self._index, now.pose, self.limits, self.tracking)
         return Act(Request(velocity), remaining_s, error_m=error_m, trouble=_off(error_m, self.tracking))
 

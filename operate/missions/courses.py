@@ -46,7 +46,7 @@ class Led:
             raise ValueError(f"the path is {length_m:.0f} m long: {LONGEST_M:g} m at most, use several steps")
         path = sample(corners, begin.yaw_rad, end_yaw, scene.pace(self.speed_m_s))
         first_s = abs(float(path.heading[0]) - begin.yaw_rad) / scene.limits.yaw_rad_s
-        lasts_s = first_s + float(path.to_go_s[0])
+        lasts_s = first_s + float(path.remaining_s[0])
         return Plan(lasts_s, path.end, Follow(path, scene.limits, scene.tracking))
 
 

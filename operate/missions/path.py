@@ -1,4 +1,4 @@
-"""Paths on the ground as samples: where, which way, how fast at most, how long from there to the end."""
+"""Paths on the ground as samples: position, heading, highest speed, remaining time."""
 
 import math
 from itertools import pairwise
@@ -9,14 +9,14 @@ import numpy as np
 from footfall.deploy.command_source import Pose
 
 SPACING_M = 0.02
-YAW_SHARE = 0.8  # of the highest yaw rate that a bend may need; the rest corrects
+YAW_SHARE = 0.8  # of the highest yaw rate, for bends; the rest is left for corrections
 
 
 class Pace(NamedTuple):
     """How fast a path is followed."""
 
     speed_m_s: float  # on a straight line
-    creep_m_s: float  # round corners and at the end
+    creep_m_s: float  # around corners and at the end
     yaw_rad_s: float  # highest yaw rate
     deceleration_m_s2: float
 
@@ -27,11 +27,11 @@ class Path(NamedTuple):
     points: np.ndarray  # (n, 2) m
     heading: np.ndarray  # (n,) rad, not wrapped: to the next sample; the last one is the robot's at the end
     speed: np.ndarray  # (n,) m/s, highest
-    to_go_s: np.ndarray  # (n,) time to the end, turns included
+    remaining_s: np.ndarray  # (n,) time to the end, turns included
 
     @property
     def end(self) -> Pose:
-        """Where the robot shall be at the end."""
+        """Goal pose of the robot."""
         x_m, y_m = self.points[-1].tolist()
         return Pose(x_m, y_m, float(self.heading[-1]))
 
@@ -49,7 +49,7 @@ def circle(radius_m: float) -> np.ndarray:
 
 
 def placed(points: np.ndarray, pose: Pose) -> np.ndarray:
-    """Points (n, 2) of the frame of a pose, in the frame of which that pose is."""
+    """Points (n, 2) from the frame of a pose to the frame in which the pose is given."""
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return np.array([pose.x_m, pose.y_m]) + points @ np.array([[cos, sin], [-sin, cos]])
 
@@ -68,15 +68,15 @@ def sample(corners: np.ndarray, yaw: float, end_yaw: float | None, pace: Pace) -
     spacing = np.linalg.norm(ahead, axis=1)
     along = np.unwrap(np.append(yaw, np.arctan2(ahead[:, 1], ahead[:, 0])))[1:]
     at_end = 0.0 if end_yaw is None else math.remainder(end_yaw - along[-1], 2 * math.pi)
-    turn = np.append(np.abs(np.diff(along)), abs(at_end))  # after each line between samples
+    turn = np.append(np.abs(np.diff(along)), abs(at_end))  # at the end of each line between samples
     speed = np.full(len(points), pace.speed_m_s)
     speed[1:] = np.minimum(speed[1:], YAW_SHARE * pace.yaw_rad_s * spacing / np.maximum(turn, 1e-9))
     speed[-1] = 0.0
     speed = _braked(np.maximum(speed, pace.creep_m_s), spacing, pace.deceleration_m_s2)
     # Bends are turned while walking, corners while standing: the longer one of both times counts.
     lasts_s = np.maximum(spacing / speed[:-1], turn / pace.yaw_rad_s)
-    to_go_s = np.append(np.cumsum(lasts_s[::-1])[::-1], 0.0)
-    return Path(points, np.append(along, along[-1] + at_end), speed, to_go_s)
+    remaining_s = np.append(np.cumsum(lasts_s[::-1])[::-1], 0.0)
+    return Path(points, np.append(along, along[-1] + at_end), speed, remaining_s)
 
 
 def _resampled(corners: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ class MixedMotorEnd:
         for end, joints in parts:
             self.time_out_error[joints] = end.time_out_error
             self.time_out_latches[joints] = end.time_out_latches
-        self._everyone = np.arange(n)
+        self._joints = np.arange(n)
         self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)
         for part, (_, joints) in enumerate(parts):
             self._part_of[joints], self._own[joints] = part, np.arange(len(joints))
@@ -54,7 +54,7 @@ class MixedMotorEnd:
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         """See `MotorEnd.reply`. Frames are grouped by protocol."""
-        motor = self._everyone[motor]
+        motor = self._joints[motor]
         batches = []
         for part, (end, _) in enumerate(self._parts):
             rows = np.flatnonzero(self._part_of[motor] == part)
@@ -72,11 +72,11 @@ class MixedMotorEnd:
 
 
 def _for(end: MotorEnd, frames: Frames) -> Frames:
-    """The frames that motors can take: those of CAN FD only with a controller for it."""
+    """The frames that these motors can receive: CAN FD frames only if they have a CAN FD controller."""
     return frames if takes_fd(end.filters) else frames.of_can()
 
 
 def _joined(batches: Sequence[Frames | None]) -> Frames | None:
-    """Those batches that exist as one; None if there is none."""
+    """The batches joined into one, without those that are None; None if there is no other."""
     existing = [frames for frames in batches if frames is not None]
     return joined(existing) if existing else None

@@ -81,7 +81,7 @@ def _whole_key(key: Key, cls: type, source: str) -> Key:
     if len(alike) == 1:
         return alike[0]
     if alike:
-        raise UserError(f"{source}: there are {' and '.join(map('.'.join, alike))}: say which")
+        raise UserError(f"{source}: there are {' and '.join(map('.'.join, alike))}: give the whole key")
     raise UserError(f"{source}: {no_setting(['.'.join(key)], ['.'.join(each) for each in keys])}")
 
 

@@ -30,7 +30,7 @@ LEG_CLASS = [
 def model_xml(
     machine: Machine,
     height_m: float = 0.0,
-    apart: Iterable[tuple[str, str]] = (),
+    not_colliding: Iterable[tuple[str, str]] = (),
     pairs: Iterable[tuple[str, str]] = (),
     notes: Iterable[str] = (),
 ) -> str:
@@ -39,13 +39,13 @@ def model_xml(
     Args:
         machine: the robot.
         height_m: of the base above the ground.
-        apart: pairs of links that do not collide.
+        not_colliding: pairs of links that do not collide.
         pairs: of geoms that collide whatever links they belong to, by name.
         notes: lines of the comment at the top.
     """
     comment = "\n     ".join(note.replace("--", "- -") for note in notes)
     feet = {geom for leg in machine.legs for geom in leg.geoms}
-    contact = [f"    <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>" for a, b in apart]
+    contact = [f"    <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>" for a, b in not_colliding]
     contact += [f'    <pair geom1={quoteattr(a)} geom2={quoteattr(b)} condim="1"/>' for a, b in pairs]
     lines = [
         *([f"<!-- {comment} -->"] if comment else []),
@@ -114,14 +114,16 @@ def _geom(geom: Geom, is_foot: bool, of_base: bool) -> str:
     kind, sizes = KINDS[geom.shape.kind]
     size = _numbers(geom.shape.size[:sizes])
     look = f'rgba="{COLOURS["base" if of_base else "link"]}"'
-    who = f'name={quoteattr(geom.name)} class="foot" friction="{geom.friction:.4g}"' if is_foot else look
+    attributes = (
+        f'name={quoteattr(geom.name)} class="foot" friction="{geom.friction:.4g}"' if is_foot else look
+    )
     touch = ""
     if _touches_by_pair(geom):
-        who = f'name={quoteattr(geom.name)} class="leg"'
+        attributes = f'name={quoteattr(geom.name)} class="leg"'
     elif (geom.contype, geom.conaffinity) != (1, 1):
         touch = f' contype="{geom.contype}" conaffinity="{geom.conaffinity}"'
     place = f'pos="{_numbers(geom.shape.position)}"{_turn(geom.shape.quaternion)}'
-    return f'<geom {who} type="{kind}" size="{size}" {place}{touch}/>'
+    return f'<geom {attributes} type="{kind}" size="{size}" {place}{touch}/>'
 
 
 def _touches_by_pair(geom: Geom) -> bool:

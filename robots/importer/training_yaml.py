@@ -8,7 +8,7 @@ from footfall.robots.importer.pose import Pose
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -1.2e-3, -6.0e-3
-BEYOND = 1.2  # over the commands of scenarios: training goes a little further
+BEYOND = 1.2  # largest command in training over the largest in scenarios
 
 
 def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_name: str | None) -> str:
@@ -26,7 +26,7 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
     gait = (
         f"  gait: {{name: {gait_name}, frequency_hz: {FREQUENCY_HZ / time:.3g}}}\n"
         if gait_name
-        else "  gait: null # none that is shipped has as many feet on each side: see policies/gaits.yaml\n"
+        else "  gait: null # no gait in policies/gaits.yaml has this number of feet on each side\n"
     )
     standing = (
         ""
@@ -34,11 +34,13 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
         else "    standing_command: 0.0 # it steps in place: it cannot stand still\n"
     )
     return f"""\
-# What trainings of this robot change of the presets, which suit a quadruped of {MASS_KG:g} kg on legs of
-# {REACH_M:g} m: lengths, times, and the costs of torque and power, by this one's size. Not tuned.
+# Changes to the presets, which suit a quadruped of {MASS_KG:g} kg on legs of {REACH_M:g} m: lengths, times,
+# and the costs of torque and power are scaled to this robot's size. Not tuned.
 env:
 {gait}  commands:
     ranges: {{{", ".join(f"{axis}: [{low:.2g}, {high:.2g}]" for axis, (low, high) in ranges.items())}}}
-{standing}  rewards: {{torque: {torque:.2g}, power: {power:.2g}}}
-  reward_scales: {{swing_height_m: {SWING_HEIGHT_M * length:.2g}}}
+{standing}  rewards:
+    torque: {torque:.2g}
+    power: {power:.2g}
+    swing_height: {{height_m: {SWING_HEIGHT_M * length:.2g}}}
 """

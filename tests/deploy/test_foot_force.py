@@ -128,7 +128,6 @@ def each_otherwise(body: SimulatedRobot) -> None:
     body.foot_sensors.lie = lambda true: np.array([0.0, 0.0, 3000.0, -50.0])
 
 
-
 def exchanged(body: SimulatedRobot) -> None:
     """Front feet have the plugs of hind ones."""
     assert body.foot_sensors is not None

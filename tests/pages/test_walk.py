@@ -126,7 +126,7 @@ class Visitor:
 
     def walk(self, run: Path, robot: Robot) -> None:
         """Until the visitor has enough."""
-        Walk(open_run(run), robot, self, self, self, self).go_on()  # type: ignore[arg-type]
+        Walk(open_run(run), robot, self, self, self, self).run()  # type: ignore[arg-type]
 
 
 class TestWalk:

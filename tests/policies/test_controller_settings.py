@@ -106,7 +106,7 @@ class TestRefusals:
             ("stand@kp=[1", "stand@kp=[1: '[1' is not valid YAML"),
             ("stand@kd=1@kp=-3", "stand@kd=1@kp=-3: kp must be above 0, not -3.0"),
             ("stand@rate_hz=.nan", "rate_hz: not a finite number"),
-            ("mpc@kd=1", "mpc@kd=1: there are stance.kd and swing.kd: say which"),
+            ("mpc@kd=1", "mpc@kd=1: there are stance.kd and swing.kd"),
             ("mpc@swing=fast", "mpc@swing=fast: swing: expected a mapping of settings"),
             ("mpc@gait.name=tripod", "no gait 'tripod' for the 4 feet of 'go1': trot, walk, pace"),
             ("stand@", "stand@: expected a YAML file or KEY=VALUE after the @"),

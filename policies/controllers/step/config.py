@@ -11,7 +11,7 @@ from footfall.policies.controllers.whole_body.feedback import Feedback
 
 @dataclass(frozen=True)
 class Gait:
-    """The steady gait, and what the next step may be instead."""
+    """The steady gait, and how far the next step may differ from it."""
 
     step_s: float  # from touch-down to touch-down
     double_support_s: float  # of it, both feet bearing
@@ -28,10 +28,10 @@ class Gait:
 
 @dataclass(frozen=True)
 class SwingConfig:
-    """How feet fly."""
+    """Motion of the swing foot."""
 
     lift_m: float
-    depth_m: float  # below the ground that a landing foot aims for
+    depth_m: float  # depth below the ground at which a landing foot aims
     place: Feedback
     attitude: Feedback
 
@@ -59,8 +59,8 @@ class Start:
     """When a standing robot begins to step, and how."""
 
     capture_m: float  # a capture point further than this from the middle of the feet calls for a step
-    near_m: float  # how near to the standing foot's it must come, sideways, before the other one is lifted
-    most_s: float  # but no later than this
+    near_m: float  # lateral distance to the standing foot at which the other foot is lifted
+    most_s: float  # the foot is lifted after this time at the latest
     urgent_m: float  # a capture point this far ahead or behind does not wait for that
 
     def __post_init__(self) -> None:
@@ -82,7 +82,7 @@ class StepConfig:
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # of all points of a foot together, each an even part, as a share of the weight
+    most_force: float  # of a foot, evenly shared by its points, as a share of the weight
     settle_s: float  # time to reach the height
     whole_body: WholeBodyConfig
 

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.options import Count, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 
-FELL = 1  # deploy's exit status after a fall; the demo continues, and ends with it
+FELL = 1  # deploy's exit status after a fall: the demo continues and exits with it
 
 
 @Parameter(name="*")
@@ -45,7 +45,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
 
     robot = load_robot(options.robot)
     load_preset(options.preset, robot)
-    load_scenarios(robot).select(options.scenarios)  # what only the last step needs is known before the first
+    load_scenarios(robot).select(options.scenarios)  # errors of the last step are found before the first one
     check_installed()
     check_display()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"

@@ -1,4 +1,4 @@
-"""`footfall log`: what can be done with a run's log."""
+"""`footfall log`: inspect, plot, cut and repair a run's log."""
 
 import math
 import sys
@@ -19,7 +19,7 @@ RobotOfLog = Annotated[str | None, AS_TYPED]
 
 @log.command
 def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
-    """Tell what a log holds and how its run went; exit 1 after a fault or a jump in a path.
+    """Show what a log holds and how its run went; exit 1 after a fault or a jump in a path.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
 
 @log.command
 def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -> int:
-    """Simulate the commands of a robot on a stand, and tell each joint's difference; exit 1 beyond the noise.
+    """Simulate the commands of a robot on a stand, and show each joint's error; exit 1 above the noise.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def import_(
     config: OptionalPath = None,
     out: OptionalPath = None,
 ) -> int:
-    """Write a CSV recording of any robot as a log, with attitude, contacts and motion as they are estimated.
+    """Write a CSV recording of any robot as a log, with estimated attitude, contacts and motion.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def import_(
     robot
         Name of the robot, or a folder with its robot.yaml.
     config
-        YAML file with settings of the deploy loop; its estimator's count.
+        YAML file with settings of the deploy loop; only the section `estimator` is used.
     out
         Where to write the log (default: FILE.mcap, beside it).
     """
@@ -242,7 +242,7 @@ def layout(
 
 @log.command
 def recover(file: Path, /, *, out: OptionalPath = None) -> int:
-    """Give a log that was cut short or damaged its end, so that tools which need a file's index open it.
+    """Repair a log that was cut short or damaged, so that tools which need its index can open it.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
 
 
 def _beside(file: Path, what: str, out: Path | None) -> Path:
-    """Where a copy of a log goes, which can be written."""
+    """Path of a copy of a log; raises UserError if it cannot be written."""
     copy = file.parent / f"{file.stem}.{what}{file.suffix}" if out is None else out
     check_outputs(copy)
     return copy

@@ -47,8 +47,9 @@ def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_pat
     env, gpu = written(tmp_path, 0.45, 13.0), load_preset("gpu").env
     assert gpu.gait is not None
     assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
-    assert env["rewards"] == {name: pytest.approx(gpu.weights[name]) for name in ("torque", "power")}
-    assert env["reward_scales"]["swing_height_m"] == 0.08
+    for name in ("torque", "power"):
+        assert env["rewards"][name] == pytest.approx(gpu.weights[name])
+    assert env["rewards"]["swing_height"]["height_m"] == 0.08
 
 
 def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
@@ -56,7 +57,7 @@ def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
     assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
     assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
     assert env["rewards"]["power"] == pytest.approx(-6.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
-    assert env["reward_scales"]["swing_height_m"] == pytest.approx(0.32)
+    assert env["rewards"]["swing_height"]["height_m"] == pytest.approx(0.32)
 
 
 def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
