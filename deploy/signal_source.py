@@ -106,7 +106,8 @@ class SignalSource:
         if mode in HELD:
             on_legs = mode not in OFF_LEGS and self._postures.on_legs(since_s, mode)
             silence_us, resting = max(motor_silence_us, imu_silence_us), mode in RESTING
-            implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
+            unfolding = mode is Mode.RECOVERING and not self._postures.unfolded(since_s)
+            implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting, unfolding)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
         ending = stop is not None or self._end.asked

@@ -86,7 +86,13 @@ class SensorMonitor:
         )
 
     def look(
-        self, now_us: int, silence_us: int, joints: JointLayer, on_legs: bool, resting: bool
+        self,
+        now_us: int,
+        silence_us: int,
+        joints: JointLayer,
+        on_legs: bool,
+        resting: bool,
+        unfolding: bool = False,
     ) -> Implausible | None:
         """Take in a tick; returns the first contradiction if this is a tick at which readings are compared.
 
@@ -96,6 +102,7 @@ class SensorMonitor:
             joints: which has the latest readings and commands.
             on_legs: whether the legs should carry the base.
             resting: whether the robot is still standing up.
+            unfolding: whether it fell, and its legs move before it gets up.
         """
         self._links.count_command()
         found = self.body_contradiction(on_legs)
@@ -107,7 +114,8 @@ class SensorMonitor:
         if not self.add(now_us, silence_us, heard_us, inertial, joints.joints, expected, asked, joints.sent):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
-        moving = fast and (on_legs or not resting)  # the base of a robot that lies rests while its legs move
+        # The base of a robot that lies rests while its legs move.
+        moving = fast and (on_legs or not (resting or unfolding))
         links = self._links.close(now_us, joints.replies, joints.imu_older, moving, resting)
         found = self.link_contradiction(links)
         contradiction = self.joint_contradiction(

@@ -236,11 +236,11 @@ class TestFaultsWhileItGetsUp:
         assert to_the_end(loop) == [Mode.FALLING, Mode.ESTOP]
 
 
-class PutOnItsBelly:
-    """Tips the walking robot over and lays it on its belly once it keeps still."""
+class PutDown:
+    """Tips the walking robot over and lays it on its belly, or its back, once it keeps still."""
 
-    def __init__(self, robot: Robot) -> None:
-        self._lying, self._tipped, self.modes = robot.lying_pose, False, list[Mode]()
+    def __init__(self, robot: Robot, place: tuple[float, ...] = (0.15, *UPRIGHT)) -> None:
+        self._lying, self._tipped, self.modes, self._place = robot.lying_pose, False, list[Mode](), place
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         mode = loop.state.mode
@@ -251,13 +251,13 @@ class PutOnItsBelly:
             body.data.qvel[2:4] = 1.0, 12.0
         since_s = loop.now_us * 1e-6 - loop.state.since_s
         if mode is Mode.FALLING and 0.0 < since_s < 0.01:
-            body.data.qpos[2:7], body.data.qpos[7:] = (0.15, *UPRIGHT), self._lying
+            body.data.qpos[2:7], body.data.qpos[7:] = self._place, self._lying
             body.data.qvel[:] = 0.0
 
 
 def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
     config = DeployConfig(stand_s=0.4, odometry=True)
-    log, watch = tmp_path / "run.mcap", PutOnItsBelly(go1)
+    log, watch = tmp_path / "run.mcap", PutDown(go1)
     episode = short_episode(
         command_source=lambda _: np.zeros(3),
         duration_s=5.0,
@@ -280,6 +280,18 @@ def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tm
     standing = trace.time_s > trace.time_s[-1] - 0.5
     np.testing.assert_allclose(trace.estimated_velocity[standing], 0.0, atol=0.05)
     np.testing.assert_allclose(trace.estimated_height[standing], trace.base_position[standing, 2], atol=0.03)
+
+
+def test_legs_that_unfold_while_the_base_rests_on_its_back_raise_no_alarm(go1: Robot) -> None:
+    """Without noise the IMU repeats itself then."""
+    recovery = RecoveryConfig(tries=1, try_s=1.2)
+    config = DeployConfig(stand_s=0.4, safety=SafetyConfig(recovery=recovery))
+    watch = PutDown(go1, (0.07, 0.0, 1.0, 0.0, 0.0))
+    episode = short_episode(duration_s=5.0, get_up=GetUp(Hold(go1)), config=config)
+    walks = Hold(go1)
+    walks.name = "walks"
+    trace = run_episode(go1, walks, episode, watch)
+    assert watch.modes[-2:] == [Mode.RECOVERING, Mode.FALLING], trace.faults
 
 
 def test_a_robot_that_cannot_is_refused_before_it_moves(go1: Robot) -> None:
