@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from throughput import prepared_training
 
-from footfall.train.brax.networks import trained_actor
+from footfall.train.brax.networks import actors_means, trained_actor
 from footfall.train.export import export
 
 
@@ -53,10 +53,10 @@ def main() -> None:
             break
     options.out.mkdir(parents=True, exist_ok=True)
     logged = np.asarray(jax.device_get(observed))
-    index = []
+    index, means = [], actors_means(parts.exact_networks)
     for time_s, steps, (normalizer, policy) in kept:
         path = options.out / f"{time_s:06.1f}.onnx"
-        export(trained_actor(parts.exact_networks, normalizer, policy), parts.env.contract, logged, path)
+        export(trained_actor(means, normalizer, policy), parts.env.contract, logged, path)
         index.append({"time_s": time_s, "steps": steps, "file": path.name})
     (options.out / "kept.json").write_text(json.dumps(index, indent=1) + "\n")
     print(f"{kept[-1][0]:.1f} s: {kept[-1][1]} steps, {len(kept)} policies kept", flush=True)

@@ -24,7 +24,14 @@ from number_environment import (
     decided,
 )
 
-from footfall.train.brax.networks import dense_layers, elu, make_networks, normalised, trained_actor
+from footfall.train.brax.networks import (
+    actors_means,
+    dense_layers,
+    elu,
+    make_networks,
+    normalised,
+    trained_actor,
+)
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.state import TrainState
 
@@ -121,7 +128,7 @@ class TestActor:
         rng = np.random.default_rng(1)
         shown = {name: jnp.asarray(rng.normal(2.0, 3.0, (50, size))) for name, size in SIZES.items()}
         normalizer = running_statistics.update(begun.normalizer, shown)
-        actor = trained_actor(NETWORKS, normalizer, policy)
+        actor = trained_actor(actors_means(NETWORKS), normalizer, policy)
         assert [kernel.shape for kernel, _ in actor.layers] == [(3, 6), (6, 5), (5, 2)]
         observed = rng.normal(size=(5, 3)).astype(np.float32)
         x = (observed - actor.mean) / actor.scale

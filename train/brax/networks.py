@@ -1,6 +1,6 @@
 """The actor and the critic: brax's PPO networks."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -117,13 +117,28 @@ def _hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
     return jax.tree_util.tree_map_with_path(rounded, params)
 
 
-def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:
-    """The actor of these parameters, on the host."""
+Means = Callable[[Any, Any, np.ndarray], jax.Array]  # of normaliser, policy and observations (k, observation)
+
+
+def actors_means(networks: PPONetworks) -> Means:
+    """Computes means of an actor on the host, (k, n); arguments of the same shapes share a program."""
+
+    @jax.jit
+    def means(normalizer: Any, policy: Any, observed: jax.Array) -> jax.Array:
+        return networks.policy_network.apply(normalizer, policy, {ACTOR: observed})[0]
+
+    def on_host(normalizer: Any, policy: Any, observed: np.ndarray) -> jax.Array:
+        with on_the_processor(), jax.default_matmul_precision("highest"):
+            return means(normalizer, policy, observed)
+
+    return on_host
+
+
+def trained_actor(means: Means, normalizer: Any, policy: Any) -> Actor:
+    """The actor of these parameters, on the host, whose means are computed so."""
 
     def act(observed: np.ndarray) -> np.ndarray:
-        with on_the_processor(), jax.default_matmul_precision("highest"):
-            mean, _ = networks.policy_network.apply(normalizer, policy, {"state": jnp.asarray(observed)})
-        return np.asarray(mean)
+        return np.asarray(means(normalizer, policy, observed))
 
     mean, std = (np.asarray(x["state"], np.float32) for x in (normalizer.mean, normalizer.std))
     return Actor("brax", mean, std, dense_layers(policy), act)

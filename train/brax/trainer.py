@@ -1,7 +1,9 @@
 """A training with brax's PPO: each iteration is one compiled function, on all devices of all processes."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import ClassVar
 
 import jax
@@ -9,9 +11,10 @@ import numpy as np
 
 from footfall.robots.description import Robot
 from footfall.train import cluster
+from footfall.train.actor import LOGGED_OBSERVATIONS
 from footfall.train.brax.devices import device_mesh, place, shardings
 from footfall.train.brax.iteration import Iteration
-from footfall.train.brax.networks import trained_actor
+from footfall.train.brax.networks import ACTOR, actors_means, trained_actor
 from footfall.train.brax.parts import assemble, prefetch_programs
 from footfall.train.brax.start import taken_over
 from footfall.train.brax.state import STATE_SPECS, TrainState
@@ -38,6 +41,7 @@ class BraxTrainer(Trainer):
         self._state: TrainState | None = None
         self._observations: jax.Array | np.ndarray = np.zeros(0)  # a sample of what the actor observed
         self._compiled: Iteration | None = None
+        self._means = actors_means(self._parts.exact_networks)
 
     @classmethod
     def prefetch(cls, run: Run, robot: Robot) -> None:
@@ -54,6 +58,21 @@ class BraxTrainer(Trainer):
         mesh = device_mesh(self._run.config.ppo)
         start = self._run.provenance.seed if self._state is None else self._state
         self._state, self._compiled = self._parts.prepare(mesh, start, say)
+        if cluster.is_main_process():
+            Thread(target=self._prepare_export, name="prepare export").start()
+
+    def _prepare_export(self) -> None:
+        """Import and compile, beside the training, what the export needs."""
+        with suppress(Exception):  # the export reports it
+            from footfall.train.export import RANDOM_OBSERVATIONS
+
+            shapes = self._parts.shapes
+            normalizer, policy = jax.tree.map(
+                lambda leaf: np.zeros(leaf.shape, leaf.dtype), (shapes.normalizer, shapes.params.policy)
+            )
+            size = shapes.observation[ACTOR].shape[-1]
+            logged = min(LOGGED_OBSERVATIONS, self._run.config.ppo.steps_per_iteration)
+            self._means(normalizer, policy, np.zeros((RANDOM_OBSERVATIONS + logged, size), np.float32))
 
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normaliser; see `footfall.train.trainer.Trainer`."""
@@ -95,7 +114,7 @@ class BraxTrainer(Trainer):
             return 0.0
         from footfall.train.export import export  # ONNX is needed at the end only
 
-        actor = trained_actor(self._parts.exact_networks, normalizer, policy)
+        actor = trained_actor(self._means, normalizer, policy)
         return export(actor, self._parts.env.contract, np.asarray(observations), path)
 
     @classmethod
