@@ -43,12 +43,11 @@ EVERY_MAKER = [
     {},
     {"hip": "DM8006", "knee": "RS03"},
     {"hip": "ODrive", "first_id": 4},
-    {"hip": "ODrive", "knee": "ODrive"},
     {"hip": "moteus", "knee": "moteus"},
 ]
 
 
-@pytest.fixture(params=EVERY_MAKER, ids=["mit", "damiao-robstride", "odrive-mit", "odrive", "moteus"])
+@pytest.fixture(params=EVERY_MAKER, ids=["mit", "damiao-robstride", "odrive-mit", "moteus"])
 def stand(request: pytest.FixtureRequest, go1: Robot) -> OnStand:
     return OnStand(with_motors(go1, **request.param))
 
@@ -185,7 +184,6 @@ class TestScan:
         ("MIT mode", "MIT mode"),
         ("Damiao", "RobStride"),
         ("ODrive", "MIT mode"),
-        ("ODrive", "ODrive"),
         ("moteus", "moteus"),
     )
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import bodies
 
-from footfall.common.rotations import multiply
+from footfall.common.rotations import heading, multiply
 from footfall.deploy.estimation.config import EstimatorConfig, GyroConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, YAW, Odometry
@@ -44,7 +44,7 @@ class Follower:
     """An estimator that notes its odometry at each update, beside the truth."""
 
     def __init__(self, plant: DirectPlant, config: EstimatorConfig | None = None) -> None:
-        self._plant, self._estimator = plant, BaseEstimator(plant.robot, config)
+        self.plant, self._estimator = plant, BaseEstimator(plant.robot, config)
         self.poses: list[Odometry] = []
         self.truth: list[np.ndarray] = []  # position and velocity
 
@@ -54,7 +54,7 @@ class Follower:
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
         result = self._estimator.update(sensed, stance, dt_s)
         self.poses.append(self._estimator.odometry())
-        self.truth.append(np.concatenate([self._plant.data.qpos[:3], self._plant.velocity()]))
+        self.truth.append(np.concatenate([self.plant.data.qpos[:3], self.plant.velocity()]))
         return result
 
     def errors(self) -> np.ndarray:
@@ -77,86 +77,64 @@ def walks() -> dict[str, Follower]:
     return {"planned": follow(Generator), "unplanned": follow(Unplanned)}
 
 
-@pytest.fixture(scope="module", params=["planned", "unplanned"])
-def flight(request: pytest.FixtureRequest) -> tuple[Follower, np.ndarray]:
-    """Two seconds of a pronk, and whether anything touches the ground, (ticks,)."""
+@pytest.mark.parametrize("planned", [True, False])
+def test_in_flight_no_foot_stands_and_it_goes_on_with_the_imu(planned: bool) -> None:
+    """Two seconds of a pronk. The height is less certain the longer nothing touches the ground."""
     plant = DirectPlant(ROBOT, seed=1)
-    follower, touches = Follower(plant), []
-    policy = load_policy("pronk", ROBOT)
-    if request.param == "unplanned":
+    follower, touching = Follower(plant), []
+    if not planned:
         update = follower.update
         follower.update = lambda sensed, _, dt_s: update(sensed, None, dt_s)  # type: ignore[method-assign]
 
     def look(time_s: float, plant: DirectPlant) -> None:
-        touches.append(plant.data.ncon > 0)
+        touching.append(plant.data.ncon > 0)
 
-    walk(policy, plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=look)
-    return follower, np.array(touches)
-
-
-class TestFlight:
-    def test_it_knows_that_no_foot_stands(self, flight: tuple[Follower, np.ndarray]) -> None:
-        follower, touches = flight
-        in_flight = np.flatnonzero(~touches[: len(follower.poses)])
-        assert len(in_flight) > 200
-        assert max(follower.poses[tick].contact.max() for tick in in_flight) < 0.1
-
-    def test_it_goes_on_with_the_imu(self, flight: tuple[Follower, np.ndarray]) -> None:
-        error = flight[0].errors()
-        assert np.abs(error[:, :3]).max() < 0.03
-        assert np.sqrt((error[400:, 3:] ** 2).mean(axis=0)).max() < 0.05
-
-    def test_the_height_is_less_certain_the_longer_it_lasts(
-        self, flight: tuple[Follower, np.ndarray]
-    ) -> None:
-        follower, touches = flight
-        deviation = np.array([each.covariance[2, 2] for each in follower.poses]) ** 0.5
-        off = np.flatnonzero(touches[600:-40] & ~touches[601:-39])[0] + 600
-        assert (np.diff(deviation[off + 10 : off + 40]) > 0.0).all()
-        assert deviation[off + 40] > 1.01 * deviation[off - 20]
+    walk(load_policy("pronk", ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=look)
+    touches = np.array(touching)
+    in_flight = np.flatnonzero(~touches[: len(follower.poses)])
+    assert len(in_flight) > 200
+    assert max(follower.poses[tick].contact.max() for tick in in_flight) < 0.1
+    error = follower.errors()
+    assert np.abs(error[:, :3]).max() < 0.03
+    assert np.sqrt((error[400:, 3:] ** 2).mean(axis=0)).max() < 0.05
+    deviation = np.array([each.covariance[2, 2] for each in follower.poses]) ** 0.5
+    off = np.flatnonzero(touches[600:-40] & ~touches[601:-39])[0] + 600
+    assert (np.diff(deviation[off + 10 : off + 40]) > 0.0).all()
+    assert deviation[off + 40] > 1.01 * deviation[off - 20]
 
 
 class TestAgainstTheTruth:
     """On a simulated robot with noisy readings."""
 
     @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_odometry_drifts_by_less_than_a_fiftieth_of_the_way(
-        self, walks: dict[str, Follower], kind: str
-    ) -> None:
+    def test_the_estimate_follows_the_motion(self, walks: dict[str, Follower], kind: str) -> None:
+        """It drifts by less than a fiftieth of the way; the velocity and the yaw follow."""
         follower = walks[kind]
         steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
         way = np.linalg.norm(steps, axis=1).sum()
         assert way > 1.2
-        assert np.linalg.norm(follower.errors()[-1, :2]) < 0.02 * way
-        assert np.abs(follower.errors()[:, 2]).max() < 0.01
-
-    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_velocity_follows(self, walks: dict[str, Follower], kind: str) -> None:
-        error = walks[kind].errors()[500:, 3:]
+        error = follower.errors()
+        assert np.linalg.norm(error[-1, :2]) < 0.02 * way
+        assert np.abs(error[:, 2]).max() < 0.01
+        error = error[500:, 3:]
         assert np.sqrt((error[:, :2] ** 2).mean(axis=0)).max() < 0.015
         assert np.abs(error.mean(axis=0))[:2].max() < 0.005
         assert np.sqrt((error[:, 2] ** 2).mean()) < 0.03
+        yaw = float(heading(follower.plant.data.qpos[3:7]))
+        assert yaw > 1.0
+        assert follower.poses[-1].yaw == pytest.approx(yaw, abs=0.03)
 
     @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_yaw_follows_the_imus(self, walks: dict[str, Follower], kind: str) -> None:
-        quaternion = walks[kind]._plant.data.qpos[3:7]
-        truth = 2 * np.arctan2(quaternion[3], quaternion[0])
-        assert truth > 1.0
-        assert walks[kind].poses[-1].yaw == pytest.approx(truth, abs=0.03)
-
-    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    @pytest.mark.parametrize("rows", [POSITION, VELOCITY])
-    def test_errors_are_as_large_as_the_covariance_says(
-        self, walks: dict[str, Follower], kind: str, rows: slice
-    ) -> None:
+    def test_errors_are_as_large_as_the_covariance_says(self, walks: dict[str, Follower], kind: str) -> None:
         """Nearly all within three standard deviations; their normalised squares neither large nor tiny."""
         follower = walks[kind]
-        error = follower.errors()[500:, :3] if rows is POSITION else follower.errors()[500:, 3:]
-        covariance = np.array([o.covariance[rows, rows] for o in follower.poses[500:]])
-        deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        assert (np.abs(error) < 3 * deviation).mean() > 0.98
-        square = np.einsum("ti,tij,tj->t", error, np.linalg.inv(covariance), error).mean() / 3
-        assert 0.03 < square < 2.0
+        for rows, columns in ((POSITION, slice(0, 3)), (VELOCITY, slice(3, 6))):
+            error = follower.errors()[500:, columns]
+            covariance = np.array([o.covariance[rows, rows] for o in follower.poses[500:]])
+            deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+            assert (np.abs(error) < 3 * deviation).mean() > 0.98
+            square = np.einsum("ti,tij,tj->t", error, np.linalg.inv(covariance), error).mean() / 3
+            assert 0.03 < square < 2.0
 
     def test_it_knows_which_feet_stand(self, walks: dict[str, Follower]) -> None:
         """A trot's diagonals take turns: about half of the feet at a time, hardly ever one that swings."""
@@ -222,7 +200,7 @@ def carried_by_its_legs(robot: Robot, sensed: Sensed, velocity: np.ndarray) -> S
 
 
 def glide(
-    estimator: BaseEstimator, sensed: Sensed, velocity: np.ndarray, yaws: np.ndarray, dt_s: float = 0.002
+    estimator: BaseEstimator, sensed: Sensed, velocity: np.ndarray, yaws: np.ndarray, dt_s: float = 0.004
 ) -> None:
     """Walk at a body velocity (3,), m/s, through these headings, on feet that are carried forward unseen."""
     for before, yaw in pairwise(yaws):
@@ -251,7 +229,7 @@ class TestPose:
         sensed = held()
         estimator = BaseEstimator(ROBOT)
         estimator.reset(sensed._replace(quaternion=yawed(yaw)))
-        glide(estimator, sensed, velocity, np.full(500, yaw))
+        glide(estimator, sensed, velocity, np.full(250, yaw))
         estimator.start()
         return estimator, sensed
 
@@ -259,7 +237,7 @@ class TestPose:
         """0.5 m/s ahead and 0.2 m/s left for two seconds, whatever the IMU calls north."""
         velocity = np.array([0.5, 0.2, 0.0])
         estimator, sensed = self.moving(2.5, velocity)
-        glide(estimator, sensed, velocity, np.full(1001, 2.5))
+        glide(estimator, sensed, velocity, np.full(501, 2.5))
         found = estimator.odometry()
         np.testing.assert_allclose(found.position, [1.0, 0.4, 0.0], atol=2e-3)
         np.testing.assert_allclose(found.velocity, velocity, atol=1e-3)
@@ -269,7 +247,7 @@ class TestPose:
     def test_a_circle_comes_round(self) -> None:
         """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is where trigonometry says."""
         velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
-        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.002) + 1)
+        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.004) + 1)
         estimator, sensed = self.moving(2.5, velocity)
         glide(estimator, sensed, velocity, yaws)
         found = estimator.odometry()
@@ -283,7 +261,7 @@ class TestPose:
     def test_turning_on_the_spot_the_base_stays_though_the_imu_goes_round(self) -> None:
         assert np.linalg.norm(imu_position(ROBOT)[:2]) > 0.05
         estimator, sensed = self.moving(0.0, np.zeros(3))
-        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 1001))
+        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 501))
         np.testing.assert_allclose(estimator.odometry().position, 0.0, atol=5e-3)
 
     def test_the_start_is_certain_and_keeps_the_motion(self) -> None:
@@ -338,7 +316,7 @@ class TestPose:
     def test_on_level_ground_its_height_is_as_sure_as_standing_feet_make_it(self) -> None:
         """4 mm, whatever the filter thinks of the way up, with which nothing else goes together."""
         estimator, sensed = self.moving(1.2, np.array([0.5, 0.2, 0.0]))
-        glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(200, 1.2))
+        glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(100, 1.2))
         estimator.motion.pp, estimator.motion.pv = 0.5, 0.03
         found = estimator.odometry().covariance
         np.testing.assert_allclose(found[2], [0.0, 0.0, 0.004**2, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
@@ -359,9 +337,9 @@ class TestPose:
         config = replace(config, odometry=replace(config.odometry, yaw_drift=0.05, scale_error=0.1, slip=0.0))
         estimator, sensed = BaseEstimator(ROBOT, config), held()
         estimator.reset(sensed._replace(quaternion=yawed(1.2)))
-        glide(estimator, sensed, velocity, np.full(500, 1.2))
+        glide(estimator, sensed, velocity, np.full(250, 1.2))
         estimator.start()
-        glide(estimator, sensed, velocity, np.full(2001, 1.2))
+        glide(estimator, sensed, velocity, np.full(1001, 1.2))
         found = estimator.odometry().covariance
         assert found[0, 0] == pytest.approx((0.1 * 2.0) ** 2, rel=0.02)
         assert found[1, 1] == pytest.approx(0.25 * 0.0025 * 4**3 / 3, rel=0.02)
@@ -405,9 +383,9 @@ class TestHeight:
         climbing = np.array([0.3, 0.0, 0.2])
         estimator, sensed = BaseEstimator(ROBOT, config), held()
         estimator.reset(sensed)
-        glide(estimator, sensed, climbing, np.zeros(500))
+        glide(estimator, sensed, climbing, np.zeros(250))
         estimator.start()
-        glide(estimator, sensed, climbing, np.zeros(1001))
+        glide(estimator, sensed, climbing, np.zeros(501))
         assert estimator.odometry().position[2] == pytest.approx(0.0 if level else 0.4, abs=5e-3)
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
 
@@ -422,15 +400,6 @@ class TestHeight:
 
 
 class TestReadings:
-    def test_feet_that_stand_under_moving_legs_say_that_the_base_moves(self) -> None:
-        velocity = np.array([0.3, -0.1, 0.05])
-        estimator, sensed = BaseEstimator(ROBOT), held()
-        estimator.reset(sensed)
-        moving = carried_by_its_legs(ROBOT, sensed, velocity)
-        for _ in range(300):
-            found, _ = estimator.update(moving, np.ones(4), 0.002)
-        np.testing.assert_allclose(found, velocity, atol=0.003)
-
     def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(self, tmp_path: Path) -> None:
         """Base and foot turn as one about the toes: joints at rest, and yet the base moves, at w x r."""
         robot = bodies(tmp_path)["six hinges and soles"]
@@ -460,14 +429,6 @@ class TestReadings:
             moved[planned] = np.linalg.norm(velocity)
         assert moved[0.0] < 1e-3
         assert moved[1.0] > 0.01
-
-    def test_in_free_fall_the_accelerometer_alone_carries_the_velocity(self) -> None:
-        estimator, falling = BaseEstimator(ROBOT), held(share=0.0)
-        estimator.reset(falling)
-        falling = falling._replace(acceleration=np.zeros(3), joint_torque=np.zeros(12))
-        for _ in range(100):
-            velocity, _ = estimator.update(falling, np.zeros(4), 0.002)
-        assert velocity[2] == pytest.approx(-9.81 * 0.2, rel=0.1)
 
     def test_stays_finite_whatever_comes(self) -> None:
         estimator, rest = BaseEstimator(ROBOT), held()

@@ -289,14 +289,14 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
 
     @pytest.fixture
     def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
-        """A run that has been logging for a second."""
+        """A run that has been logging for half a second."""
         root = Path(__file__).parents[2]
         environment = os.environ | {"PYTHONPATH": f"{root / 'tests/support'}:{root / 'benchmarks'}:{root}"}
         command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         assert process.stdout is not None
         try:
-            while int(process.stdout.readline()) < 1_000_000:
+            while int(process.stdout.readline()) < 500_000:
                 pass
             yield process
         finally:
@@ -313,7 +313,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             os.kill(writer, signal.SIGKILL)
         run.kill()
         assert run.stdout is not None
-        seen_us = int((b"1000000 " + run.stdout.read()).split()[-1])
+        seen_us = int((b"500000 " + run.stdout.read()).split()[-1])
         wait_for_end(writer)
         path = tmp_path / "killed.mcap"
         recover(path, tmp_path / "whole.mcap")
@@ -324,16 +324,9 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             readings = [entry.time_ns for entry in log.entries if entry.topic == "/joint_states"]
             assert readings[-1] - readings[0] >= (seen_us - (200_000 if with_its_writer else 4_000)) * 1000
         assert decoded(tmp_path / "whole.mcap")
-
-    def test_has_its_index_where_the_writer_could_go_on(
-        self, run: subprocess.Popen[bytes], tmp_path: Path
-    ) -> None:
-        (writer,) = children(run.pid)
-        run.kill()
-        run.wait()
-        wait_for_end(writer)
-        assert decoded(tmp_path / "killed.mcap", "/imu/data")
-        assert "ended before the run" in decoded(tmp_path / "killed.mcap", "/notes")[-1].message.data
+        if not with_its_writer:  # which has written the index, too
+            assert decoded(path, "/imu/data")
+            assert "ended before the run" in decoded(path, "/notes")[-1].message.data
 
     def test_a_torn_file_can_be_replayed(
         self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
@@ -580,7 +573,7 @@ class TestDamage:
         assert log.damaged == 3
         assert capfd.readouterr() == ("", "")
 
-    @pytest.mark.parametrize("seed", range(8))
+    @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize("mutation", [mutated, mutated_records])
     def test_no_mutation_gives_a_traceback(
         self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Mutation, seed: int

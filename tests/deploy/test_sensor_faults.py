@@ -31,22 +31,16 @@ def reversed_gyro(injector: FaultInjector) -> None:
 REPEATS = "the motor repeats one torque"
 NAMED = [
     ("acceleration frames lost", 0, "no new IMU reading (acceleration)", 0.06),
-    ("quaternion frames lost", 0, "no new IMU reading (quaternion)", 0.06),
-    ("quaternion frames of zeros", 0, "no new IMU reading (quaternion)", 0.06),
     ("quaternion frames cut to 2 bytes", 0, "no new IMU reading (quaternion)", 0.06),
-    ("gyro frames cut to 2 bytes", 0, "no new IMU reading (gyro)", 0.06),
     ("IMU frozen, its counters go on", 0, "the IMU: its ", 0.1),
     ("acceleration frozen", 0, "the IMU: its acceleration has repeated itself", 0.1),
-    ("quaternion frozen", 0, "the IMU: its quaternion", 0.1),
     (reversed_gyro, 0, "the IMU: its quaternion turned by", 0.6),
     ("quaternion off by 30 degrees", 0, "the IMU: its quaternion turned by", 0.05),
     ("position frozen", 4, "FL_thigh_joint (can1, id 2): its position ", 0.3),
-    ("position frozen", 3, "FL_hip_joint (can1, id 1): its position ", 1.2),
     ("velocity frozen", 4, "FL_thigh_joint (can1, id 2): its ", 0.4),
     ("torque frozen", 5, f"FL_calf_joint (can1, id 3): {REPEATS}", 0.3),
     ("acceleration's signs turned round", 0, "the IMU: on average its acceleration is off gravity by", 0.6),
     ("encoder jumps by 0.3 rad", 10, "RL_thigh_joint (can3, id 2): its position changed", 0.05),
-    ("encoder jumps by a turn", 7, "RR_thigh_joint (can2, id 2): reads", 0.05),
     ("ids of two motors swapped", 0, "FR_", 0.05),
     (
         "one reply over and over",
@@ -62,7 +56,6 @@ NAMED = [
         f"FR_calf_joint (can0, id 3): {REPEATS} | the motor has reported no torque",
         0.3,
     ),
-    ("all motors rebooted", 0, f"{REPEATS} | the motor has reported no torque", 0.2),
     ("motor pulls the other way", 8, "RR_calf_joint (can2, id 3): the motor pulls the other way", 0.4),
     ("motor at 90 degrees Celsius", 6, "RR_hip_joint (can2, id 1): the motor is at 90 degrees", 0.03),
 ]
@@ -117,8 +110,7 @@ def test_an_imu_that_is_mounted_askew_is_seen_before_the_robot_walks(go1: Robot,
     assert Mode.WALKING not in modes
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-@pytest.mark.parametrize("policy", ["go1-flat", "trot"])
+@pytest.mark.parametrize(("policy", "seed"), [("go1-flat", 3), ("trot", 4)])
 def test_a_pushed_robot_that_differs_from_the_nominal_one_raises_no_alarm(
     go1: Robot, policy: str, seed: int
 ) -> None:

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import SCALE, quantity, scales
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
-from footfall.domain_rand.sample import randomised_motor, sample_shapes
+from footfall.domain_rand.sample import randomised_motor
 from footfall.envs.config import NamedTermConfig, ObservationConfig
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.terms import critic
@@ -87,16 +87,13 @@ class TestReading:
         inputs = Inputs(read(sensed), np.zeros(12), np.zeros(3), np.zeros(1))
         np.testing.assert_allclose(frame(inputs, env.contract)[:12], 0.1 * torque)
 
-    def test_it_has_noise_of_its_own(self) -> None:
+    def test_it_has_noise_and_a_mirror_image_of_its_own(self) -> None:
         env = LocomotionEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
         assert env.observer.numbers == 30 + 12
         state, _ = env.reset(jax.random.PRNGKey(0))
         true = env.observer.readings(state.qpos, state.qvel, jnp.zeros(12))
         _, seen = env.observer.observe(state, jnp.tile(true, (8, 1)), jnp.full(42, 1.0))
         np.testing.assert_allclose(seen[12:24], np.full(12, 0.2), rtol=1e-6)
-
-    def test_it_has_a_mirror_image(self) -> None:
-        env = LocomotionEnv(ROBOT, self.CONFIG)
         mirror = env.mirror().observation["state"]
         vector = np.arange(27.0)
         np.testing.assert_array_equal(mirror(vector)[12:24], find_symmetry(ROBOT).joints(vector[12:24]))
@@ -112,7 +109,7 @@ class TestQuantity:
         with pytest.raises(UserError, match="above high"):
             structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
 
-    def test_it_acts_in_training_and_on_the_plant(self) -> None:
+    def test_it_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
         state, _ = env.reset(jax.random.PRNGKey(0))
         half = 0.5 * ROBOT.motor.no_load_speed
@@ -120,12 +117,9 @@ class TestQuantity:
         np.testing.assert_allclose(drive.motor.no_load_speed, half, rtol=1e-6)
         plants = randomised_motor(ROBOT.motor, {"motor_speed": np.full(12, 0.5)})
         np.testing.assert_allclose(plants.no_load_speed, half)
-
-    def test_the_critic_sees_it_and_knows_its_mirror_image(self) -> None:
-        nominal = replace(CONFIG, randomisation=WithSpeed())
-        plain, env = LocomotionEnv(ROBOT, nominal), LocomotionEnv(ROBOT, self.CONFIG)
+        nominal = LocomotionEnv(ROBOT, replace(CONFIG, randomisation=WithSpeed()))
         size = env.observation_sizes["privileged_state"]
-        assert size == plain.observation_sizes["privileged_state"] + 12
+        assert size == nominal.observation_sizes["privileged_state"] + 12
         mirror = env.mirror().observation["privileged_state"]
         assert len(mirror.source) == size
         np.testing.assert_array_equal(mirror.sign[-12:], np.ones(12))
@@ -139,19 +133,3 @@ def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:
     env = LocomotionEnv(ROBOT, replace(CONFIG, critic=entries))
     assert env.observation_sizes["privileged_state"] == plain + 1
     assert len(env.mirror().observation["privileged_state"].source) == plain + 1
-
-
-def test_kinds_of_quantities_are_those_of_the_robot() -> None:
-    shapes = sample_shapes(joints=12, bodies=13)
-    assert {name for name in NAMES if shapes[name] == (13,)} == {"link_mass", "inertia"}
-    assert {name for name in NAMES if shapes[name] == (3,)} == {
-        "com_offset_m",
-        "gyro_bias",
-        "gravity_bias",
-        "accelerometer_bias_m_s2",
-    }
-    assert {name for name in NAMES if shapes[name] == ()} == {
-        "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s", "battery_charge",
-        "accelerometer_noise_m_s2", "ambient_k", "action_jitter_s", "observation_jitter_s", "action_swing_s",
-        "observation_swing_s", "lost_commands", "lost_replies",
-    }  # fmt: skip
