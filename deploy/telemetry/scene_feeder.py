@@ -30,7 +30,7 @@ class SceneFeeder:
         """The base's motion. Load the scene at the first one."""
         self._odometry, self._footholds = numbers, b""
         if self._loading is None:
-            self._loading = threading.Thread(target=self._load, daemon=True)
+            self._loading = threading.Thread(target=self._load)  # no daemon: it would crash at exit
             self._loading.start()
             if not self._about["paced"]:
                 self._loading.join()

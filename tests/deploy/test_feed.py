@@ -4,6 +4,8 @@ import json
 import os
 import select
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -166,3 +168,19 @@ def placed(transform, point: np.ndarray) -> np.ndarray:
     mujoco.mju_rotVecQuat(found, point, np.array([q.w, q.x, q.y, q.z]))
     at = transform.translation
     return found + np.array([at.x, at.y, at.z])
+
+
+def test_a_run_that_ends_while_its_scene_is_loaded_waits_for_that() -> None:
+    """Extension modules that a daemon thread imports crash the interpreter at its end, now and then."""
+    program = """
+import sys, time, types
+class Scene:
+    def __init__(self, *_):
+        time.sleep(0.3)
+        print("loaded", flush=True)
+sys.modules["footfall.deploy.telemetry.scene"] = types.SimpleNamespace(Scene=Scene)
+from footfall.deploy.telemetry.scene_feeder import SceneFeeder
+SceneFeeder({"paced": True, "robot_folder": "", "robot_digest": ""}, print).odometry(b"")
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (ended.stdout, ended.returncode) == ("loaded\n", 0)
