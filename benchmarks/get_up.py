@@ -51,6 +51,7 @@ class Result:
     stood_s: float | None = None  # after RECOVERING began
     ended: str = ""  # the mode after RECOVERING
     ended_s: float | None = None  # when that began, after RECOVERING began
+    fault: str = ""  # why RECOVERING ended otherwise than on the legs
     energy_j: float = 0.0  # electrical, until it stood
     torque_share: float = 0.0  # greatest, of a motor's peak torque
     impact_share: float = 0.0  # greatest normal force on trunk and limbs but the feet, of the weight
@@ -82,6 +83,7 @@ class Drop:
             return
         if self._left_s is None and mode is not Mode.RECOVERING:
             self._left_s, found.ended, found.ended_s = now_s, str(mode), now_s - self._began_s
+            found.fault = "" if mode is Mode.STANDING else loop.state.faults[-1]
         if self._left_s is not None and (mode is not Mode.STANDING or now_s - self._left_s > AFTER_S):
             loop.finish(skip_lie_down=True)
             return
@@ -209,6 +211,8 @@ def main() -> None:
         kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found])
         print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
     print("after RECOVERING:", dict(Counter(r.ended or "nothing" for r in found)))
+    for fault, count in Counter(r.fault for r in found if r.fault).most_common():
+        print(f"  {count}: {fault}")
     handed_over = sum(r.ended == Mode.STANDING and (r.ended_s or 0.0) <= options.within for r in found)
     print(f"STANDING, by the supervisor, within {options.within:g} s: {handed_over} of {drops}")
     quantiles = np.quantile(times[up], [0.5, 0.9, 1.0]) if up.any() else []
