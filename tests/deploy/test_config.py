@@ -13,6 +13,7 @@ from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroConfig, OdometryConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
@@ -101,6 +102,10 @@ RANGES: list[tuple[type, float, float, str]] = [
     (SensorLimits, 0.0, 100.0, "voltage_v"),
     (BringUpConfig, 0.5, 60.0, "hold_s move_s walk_s"),
     (BringUpConfig, 0.0, 60.0, "slew_s"),
+    (WiringCheckConfig, 0.1, 10.0, "settle_s move_s unlike"),
+    (WiringCheckConfig, 0.01, 0.5, "standing_rad lying_rad least_rad lean_rad lost_rad askew_rad"),
+    (WiringCheckConfig, 0.01, 1.0, "alike imu_alike explained doubtful explained_in_doubt"),
+    (WiringCheckConfig, 0.0, 0.1, "motor_lag_s imu_lag_s"),
     (BringUpConfig, 0.01, 1.0, "move_rad sway_rad"),
     (BringUpLimits, 0.001, 3.2, "lost_rad still_rad tilt_rad"),
     (BringUpLimits, 0.01, 10.0, "shaking_rad_s shaking_s"),

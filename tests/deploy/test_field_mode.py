@@ -1,9 +1,13 @@
 """The modes that operators know."""
 
+import numpy as np
 import pytest
 
+from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status
 from footfall.deploy.field_mode import FieldMode, field_mode
 from footfall.deploy.modes import DAMPED, Mode
+
+STILL = np.zeros(3)
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -19,3 +23,11 @@ def test_every_mode_of_the_supervisor_is_one_of_the_operators(mode: Mode) -> Non
         assert person is FieldMode.FAULT
     elif mode in (*DAMPED, Mode.STOPPING, Mode.LOWERING):
         assert person is FieldMode.ENDING
+
+
+def test_a_status_shows_that_a_fault_ended_the_run() -> None:
+    status = Status(
+        9.0, 0.0, Mode.LOWERING, "trot", STILL, STILL, 0.0, UNKNOWN_POSE, ["a fault"], [], Offer()
+    )
+    assert status.field_mode is FieldMode.FAULT
+    assert status._replace(faults=[]).field_mode is FieldMode.ENDING

@@ -152,6 +152,12 @@ class TestOnASerialLine:
         assert imu.damaged >= 1
         assert imu.heard_us == 3000
 
+    def test_a_message_within_what_looks_like_one_is_read(self, driver: type, encode) -> None:
+        """Half a message, then a whole one, which begins within the length of the former."""
+        imu: SerialImu = driver(0)
+        imu.absorb(to_frames(0, encode(Sample(1, TILTED))[:20] + encode(Sample(2, TILTED))), 1000)
+        assert imu.heard_us == 1000
+
     def test_a_message_may_come_byte_by_byte_and_half_of_one_may_be_lost(self, driver: type, encode) -> None:
         imu: SerialImu = driver(0)
         content = encode(Sample(1, TILTED))

@@ -7,6 +7,7 @@ from some_motors import introduce, two_motors
 
 from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.frames import EXTENDED, Frames
+from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
 
 TWO = two_motors("RS00", "RS03", motor_id=7)
@@ -145,3 +146,11 @@ class TestParameters:
             ("1200fd07", "2870 0000 d007 0000"),  # 2000
             ("1100fd07", "2870 0000 0000 0000"),
         ]
+
+
+def test_simulated_motors_keep_their_faults_when_they_are_stopped(driver: RobstrideDriver) -> None:
+    end = RobstrideMotorEnd(TWO)
+    for frames, kind in ((driver.disable(), Request.DISABLE), (driver.clear(), Request.CLEAR)):
+        requests = end.requests(frames)
+        assert requests.kind is not None
+        assert set(requests.kind.tolist()) == {kind}

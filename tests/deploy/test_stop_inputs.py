@@ -3,6 +3,7 @@
 import os
 import struct
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -180,3 +181,13 @@ def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
     assert outcome.faults == ("stopped by the stop frame 0x7f0 on can1",)
     assert outcome.final_state == "ESTOP"
     assert outcome.walked_s < 20.0
+
+
+@pytest.mark.parametrize(
+    ("identifier", "extended", "fits"), [(0x7FF, False, True), (0x800, False, False), (0x800, True, True)]
+)
+def test_an_identifier_that_no_such_frame_can_carry_is_refused(
+    identifier: int, extended: bool, fits: bool
+) -> None:
+    with nullcontext() if fits else pytest.raises(ValueError, match="id must be"):
+        StopFrame("can1", identifier, extended=extended)

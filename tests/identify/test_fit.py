@@ -1,5 +1,6 @@
 """Planted truths: what a fit finds of a simulated robot whose parameters it does not know."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import Sample
 from footfall.identify.excitation import ExcitationConfig
-from footfall.identify.fit import FitConfig, LegFit, fit_leg
+from footfall.identify.fit import FitConfig, LegFit, fit_leg, problem_of
 from footfall.identify.leg import fixed_legs
 from footfall.identify.proposal import propose
 from footfall.identify.record import record
@@ -82,8 +83,6 @@ def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path:
 
 
 def test_a_base_that_moves_is_refused(recording: Recording) -> None:
-    from dataclasses import replace
-
     with pytest.raises(UserError):
         fit_leg(LEG, [replace(recording, turn_rad_s=0.2)])
 
@@ -91,3 +90,15 @@ def test_a_base_that_moves_is_refused(recording: Recording) -> None:
 def test_commands_are_those_that_motors_decode(recording: Recording) -> None:
     """CubeMars' frames have no code for a torque of zero."""
     assert (np.abs(recording.command[:200, 4]) > 0.001).all()
+
+
+def test_each_leg_has_its_own_motors() -> None:
+    robot = replace(ROBOT, motor=ROBOT.motor._replace(friction=np.arange(float(N))))
+    for leg in fixed_legs(robot):
+        np.testing.assert_array_equal(leg.motor.friction, leg.joints)
+
+
+def test_the_noise_of_torque_readings_is_found(recording: Recording) -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.5, recording.torque.shape)
+    noisy = replace(recording, torque=recording.torque + noise)
+    np.testing.assert_allclose(problem_of(LEG, [noisy], FitConfig()).torque_sigma, 0.5, rtol=0.15)

@@ -1,6 +1,7 @@
 """`footfall identify` on the command line: what it refuses."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -25,3 +26,14 @@ def test_a_fit_without_a_log_is_refused(arguments: list[str], capsys: pytest.Cap
 def test_a_plant_is_for_the_simulated_robot_alone(tmp_path: Path) -> None:
     arguments = ["identify", "record", str(tmp_path / "log.mcap"), "--bus", "virtual", "--plant", "other.xml"]
     assert main(arguments) == 2
+
+
+@pytest.mark.parametrize(
+    ("state", "faults", "status"), [("IDLE", (), 0), ("IDLE", ("a fault",), 1), ("ESTOP", (), 1)]
+)
+def test_a_recording_that_did_not_end_in_order_is_status_1(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, state: str, faults: tuple[str, ...], status: int
+) -> None:
+    outcome = SimpleNamespace(faults=faults, notes=(), walked_s=1.0, final_state=state)
+    monkeypatch.setattr("footfall.identify.record.record", lambda *_, **__: outcome)
+    assert main(["identify", "record", str(tmp_path / "log.mcap")]) == status

@@ -12,6 +12,8 @@ from walking_run import LIMITS, WALKING, abilities
 from footfall.common.errors import UserError
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.command_source import Pose, Request, Wish
+from footfall.operate.missions.activities import Now, Reach
+from footfall.operate.missions.follow import Tracking
 from footfall.operate.missions.mission import load_mission, mission_of
 from footfall.operate.missions.source import DONE, MissionSource
 
@@ -194,3 +196,9 @@ def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
         assert where in message, (text, message)
         assert why in message, (text, message)
         assert "\n" not in message
+
+
+@pytest.mark.parametrize("goal", [Pose(0.0, 0.0, 1.0), Pose(0.0, 0.0, -1.0)])
+def test_a_turn_takes_as_long_to_either_side(goal: Pose) -> None:
+    act = Reach(goal, LIMITS, Tracking()).act(Now(0.0, Pose(0.0, 0.0, 0.0), "trot"))
+    assert act.remaining_s == pytest.approx(1.0 / LIMITS.yaw_rad_s)

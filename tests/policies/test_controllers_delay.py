@@ -36,6 +36,13 @@ def test_the_delay_shows_in_the_reported_torques(delay_ticks: int) -> None:
     assert measured(delay_ticks, change_nm=2.0) == delay_ticks
 
 
+def test_velocities_of_commands_under_way_are_told_against_the_one_that_acts() -> None:
+    delay, rows = CommandDelay(ROBOT.motor, TICK_S), np.ones(JOINTS)
+    for velocity in (1.0, 4.0, 9.0):
+        delay.sent(JointCommand(0.0 * rows, velocity * rows, rows, rows, 0.0 * rows))
+    np.testing.assert_array_equal(delay.velocity_changes(), [5.0 * rows])  # a tick late: 9 is sent, 4 acts
+
+
 def test_commands_that_do_not_change_leave_the_delay() -> None:
     assert measured(16, change_nm=0.0) == 1
 

@@ -151,3 +151,9 @@ class TestSwing:
         np.testing.assert_allclose(slope, flight[1:-1, 1], atol=0.02)
         bend = (flight[2:, 1] - flight[:-2, 1]) / 0.004
         np.testing.assert_allclose(bend, flight[1:-1, 2], atol=0.35)
+
+    def test_a_goal_that_moves_just_before_the_landing_is_not_followed_with_a_jerk(self) -> None:
+        swing = Swing(np.array([0.25, 0.15]), 0.0, 0.0, lift_m=0.06, depth_m=0.005)
+        moved = swing.advance(np.array([0.26, 0.15, 0.0]), 1e-4, 0.002)
+        assert abs(moved[0, 0] - 0.25) < 0.01
+        assert abs(moved[2, 0]) < 5000.0

@@ -7,6 +7,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 
+from footfall.common.rotations import yaw_of
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
@@ -109,4 +110,4 @@ def _yaw(q: Any) -> float | None:
     """Of a quaternion; None for one of zeros, which asks for no heading."""
     if not any((q.w, q.x, q.y, q.z)):
         return None
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return yaw_of([q.w, q.x, q.y, q.z])
