@@ -11,6 +11,7 @@ from footfall.deploy.pose_path import PosePath
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
+SOFT = 0.3  # share of the stiffness with which limbs push each other aside; all of it hits the ground harder
 MOVING_SHARE = 0.7  # of the time to stand up, at least; the robot settles in the rest
 
 
@@ -50,7 +51,7 @@ class Postures:
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
-        self._soft = robot.kp, robot.kd  # a limb that meets another one pushes it aside
+        self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # as well damped
         self._gains, self._unfold_s = self._stiff, config.safety.recovery.unfold_s
         self._fastest = most
         self._path = PosePath([self._standing], [])
