@@ -8,7 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold, not_a_number, short_episode
+from deploy_policies import Hold, not_a_number, short_episode
 
 from footfall.common.errors import UserError
 from footfall.common.rotations import tilt
@@ -201,14 +201,6 @@ class TestRun:
         assert max(tick.tilt_rad for tick in lowering) < 0.3
         assert lowering[-1].height_m < go1.legs.base_below + 0.01
 
-    def test_a_fault_of_the_policy_lets_it_lie_down(self, go1: Robot) -> None:
-        note = Notebook()
-        outcome = run(go1, FailingPolicy(go1, 0.05, not_a_number), note, lying=False)
-        assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
-        assert outcome.faults == ("the policy's command is not finite",)
-        assert outcome.final_state == "ESTOP"
-        assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
-
     def test_a_policy_that_fails_at_top_speed_leaves_it_lying_on_its_belly(self, go1: Robot) -> None:
         """1.8 m/s are 0.17 m of height: it would turn over on feet that stop under it."""
         policy = InjectingPolicy(load_policy("go1-flat", go1))
@@ -223,17 +215,6 @@ class TestRun:
         assert max(tick.tilt_rad for tick in note.of(Mode.LOWERING)) < 0.8
         assert note.ticks[-1].tilt_rad < 0.1
         assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
-
-    def test_a_motor_that_falls_silent_on_the_way_damps_it(self, go1: Robot) -> None:
-        def silence(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.state.mode is Mode.LOWERING:
-                body.faults.motors.silent[3] = True
-
-        note = Notebook(silence)
-        outcome = run(go1, Hold(go1), note, lying=False)
-        assert note.modes[2:] == ["WALKING", "STOPPING", "LOWERING", "ESTOP"]
-        assert len(note.of(Mode.LOWERING)) < 20
-        assert "no reply from FL_hip_joint" in outcome.faults[0]
 
     def test_a_second_wish_to_end_damps_it_at_once(self, go1: Robot) -> None:
         def ask_again(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -271,12 +252,6 @@ class TestRun:
         outcome = run(go1, Hold(go1), Notebook(load), config=replace(QUICK, stand_s=0.6))
         assert "the base has sunk" in outcome.faults[0]
         assert outcome.walked_s == 0.0
-
-    def test_a_robot_without_a_lying_pose_is_damped_where_it_stands(self) -> None:
-        biped, note = load_robot("g1"), Notebook()
-        outcome = run(biped, Hold(biped), note, lying=False)
-        assert note.modes == ["IDLE", "STANDING", "WALKING", "RELEASING"]
-        assert outcome.final_state == "IDLE"
 
     def test_a_robot_without_a_lying_pose_cannot_begin_in_it(self) -> None:
         biped = load_robot("g1")

@@ -99,12 +99,6 @@ class TestContent:
             times = [entry.time_ns for entry in found if entry.topic == topic]
             assert times == list(range(state["STANDING"], state["IDLE"], 2_000_000))
 
-    def test_joint_states_carry_names_and_readings(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
-        last = decoded(logged[0], "/joint_states")[60].message
-        assert last.name == list(go1.joint_names)
-        np.testing.assert_allclose(last.position, go1.default_pose, atol=0.3)
-        assert len(last.velocity) == len(last.effort) == 12
-
     def test_each_reading_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
         """Orientation comes as w x y z and is written by name."""
         position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
@@ -225,12 +219,6 @@ class TestContent:
         assert "seen in RELEASING" in written
         assert written == list(trace.notes)
 
-    def test_a_fault_is_written_with_its_reason(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "bad.mcap"
-        run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
-        states = [m.message.data for m in decoded(path, "/state")]
-        assert "ESTOP: the policy's command is not finite" in states
-
     def test_times_are_unix_times(self, go1: Robot, tmp_path: Path) -> None:
         """To a millisecond: the process that writes the log has started before the loop's time begins."""
         path, zeros_ns = tmp_path / "a.mcap", []
@@ -251,6 +239,7 @@ class TestContent:
         assert log.metadata["policy"] == log.metadata["policy_spec"] == "sway"
         assert log.metadata["robot_digest"] == go1.digest
         assert log.metadata["seed"] == 7
+        assert (log.metadata["bus"], log.metadata["engine"], log.metadata["plant"]) == ("sim", "mujoco", None)
         assert log.metadata["joints"] == list(go1.joint_names)
 
     def test_logging_does_not_change_the_run(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
@@ -328,22 +317,15 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             assert decoded(path, "/imu/data")
             assert "ended before the run" in decoded(path, "/notes")[-1].message.data
 
-    def test_a_torn_file_can_be_replayed(
+    def test_a_torn_file_can_be_replayed_and_recovered_for_tools_that_need_an_index(
         self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
-    ) -> None:
-        torn = tmp_path / "torn.mcap"
-        whole = logged[0].read_bytes()
-        torn.write_bytes(whole[: len(whole) * 9 // 10])
-        assert not read_log(torn).complete
-        assert not replay(torn, Sway(go1)).complete
-
-    def test_a_torn_file_can_be_recovered_for_tools_that_need_an_index(
-        self, logged: tuple[Path, Trace], tmp_path: Path
     ) -> None:
         torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
         content = logged[0].read_bytes()
         torn.write_bytes(content[: len(content) * 9 // 10])
         left = read_log(torn)
+        assert not left.complete
+        assert not replay(torn, Sway(go1)).complete
         assert recover(torn, whole).messages == len(left.entries) > 0
         assert len(decoded(whole)) == len(left.entries)
         again = read_log(whole)
@@ -402,10 +384,6 @@ class TestBadInput:
         path.write_bytes(content)
         with pytest.raises(UserError, match=r"bad\.mcap is no"):
             replay(path, Hold(go1))
-
-    def test_a_missing_log_is_named(self, go1: Robot, tmp_path: Path) -> None:
-        with pytest.raises(UserError, match="cannot read the log"):
-            replay(tmp_path / "none.mcap", Hold(go1))
 
 
 HEALTH = MotorHealth(

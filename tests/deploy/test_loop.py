@@ -74,15 +74,6 @@ class TestOut:
         np.testing.assert_allclose(sent, [0.01] * 9 + [0.02] * 10 + [0.03] * 6, atol=3e-4)
         assert [time_us for time_us, _ in body.sent[-25:]] == list(range(102_000, 152_000, TICK_US))
 
-    def test_targets_of_a_leaping_policy_move_at_the_robots_rate(self, go1: Robot) -> None:
-        """60 rad/s in ticks of 2 ms."""
-        loop, _ = loop_of(go1, Adding(go1, 0.5))
-        until(loop, Mode.WALKING)
-        assert go1.description.target_rate_rad_s == 60.0
-        for tick in (1, 2, 3):
-            np.testing.assert_allclose(loop.target - go1.default_pose, 0.12 * tick, atol=1e-9)
-            loop.tick()
-
 
 def test_what_the_policy_sees_is_what_the_frames_said(go1: Robot) -> None:
     policy = Hold(go1)

@@ -139,20 +139,6 @@ class TestOnFrames:
         assert rises.resets == 2
         assert "it stays down" in loop.state.faults[-1]
 
-    def test_it_waits_until_the_robot_keeps_still(self, go1: Robot) -> None:
-        loop, body, *_ = fallen(go1)
-        body.gyro = (0.0, 1.0, 0.0)
-        assert to_the_end(loop) == [Mode.FALLING]
-        assert loop.now_us * 1e-6 - loop.state.since_s < 0.01
-        assert "it stays down" in loop.state.faults[-1]
-
-    def test_without_consent_it_is_damped_and_off(self, go1: Robot) -> None:
-        loop, *_ = fallen(go1, consent=False)
-        since_s = loop.state.since_s
-        assert to_the_end(loop) == [Mode.FALLING]
-        assert loop.now_us * 1e-6 - since_s == pytest.approx(SAFETY.damping_s, abs=0.003)
-        assert len(loop.state.faults) == 1
-
     @pytest.mark.parametrize("wish", [Wish.WALK, Wish.GET_UP])
     def test_an_operator_can_be_asked_each_time(self, go1: Robot, wish: Wish) -> None:
         asked = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.common.rotations import projected_gravity
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
@@ -65,23 +64,11 @@ class Bench:
         pose = self.robot.default_pose + offset
         return self.codec.encode(np.array([pose, 0 * one, kp * one, kd * one, 0 * one]))
 
-    def gravity(self) -> np.ndarray:
-        quaternion = imu.decode_quaternion(self.imu[imu.QUATERNION_ID])
-        assert quaternion is not None
-        return projected_gravity(np.array(quaternion))
-
     def gyro(self) -> np.ndarray:
         return np.array(imu.decode_gyro(self.imu[imu.GYRO_ID])[0])
 
 
 class TestMotors:
-    def test_a_robot_that_is_not_switched_on_sinks(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        for _ in range(250):
-            bench.tick(bench.hold())
-        assert not bench.body.motors_on.any()
-        assert bench.body.truth().base_position[2] < 0.6 * go1.description.standing_height_m
-
     @pytest.mark.parametrize("start", [{}, {"lying": True}, {"hanging": True}])
     def test_it_keeps_still_and_feels_its_weight_until_its_motors_are_commanded(
         self, go1: Robot, start: dict[str, bool]
@@ -114,19 +101,6 @@ class TestMotors:
         weight = bench.body.model.body_subtreemass[0] * 9.81
         assert truth.foot_force.sum() == pytest.approx(weight, rel=0.05)
 
-    def test_it_starts_with_its_feet_just_on_the_ground(self, go1: Robot) -> None:
-        truth = Bench(go1).body.truth()
-        assert truth.foot_position[:, 2].min() == pytest.approx(0.023, abs=1e-3)
-        np.testing.assert_allclose(truth.joint_position, go1.default_pose)
-
-    def test_every_motor_answers_every_frame_with_its_position(self, go1: Robot) -> None:
-        bench = Bench(go1)
-        bench.enter()
-        for _ in range(10):
-            bench.tick(bench.hold())
-        assert bench.replies == 11 * 12
-        np.testing.assert_allclose(bench.position, bench.body.truth().joint_position, atol=2e-3)
-
     @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
     def test_motors_wait_for_as_long_as_robot_yaml_says_of_each_unless_all_are_told_otherwise(
         self, go1: Robot, told: float | None, knees: float, others: float
@@ -155,14 +129,6 @@ class TestMotors:
 
 
 class TestDifferences:
-    def test_a_payload_and_a_friction_reach_the_model(self, go1: Robot) -> None:
-        plain = Bench(go1).body.model
-        sample = Sample(payload_kg=np.array(2.0), friction=np.array(0.3))
-        loaded = Bench(go1, sample=sample).body.model
-        assert loaded.body_mass.sum() - plain.body_mass.sum() == pytest.approx(2.0)
-        foot = loaded.geom(go1.description.feet[0].geoms[0]).id
-        assert loaded.geom_friction[foot, 0] == pytest.approx(0.3)
-
     def test_a_sample_for_another_body_count_is_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="drawn for 3 bodies, the plant has 13"):
             Bench(go1, sample=Sample(link_mass=np.ones(3)))

@@ -1,7 +1,6 @@
 """A simulated trial: pushes, looks, falls, and what an episode asks for."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,15 +8,10 @@ import numpy as np
 import pytest
 
 from footfall.deploy.bus import BusStatistics
-from footfall.deploy.config import DeployConfig
-from footfall.deploy.frames import Frames
 from footfall.deploy.modes import Mode
 from footfall.deploy.session import SessionResult
-from footfall.domain_rand.noise import Noise
-from footfall.plant import episode as episode_module
-from footfall.plant.episode import Episode, Push, Trial, run_episode, true_base_state
+from footfall.plant.episode import Episode, Push, Trial, true_base_state
 from footfall.plant.trace import Recorder
-from footfall.plant.wires import Side
 from footfall.robots.description import Robot
 
 
@@ -206,80 +200,6 @@ def test_a_recorder_stacks_rows_in_their_order() -> None:
     assert arrays["a"].tolist() == [1.0, 2.0]
     assert arrays["b"].tolist() == [[1, 2], [3, 4]]
     assert Recorder(2, 1, 9).rows == {}
-
-
-@pytest.mark.parametrize("asked", [True, False])
-def test_what_an_episode_asks_for_reaches_plant_and_session(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, asked: bool
-) -> None:
-    seen: dict[str, Any] = {}
-
-    class Body(FakeBody):
-        def __init__(self, robot: Robot, wiring: Any, wires: Any, config: Any, seed: int) -> None:
-            super().__init__()
-            seen.update(robot=robot, wires=wires, config=config, seed=seed)
-
-    def run_session(
-        robot: Any, policy: Any, bus: Any, session: Any, each_tick: Any, base: Any
-    ) -> SessionResult:
-        seen.update(policy=policy, bus=bus, session=session, each_tick=each_tick, base=base)
-        return OUTCOME
-
-    monkeypatch.setattr(episode_module, "SimulatedRobot", Body)
-    monkeypatch.setattr(episode_module, "run_session", run_session)
-
-    def command(_: float) -> np.ndarray:
-        return np.zeros(3)
-
-    shown = []
-    further: dict[str, Any] = {
-        "seed": 5,
-        "plant": tmp_path / "other.xml",
-        "sample": {"friction": 0.4},
-        "noise": Noise(gyro=0.1),
-        "ground_truth": True,
-        "realtime": True,
-        "log": tmp_path / "log.mcap",
-        "policy_spec": "mine.onnx",
-        "config": DeployConfig(host_queue=3, motor_timeout_s=0.3),
-        "display": lambda loop, velocity: shown.append((loop, velocity())),
-    }
-    policy = SimpleNamespace(name="hold", contract=None)
-    run_episode(go1, policy, Episode(command, 2.5, **(further if asked else {})))  # type: ignore[arg-type]
-    session, plant = seen["session"], seen["config"]
-    assert seen["robot"] is go1
-    assert seen["policy"] is policy
-    assert (session.command_source, session.duration_s) == (command, 2.5)
-    assert session.realtime is asked
-    if not asked:
-        assert (plant.plant, plant.sample, plant.noise, plant.motor_timeout_s) == (None, {}, None, 0.1)
-        assert (seen["seed"], session.log, seen["base"], session.display) == (0, None, None, None)
-        assert session.facts == {
-            "seed": 0,
-            "policy_spec": "hold",
-            "bus": "sim",
-            "plant": None,
-            "engine": "mujoco",
-        }
-        return
-    assert (plant.plant, plant.sample) == (further["plant"], further["sample"])
-    assert (plant.noise, plant.motor_timeout_s) == (further["noise"], 0.3)
-    assert (seen["seed"], session.log, session.config) == (5, further["log"], further["config"])
-    four = Frames(*np.ones((2, 4), int), np.zeros((4, 8), np.uint8), np.full(4, 8))
-    assert seen["wires"].send(Side.HOST, four, now_us=0) == 1
-    assert session.facts == {
-        "seed": 5,
-        "policy_spec": "mine.onnx",
-        "bus": "sim",
-        "plant": str(further["plant"]),
-        "engine": "mujoco",
-    }
-    session.display("a loop")
-    assert shown[0][0] == "a loop"
-    assert np.isnan(shown[0][1]).all()
-    velocity, height = seen["base"]()
-    np.testing.assert_array_equal(velocity, [1.0, 2.0, 3.0])
-    assert height == pytest.approx(9.0 - 1.0)
 
 
 def test_a_policys_true_height_is_above_the_feet_that_stand() -> None:

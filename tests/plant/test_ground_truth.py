@@ -182,11 +182,3 @@ class TestTruth:
         assert not body.diverged()
         body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1
         assert body.diverged() is (kind != "CONTACTFULL")
-
-    def test_feet_in_the_air_bear_nothing(self, go1: Robot) -> None:
-        body = body_of(go1)
-        body.data.qpos[2] = 1.0
-        mujoco.mj_forward(body.model, body.data)
-        truth = body.truth()
-        assert not truth.foot_contact.any()
-        assert truth.foot_force.tolist() == [0.0] * 4
