@@ -79,7 +79,7 @@ class Outcome:
     draw: int
     leg: str
     errors: dict[str, list[float]] = field(default_factory=dict)  # by quantity, in the units of `TARGETS`
-    covered: dict[str, list[bool]] = field(default_factory=dict)  # by quantity: truth within the interval
+    off: dict[str, list[float]] = field(default_factory=dict)  # by quantity: errors over half the interval
     not_told: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)
@@ -130,7 +130,7 @@ def truth_of(
 def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
     """A leg's fit beside the truth."""
     outcome = Outcome(number, leg.name, not_told=[each.label for each in fit.frozen])
-    errors, covered = defaultdict(list), defaultdict(list)
+    errors, off = defaultdict(list), defaultdict(list)
 
     def compare(quantity: str, value: float, true: float) -> None:
         target = TARGETS.get(quantity)
@@ -140,7 +140,7 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
     for each in fit.estimates:
         quantity, owner = each.parameter.quantity, each.parameter.owner
         true = truth.get((quantity, owner), each.parameter.kind.nominal)
-        covered[quantity].append(bool(each.low <= true <= each.high))
+        off[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
         offset = (
             float(leg.motor.damping[leg.joint_names.index(owner)]) if quantity == "joint_damping" else 0.0
         )
@@ -149,7 +149,7 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
         strength, kp = fit.value("motor_strength", name), fit.value("kp", name)
         if strength is not None and kp is not None:
             compare("motor_strength x kp", strength * kp, truth["motor_strength", name] * truth["kp", name])
-    outcome.errors, outcome.covered = dict(errors), dict(covered)
+    outcome.errors, outcome.off = dict(errors), dict(off)
     outcome.held_out_mrad = (1e3 * fit.held_out_rad).tolist()
     outcome.nominal_mrad = (1e3 * fit.nominal_rad).tolist()
     outcome.misfit = fit.misfit.tolist()
@@ -178,7 +178,7 @@ def summary(outcomes: list[Outcome]) -> dict:
     rows = {}
     for name, target in TARGETS.items():
         sizes = np.abs([each for outcome in outcomes for each in outcome.errors.get(name, [])])
-        inside = [each for outcome in outcomes for each in outcome.covered.get(name, [])]
+        inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.off.get(name, [])]
         rows[name] = {
             "unit": target.unit,
             "target": target.most,
@@ -188,7 +188,7 @@ def summary(outcomes: list[Outcome]) -> dict:
             "within": float((sizes <= target.most).mean()) if len(sizes) else None,
             "covered": float(np.mean(inside)) if inside else None,
         }
-    covered = [each for outcome in outcomes for values in outcome.covered.values() for each in values]
+    covered = [abs(each) <= 1.0 for outcome in outcomes for off in outcome.off.values() for each in off]
     held_out = np.array([each for outcome in outcomes for each in outcome.held_out_mrad])
     nominal = np.array([each for outcome in outcomes for each in outcome.nominal_mrad])
     return {

@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from footfall.identify.fit import FitConfig, problem_of, slopes
+from footfall.identify.fit import FitConfig, problem_of
 from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import QUANTITIES
 from footfall.identify.problem import Problem
 from footfall.identify.recording import Recording
+from footfall.identify.solver import slopes
 
 CLEAR = 0.3  # share of the squared error that a quantity has to explain to be named
 RIDGE = 1e-6  # of a step's normal equations: a parameter moves by a thousand scales at most

@@ -22,6 +22,7 @@ class Quantity(NamedTuple):
     high: float
     scale: float  # a difference between two robots that surprises nobody
     floor: float  # least half-width of a range
+    field: str = ""  # of `Motor`, of an effect that a fit leaves out unless it is asked for
 
 
 # Ordered by what is frozen first where data cannot tell quantities apart: what a datasheet or scales tell
@@ -39,7 +40,16 @@ QUANTITIES = {
     "joint_friction": Quantity("joint", "", 1.0, 0.0, 10.0, 0.3, 0.15),
     "armature": Quantity("joint", "", 1.0, 0.1, 8.0, 0.3, 0.05),
 }
-ORDER = tuple(QUANTITIES)
+# Effects that are fitted where the rest does not explain the motion.
+EFFECTS = {
+    "stribeck_friction": Quantity("joint", "N m", 0.0, 0.0, 5.0, 0.1, 0.05, "stribeck"),
+    "load_friction": Quantity("joint", "", 0.0, 0.0, 0.5, 0.03, 0.01, "load_friction"),
+    "backlash_rad": Quantity("joint", "rad", 0.0, 0.0, 0.1, 0.002, 0.001, "backlash"),
+    "gear_compliance": Quantity("joint", "rad/(N m)", 0.0, 0.0, 0.05, 0.001, 0.0005, "compliance"),
+    "link_com": Quantity("body", "", 1.0, -1.0, 4.0, 0.1, 0.03),  # centre of mass from the joint
+}
+KINDS = QUANTITIES | EFFECTS
+ORDER = (*EFFECTS, *QUANTITIES)
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,7 @@ class Parameter:
 
     @property
     def kind(self) -> Quantity:
-        return QUANTITIES[self.quantity]
+        return KINDS[self.quantity]
 
     @property
     def label(self) -> str:
@@ -69,14 +79,17 @@ class Values(NamedTuple):
     kd: np.ndarray  # (K, 1, n) of the commanded damping
     delay_s: np.ndarray  # (K, n) from a command's tick to its effect, plus that of the readings
     link_mass: np.ndarray  # (K, m) of the nominal masses
+    link_com: np.ndarray  # (K, m) of the nominal centres of mass in their bodies' frames
 
 
-def parameters_of(leg: FixedLeg) -> tuple[Parameter, ...]:
-    """All parameters of a leg."""
-    owners = {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}
-    return tuple(
-        Parameter(name, owner) for name, quantity in QUANTITIES.items() for owner in owners[quantity.of]
-    )
+def parameters_of(leg: FixedLeg, effects: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """All parameters of a leg, those of some of `EFFECTS` included."""
+    names = (*effects, *QUANTITIES)
+    return tuple(Parameter(name, owner) for name in names for owner in _owners(leg, name))
+
+
+def _owners(leg: FixedLeg, name: str) -> tuple[str, ...]:
+    return {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}[KINDS[name].of]
 
 
 def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
@@ -87,15 +100,13 @@ def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
 def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarray) -> Values:
     """The candidates whose parameters are the columns of `numbers`, (p, K); what is absent is nominal."""
     count = numbers.shape[1]
-    owners = {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}
     place = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
 
     def all_of(name: str) -> np.ndarray:
         """(K, owners)."""
-        quantity = QUANTITIES[name]
-        rows = [place.get((name, owner)) for owner in owners[quantity.of]]
+        rows = [place.get((name, owner)) for owner in _owners(leg, name)]
         return np.stack(
-            [np.full(count, quantity.nominal) if row is None else numbers[row] for row in rows], axis=1
+            [np.full(count, KINDS[name].nominal) if row is None else numbers[row] for row in rows], axis=1
         )
 
     def joint(name: str) -> np.ndarray:
@@ -103,6 +114,9 @@ def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarra
 
     motor, base = leg.motor, np.ones((count, 1, leg.count))
     fields = {name: value * base for name, value in motor._asdict().items() if value is not None}
+    for name in {each.quantity for each in parameters if each.kind.field}:
+        field = EFFECTS[name].field
+        fields[field] = fields.get(field, 0.0) + joint(name)
     return Values(
         armature=leg.armature * all_of("armature"),
         motor=motor._replace(
@@ -120,4 +134,5 @@ def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarra
         kd=joint("kd"),
         delay_s=all_of("delay_s"),
         link_mass=all_of("link_mass"),
+        link_com=all_of("link_com"),
     )

@@ -11,13 +11,16 @@ from footfall.common.errors import UserError
 from footfall.common.outputs import write_text
 from footfall.domain_rand.randomisation import OWN_FILE
 from footfall.identify.fit import LegFit
-from footfall.identify.parameters import QUANTITIES, Parameter
+from footfall.identify.parameters import KINDS, Parameter
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import make_inertia_explicit
 
 IN_FOLDER = ("armature", "joint_friction", "joint_damping", "link_mass")  # its ranges lie about nominal
-RANGED = ("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s")  # as identified
+RANGED = (  # as identified
+    *("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s"),
+    *("stribeck_friction", "load_friction", "backlash_rad", "gear_compliance"),
+)
 
 
 def propose(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder: Path) -> Path:
@@ -92,7 +95,7 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
             found[name] = limits
     delays = [each.value for fit in fits for each in fit.estimates if each.parameter.quantity == "delay_s"]
     if delays:
-        floor = QUANTITIES["delay_s"].floor
+        floor = KINDS["delay_s"].floor
         found["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
     if own.is_file():
         kept = [line for line in own.read_text().splitlines() if line.partition(":")[0].strip() not in found]
@@ -103,7 +106,7 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
 
 def _range(name: str, fits: Sequence[LegFit]) -> tuple[float, float] | None:
     """A quantity's range; None where it was not identified."""
-    quantity = QUANTITIES[name]
+    quantity = KINDS[name]
     told = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
     if not told:
         return None

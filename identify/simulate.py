@@ -89,11 +89,12 @@ def _models(leg: FixedLeg, values: Values) -> list[mujoco.MjModel]:
     """One model for each candidate."""
     models = []
     moving = leg.model.jnt_bodyid
-    for armature, scale in zip(values.armature, values.link_mass, strict=True):
+    for armature, scale, com in zip(values.armature, values.link_mass, values.link_com, strict=True):
         model = copy.copy(leg.model)
         model.dof_armature[:] = armature
         model.body_mass[moving] *= scale
         model.body_inertia[moving] *= scale[:, None]
+        model.body_ipos[moving] *= com[:, None]
         models.append(model)
     return models
 

@@ -1,5 +1,6 @@
 """Planted truths: what a fit finds of a simulated robot whose parameters it does not know."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import Sample
+from footfall.fit_report import page
 from footfall.identify.excitation import ExcitationConfig
 from footfall.identify.fit import FitConfig, LegFit, fit_leg, problem_of
 from footfall.identify.leg import fixed_legs
@@ -102,3 +104,10 @@ def test_the_noise_of_torque_readings_is_found(recording: Recording) -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.5, recording.torque.shape)
     noisy = replace(recording, torque=recording.torque + noise)
     np.testing.assert_allclose(problem_of(LEG, [noisy], FitConfig()).torque_sigma, 0.5, rtol=0.15)
+
+
+def test_a_page_shows_each_joint_and_needs_nothing_else(fit: LegFit) -> None:
+    text = page(ROBOT, [fit], [Path("log.mcap")], None)
+    for name in (*LEG.joint_names, *LEG.body_names, "armature", "delay_s"):
+        assert name in text
+    assert not re.search(r'(src|href)="(?!#)', text)

@@ -3,12 +3,12 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
-from footfall.common.outputs import check_outputs, write_json
+from footfall.common.outputs import check_outputs, write_json, write_text
 from footfall.confirm import Yes, confirm
 from footfall.options import AS_TYPED, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
@@ -107,8 +107,14 @@ class FitOptions:
     """Log that judges the fit and does not enter it (default: every fourth second of each log)."""
     legs: Names = ()
     """These legs alone, by the names of their feet."""
+    effects: Names = ()
+    """Fit these effects, too: stribeck_friction, load_friction, backlash_rad, gear_compliance, link_com."""
+    profile: bool = False
+    """Fit again with the delay held at other values: how much the motion depends on it."""
     out: OptionalPath = None
     """Folder for the proposed robot. It must not exist."""
+    report: OptionalPath = None
+    """Page with estimates, residuals, intervals and misfit."""
     json: JsonFile = None
 
 
@@ -123,15 +129,23 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     """
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
-    from footfall.identify.fit import MISFIT, fit_leg
+    from footfall.identify.fit import MISFIT, FitConfig, fit_leg
     from footfall.identify.leg import fixed_legs
+    from footfall.identify.parameters import EFFECTS
     from footfall.identify.proposal import propose
     from footfall.identify.recording import read_recording
     from footfall.robots.description import load_robot
 
     if not logs:
         raise UserError("no log: record one with 'footfall identify record LOG'")
-    check_outputs(options.json)
+    check_outputs(options.json, options.report)
+    if options.report is not None:
+        from footfall.evaluate.report.extra import check_installed
+
+        check_installed()
+    for name in options.effects:
+        if name not in EFFECTS:
+            raise UserError(f"no effect '{name}': there are {', '.join(EFFECTS)}")
     if options.out is not None and options.out.exists():
         raise UserError(f"{options.out} exists: give another --out, nothing is overwritten")
     robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
@@ -141,16 +155,28 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     for name in options.legs:
         if name not in [leg.name for leg in legs]:
             raise UserError(f"no leg '{name}': there are {', '.join(leg.name for leg in legs)}")
-    fits = []
+    fits, config = [], FitConfig(effects=tuple(options.effects), profile=options.profile)
     for leg in legs:
         if not options.legs or leg.name in options.legs:
-            fits.append(fit_leg(leg, recordings, held_out))
+            fits.append(fit_leg(leg, recordings, held_out, config))
             _show(fits[-1])
-    write_json(options.json, _figures(fits))
+    _write(options, robot, fits, logs)
     if options.out is not None:
         folder = propose(robot, fits, [str(log) for log in logs], options.out)
         print(f"wrote {folder}: look it over with: footfall robot check {folder}")
     return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
+
+
+def _write(options: FitOptions, robot: "Robot", fits: "list[LegFit]", logs: tuple[Path, ...]) -> None:
+    """The figures and the page."""
+    from footfall.fit_findings import figures
+
+    write_json(options.json, figures(fits))
+    if options.report is not None:
+        from footfall.fit_report import page
+
+        write_text(options.report, page(robot, fits, logs, options.held_out))
+        print(f"wrote {options.report}")
 
 
 def _show(found: "LegFit") -> None:
@@ -158,7 +184,7 @@ def _show(found: "LegFit") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from footfall.identify.fit import MISFIT
+    from footfall.fit_findings import verdicts
     from footfall.identify.proposal import table_rows
 
     console = Console()
@@ -168,39 +194,5 @@ def _show(found: "LegFit") -> None:
     for row in table_rows([found]):
         table.add_row(*row)
     console.print(table, highlight=False)
-    for place, joint in enumerate(found.leg.joint_names):
-        ratio = found.misfit[place]
-        verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT else "fits"
-        print(
-            f"{joint}: held out {1e3 * found.held_out_rad[place]:.2f} mrad rms,"
-            f" nominal {1e3 * found.nominal_rad[place]:.2f}: {verdict}",
-            flush=True,
-        )
-
-
-def _figures(fits: "list[LegFit]") -> dict[str, Any]:
-    return {
-        "legs": [
-            {
-                "leg": fit.leg.name,
-                "joints": list(fit.leg.joint_names),
-                "estimates": [
-                    {
-                        "quantity": each.parameter.quantity,
-                        "of": each.parameter.owner,
-                        "value": each.value,
-                        "low": each.low,
-                        "high": each.high,
-                        "unit": each.parameter.kind.unit,
-                    }
-                    for each in fit.estimates
-                ],
-                "not_told": [each.label for each in fit.frozen],
-                "noise_rad": fit.noise_rad.tolist(),
-                "residual_rad": fit.residual_rad.tolist(),
-                "held_out_rad": fit.held_out_rad.tolist(),
-                "nominal_rad": fit.nominal_rad.tolist(),
-            }
-            for fit in fits
-        ]
-    }
+    for line in verdicts(found):
+        print(line, flush=True)

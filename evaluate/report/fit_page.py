@@ -1,0 +1,158 @@
+"""One HTML page, complete in itself, of a fit: estimates, intervals, residuals, misfit, provenance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from footfall.evaluate.provenance import machine
+from footfall.evaluate.report.svg import INK, Panel, Plot, line
+
+SHOWN = 4  # windows of each joint's motion, the worst ones
+FITTED, NOMINAL = 0, 1  # places of their line styles
+
+
+@dataclass(frozen=True)
+class EstimateRow:
+    """One parameter."""
+
+    owner: str
+    quantity: str
+    value: float
+    low: float
+    high: float
+    nominal: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class JointTrack:
+    """One joint's held-out motion in W windows of R readings."""
+
+    name: str
+    time_s: np.ndarray  # (W, R) from each window's start
+    read_rad: np.ndarray  # (W, R)
+    fitted_rad: np.ndarray  # (W, R)
+    nominal_rad: np.ndarray  # (W, R)
+    noise_rad: float  # of the readings
+    misfit: float  # residual of the fit over the noise
+
+
+@dataclass(frozen=True)
+class LegPart:
+    """One leg's part of the page."""
+
+    name: str
+    verdicts: Sequence[str]
+    good: bool
+    estimates: Sequence[EstimateRow]
+    not_told: Sequence[tuple[str, str]]  # parameter, and what it is tied to
+    joints: Sequence[JointTrack]
+    effects: Sequence[tuple[str, float]] = ()  # residual over noise with each effect, where there is a misfit
+    profile: tuple[np.ndarray, np.ndarray] | None = None  # shifts of the delay, s; residual over noise
+
+
+def render(title: str, headline: str, legs: Sequence[LegPart], about: Sequence[tuple[str, str]]) -> str:
+    """The page.
+
+    Args:
+        title: of the page.
+        headline: the result in a line.
+        legs: that were fitted.
+        about: provenance: names and values.
+    """
+    environment = Environment(
+        loader=PackageLoader("footfall.evaluate.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("fit.html").render(
+        title=title,
+        headline=headline,
+        good=all(leg.good for leg in legs),
+        legs=[(leg, [plot for plot in plots(leg) if plot.panels]) for leg in legs],
+        about=[*about, ("machine", machine())],
+        version=version("footfall"),
+        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+    )
+
+
+def plots(leg: LegPart) -> list[Plot]:
+    """Intervals, motion, residuals and the profile of a leg."""
+    return [_intervals(leg), _motion(leg), _residuals(leg), _profile(leg)]
+
+
+def _intervals(leg: LegPart) -> Plot:
+    """Estimates with intervals, in units of the interval's distance from nominal, a panel per quantity."""
+    panels = []
+    for quantity in dict.fromkeys(row.quantity for row in leg.estimates):
+        rows = [row for row in leg.estimates if row.quantity == quantity]
+        with Panel(f"interval-{leg.name}-{quantity}", height=60.0 + 28.0 * len(rows)) as panel:
+            ax, places = panel.axes, np.arange(len(rows))
+            for place, row in zip(places, rows, strict=True):
+                ax.plot([row.low, row.high], [place, place], **line(FITTED))
+                ax.plot(row.value, place, "o", color=line(FITTED)["color"], ms=5)
+            ax.axvline(rows[0].nominal, color=INK, lw=0.8, dashes=(4, 3))
+            ax.set_yticks(places, [row.owner for row in rows])
+            ax.set(title=f"{quantity}, {rows[0].unit}", ylim=(len(rows) - 0.5, -0.5))
+            panels.append(panel.svg(f"{quantity} of each joint or body with its interval"))
+    caption = "Blue: estimate and interval of 95 %. Dashed: the nominal value."
+    return Plot("Estimates", caption, panels)
+
+
+def _motion(leg: LegPart) -> Plot:
+    """The worst held-out windows of each joint."""
+    panels = []
+    for joint in leg.joints:
+        error = ((joint.fitted_rad - joint.read_rad) ** 2).mean(axis=1)
+        worst = np.sort(np.argsort(-error, kind="stable")[:SHOWN])
+        with Panel(f"motion-{joint.name}") as panel:
+            for place, window in enumerate(worst):
+                time_s = joint.time_s[window] + 1.1 * place
+                panel.axes.plot(time_s, joint.read_rad[window], color=INK, lw=2.4, alpha=0.35)
+                panel.axes.plot(time_s, joint.nominal_rad[window], **line(NOMINAL))
+                panel.axes.plot(time_s, joint.fitted_rad[window], **line(FITTED))
+            panel.axes.set(title=joint.name, xlabel="time, s", ylabel="rad")
+            panels.append(panel.svg(f"Held-out motion of {joint.name}: read, fitted and nominal"))
+    caption = (
+        f"The {SHOWN} held-out windows with the largest errors, side by side. Grey: read. Blue: fitted leg."
+        " Orange: nominal leg. Each window starts from its best position and speed."
+    )
+    return Plot("Held-out motion", caption, panels)
+
+
+def _residuals(leg: LegPart) -> Plot:
+    """Error of each held-out window."""
+    panels = []
+    for joint in leg.joints:
+        with Panel(f"residual-{joint.name}", height=190.0) as panel:
+            for place, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
+                error = 1e3 * np.sqrt(((predicted - joint.read_rad) ** 2).mean(axis=1))
+                panel.axes.plot(np.arange(len(error)), error, marker=".", **line(place))
+            panel.axes.axhline(1e3 * joint.noise_rad, color=INK, lw=0.8, dashes=(4, 3))
+            panel.axes.set(title=joint.name, xlabel="window", ylabel="rms error, mrad", yscale="log")
+            panels.append(panel.svg(f"Errors of held-out windows of {joint.name}"))
+    return Plot(
+        "Residuals", "Blue: the fitted leg. Orange: the nominal one. Dashed: noise of the readings.", panels
+    )
+
+
+def _profile(leg: LegPart) -> Plot:
+    """Residual against a shift of the delay."""
+    panels: list[Markup] = []
+    if leg.profile is not None:
+        shift_s, misfit = leg.profile
+        with Panel(f"profile-{leg.name}", height=190.0) as panel:
+            panel.axes.plot(1e3 * shift_s, misfit, marker="o", **line(FITTED))
+            panel.axes.set(xlabel="shift of all delays, ms", ylabel="residual over noise", title=leg.name)
+            panels.append(panel.svg("Residual of fits with the delay held"))
+    caption = (
+        "Fits with the delay held at other values. A flat curve: other parameters make up for the delay."
+    )
+    return Plot("Profile over the delay", caption, panels)

@@ -1,0 +1,64 @@
+"""Least squares of a leg's problem: Gauss-Newton steps between which starts and weights are refined."""
+
+from dataclasses import replace
+
+import numpy as np
+from mujoco import minimize
+
+from footfall.identify.problem import Problem
+
+STEP = 1e-4  # of finite differences, in scales
+LONGEST_STEP = 3.0  # of a round, in scales
+SETTLED = 3e-3  # of a round's step, in scales: the fit has converged
+UNWEIGHTED = 2  # rounds before outliers count less
+COARSE = 3  # every such window counts at first
+
+
+def solve(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
+    """Gauss-Newton from x, starts and weights refined before each step; on some of the windows at first."""
+    coarse = some_windows(problem)
+    if coarse is not problem:
+        x = stepped(coarse, rounds // 2, x)
+    return stepped(problem, rounds, x)
+
+
+def some_windows(problem: Problem) -> Problem:
+    """The problem with every `COARSE`-th window; itself if it has few."""
+    width = problem.windows.width
+    if width < COARSE * COARSE:
+        return problem
+    return replace(problem, windows=problem.windows.take(np.arange(width) % COARSE == 0))
+
+
+def stepped(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
+    """At most `rounds` steps; fewer if they settle."""
+    problem.refine_starts(x)
+    for turn in range(rounds):
+        if turn >= UNWEIGHTED:
+            problem.reweight(x)
+        problem.refine_starts(x)
+        found, _ = minimize.least_squares(
+            x,
+            problem.residual,
+            [np.maximum(problem.low, x - LONGEST_STEP), np.minimum(problem.high, x + LONGEST_STEP)],
+            eps=STEP,
+            max_iter=1,
+            mu_min=1e-4,
+            mu_factor=10.0,
+            x_scale="jac",
+            verbose=minimize.Verbosity.SILENT,
+        )
+        moved, x = float(np.abs(found - x).max()), found
+        if turn > UNWEIGHTED and moved < SETTLED:
+            break
+    problem.refine_starts(x)
+    return x
+
+
+def slopes(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals by window, (W, m), and their slopes, (W, m, p), at x."""
+    eps = 1e-3
+    inward = np.where(x + eps > problem.high, -eps, eps)
+    found = problem.by_window(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))
+    slope = (found[1:] - found[0]) / inward[:, None, None]
+    return found[0], np.moveaxis(slope, 0, 2)

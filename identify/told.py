@@ -1,0 +1,80 @@
+"""What a leg's data cannot tell: parameters that keep their nominal values, and a profile over the delay."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.identify.null_space import Direction, Profile, null_directions, profile
+from footfall.identify.parameters import ORDER, Parameter
+from footfall.identify.problem import Problem
+from footfall.identify.solver import some_windows, stepped
+
+UNTOLD = 0.3  # deviation, in scales, from which a direction of parameters is not told by the data
+DELAY, PROFILE_ROUNDS = "delay_s", 4
+SHIFTS_S = np.linspace(-0.004, 0.004, 9)  # of all delays of a leg, in a profile
+
+
+class Told(NamedTuple):
+    """A problem without what its data cannot tell."""
+
+    problem: Problem
+    kept: list[int]  # rows of the parameters that stay free
+    frozen: dict[Parameter, Direction]  # the others, each with the direction that it belongs to
+
+
+def told(problem: Problem, slope: np.ndarray, noise: float) -> Told:
+    """The problem without parameters that its data cannot tell from others.
+
+    A direction whose deviation is large is not told. Of the parameters in it, the first one of `ORDER` goes.
+
+    Args:
+        problem: with all parameters.
+        slope: of the residuals by window, (W, m, p).
+        noise: deviation of the residuals.
+    """
+    flat = slope.reshape(-1, slope.shape[2])
+    factor: np.ndarray = np.asarray(np.linalg.qr(flat, mode="r"))  # as many rows as columns, same directions
+    rows = {each.label: row for row, each in enumerate(problem.parameters)}
+    kept = list(range(len(rows)))
+    frozen: dict[Parameter, Direction] = {}
+    while len(kept) > 1:
+        names = [problem.parameters[row].label for row in kept]
+        worst = null_directions(factor[:, kept], names, noise, UNTOLD)
+        if not worst:
+            break
+        inside = [rows[name] for name in worst[0].parts]
+        goes = min(inside, key=lambda row: ORDER.index(problem.parameters[row].quantity))
+        frozen[problem.parameters[goes]] = worst[0]
+        kept.remove(goes)
+    if frozen:
+        problem = replace(problem, parameters=tuple(problem.parameters[row] for row in kept))
+    return Told(problem, kept, frozen)
+
+
+def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
+    """Fits with all delays of a leg shifted by some milliseconds: how much the motion depends on them.
+
+    Args:
+        problem: of the fit.
+        x: its solution, (p,).
+
+    Returns:
+        Shifts in seconds, rms of the residuals in units of their noise, and the other parameters in scales.
+    """
+    few = some_windows(problem)
+    numbers = problem.numbers(x[:, None])[:, 0]
+    delays = {
+        each: value for each, value in zip(problem.parameters, numbers, strict=True) if each.quantity == DELAY
+    }
+    rest = [row for row, each in enumerate(problem.parameters) if each.quantity != DELAY]
+    free = tuple(problem.parameters[row] for row in rest)
+
+    def fit_at(shift_s: float) -> tuple[float, np.ndarray]:
+        fixed = problem.fixed | {each: max(0.0, value + shift_s) for each, value in delays.items()}
+        held = replace(few, parameters=free, fixed=fixed)
+        best = stepped(held, PROFILE_ROUNDS, x[rest])
+        position, _ = held.errors(best[:, None])
+        return float(np.sqrt(((position / held.position_sigma) ** 2).mean())), best
+
+    return profile(fit_at, SHIFTS_S.tolist())

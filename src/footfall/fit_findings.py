@@ -1,0 +1,69 @@
+"""What a fit found, in lines and figures."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from footfall.identify.fit import MISFIT, LegFit
+
+
+def verdicts(fit: LegFit) -> list[str]:
+    """A line for each joint, and what would explain a misfit."""
+    lines = []
+    for place, joint in enumerate(fit.leg.joint_names):
+        ratio = fit.misfit[place]
+        verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT else "fits"
+        lines.append(
+            f"{joint}: held out {1e3 * fit.held_out_rad[place]:.2f} mrad rms,"
+            f" nominal {1e3 * fit.nominal_rad[place]:.2f}: {verdict}"
+        )
+    found = fit.explanation
+    if found is not None and found.best is not None:
+        left = found.with_effect[found.best]
+        lines.append(
+            f"{found.best} explains it best: residual {found.without:.1f} -> {left:.1f} times the noise;"
+            f" fit again with --effects {found.best}"
+        )
+    elif found is not None:
+        lines.append("no known effect explains it: look for a moving base, loose parts, a weight, a cable")
+    return lines
+
+
+def not_told(fit: LegFit) -> list[tuple[str, str]]:
+    """Parameters that the motion does not tell, and what each is tied to."""
+    return [
+        (parameter.label, "tied to " + ", ".join(name for name in tie.parts if name != parameter.label))
+        if len(tie.parts) > 1
+        else (parameter.label, "without a trace in the motion")
+        for parameter, tie in fit.frozen.items()
+    ]
+
+
+def figures(fits: Sequence[LegFit]) -> dict[str, Any]:
+    """Every figure, for JSON."""
+    return {"legs": [_leg_figures(fit) for fit in fits]}
+
+
+def _leg_figures(fit: LegFit) -> dict[str, Any]:
+    found = fit.explanation
+    return {
+        "leg": fit.leg.name,
+        "joints": list(fit.leg.joint_names),
+        "estimates": [
+            {
+                "quantity": each.parameter.quantity,
+                "of": each.parameter.owner,
+                "value": each.value,
+                "low": each.low,
+                "high": each.high,
+                "unit": each.parameter.kind.unit,
+            }
+            for each in fit.estimates
+        ],
+        "not_told": dict(not_told(fit)),
+        "noise_rad": fit.noise_rad.tolist(),
+        "residual_rad": fit.residual_rad.tolist(),
+        "held_out_rad": fit.held_out_rad.tolist(),
+        "nominal_rad": fit.nominal_rad.tolist(),
+        "effects": None if found is None else {"without": found.without, **found.with_effect},
+        "delay_profile": None if fit.profile is None else fit.profile._asdict() | {"numbers": None},
+    }

@@ -1,0 +1,79 @@
+"""The page of a fit, put together from what `identify` found."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from footfall.fit_findings import not_told, verdicts
+from footfall.identify.fit import MISFIT, LegFit
+from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from footfall.evaluate.report.fit_page import LegPart
+
+
+def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: Path | None) -> str:
+    """The page of a fit; it needs the extra `report`."""
+    from footfall.evaluate.report.fit_page import render
+
+    wrong = [fit.leg.name for fit in fits if (fit.misfit > MISFIT).any()]
+    worst = max(float(fit.held_out_rad.max()) for fit in fits)
+    gain = min(float((fit.nominal_rad / fit.held_out_rad).min()) for fit in fits)
+    headline = (
+        f"The model does not fit {', '.join(wrong)}: figures and intervals must not be believed."
+        if wrong
+        else f"Held out: within {1e3 * worst:.2f} mrad rms, at least {gain:.1f} times better than nominal."
+    )
+    judges = "every fourth second of the recordings" if held_out is None else str(held_out)
+    about = [
+        ("nominal robot", f"{robot.name}, digest {robot.digest}"),
+        ("recordings", ", ".join(str(log) for log in logs)),
+        ("held out", judges),
+        ("intervals", "95 %, by bootstrap over windows with refits; they know nothing of a wrong model"),
+        ("misfit", f"a residual of more than {MISFIT:g} times the noise of the readings"),
+    ]
+    return render(f"{robot.name}: identified", headline, [_part(fit) for fit in fits], about)
+
+
+def _part(fit: LegFit) -> "LegPart":
+    from footfall.evaluate.report.fit_page import EstimateRow, JointTrack, LegPart
+
+    track = fit.held_out
+    joints = [
+        JointTrack(
+            name,
+            track.time_s[:, :, place],
+            track.read_rad[:, :, place],
+            track.fitted_rad[:, :, place],
+            track.nominal_rad[:, :, place],
+            float(fit.noise_rad[place]),
+            float(fit.misfit[place]),
+        )
+        for place, name in enumerate(fit.leg.joint_names)
+    ]
+    rows = [
+        EstimateRow(
+            each.parameter.owner,
+            each.parameter.quantity,
+            each.value,
+            each.low,
+            each.high,
+            each.parameter.kind.nominal,
+            each.parameter.kind.unit or "x nominal",
+        )
+        for each in fit.estimates
+    ]
+    effects = (
+        [] if fit.explanation is None else sorted(fit.explanation.with_effect.items(), key=lambda e: e[1])
+    )
+    profile = None if fit.profile is None else (fit.profile.values, fit.profile.misfit)
+    return LegPart(
+        name=fit.leg.name,
+        verdicts=verdicts(fit),
+        good=not (fit.misfit > MISFIT).any(),
+        estimates=rows,
+        not_told=not_told(fit),
+        joints=joints,
+        effects=effects,
+        profile=profile,
+    )

@@ -1,0 +1,28 @@
+"""What explains a misfit."""
+
+from pathlib import Path
+
+import numpy as np
+
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.explain import explained
+from footfall.identify.fit import FitConfig, problem_of
+from footfall.identify.leg import fixed_legs
+from footfall.identify.record import record
+from footfall.identify.recording import read_recording
+from footfall.identify.simulated import simulated_bus
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=0.8, burst_s=0.3)
+BUS_S = 0.0007  # of a command and of a reading
+
+
+def test_an_effect_that_the_model_lacks_is_named(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, SHORT)
+    recordings = [read_recording(log, ROBOT)]
+    problem = problem_of(fixed_legs(ROBOT)[0], recordings, FitConfig(window_s=0.3, rate_hz=125.0))
+    known = [BUS_S if each.quantity == "delay_s" else each.kind.nominal for each in problem.parameters]
+    found = explained(problem, problem.scaled(np.array(known)), rounds=2)
+    assert found.best == "stribeck_friction", found
