@@ -53,11 +53,11 @@ LONGEST = (
     "train/test_sweep.py",
     "train/test_runs.py",
     "train/test_failure.py",
+    "footfall/test_cli_train.py",
     "pages/test_snapshots.py",
     "pages/test_page.py",
     "train/test_rsl_rl.py",
     "train/test_environment.py",
-    "footfall/test_cli_train.py",
     "envs/test_gymnasium.py",
     "pages/test_browser.py",
     "footfall/test_cli_process.py",
@@ -67,13 +67,18 @@ LONGEST = (
     "envs/test_fewer_kernels.py",
     "repository/test_install.py",
     "train/test_ppo.py",
-    "robots/test_physics.py",
     "envs/test_workarounds.py",
 )
 
 
 # Files whose trainings share a program: whoever compiles it first does so for the others.
-TRAININGS = ("train/test_cluster.py", "train/test_sweep.py", "train/test_runs.py", "train/test_failure.py")
+TRAININGS = (
+    "train/test_cluster.py",
+    "train/test_sweep.py",
+    "train/test_runs.py",
+    "train/test_failure.py",
+    "footfall/test_cli_train.py",
+)
 
 
 @pytest.hookimpl(optionalhook=True)

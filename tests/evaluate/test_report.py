@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from footfall.common.errors import UserError
 from footfall.evaluate import api
-from footfall.evaluate.api import compare_policies, evaluate_policy
+from footfall.evaluate.api import compare_policies
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import TaskResult
@@ -40,16 +39,6 @@ SHORT = ScenarioFile(
 )
 
 
-@pytest.fixture
-def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
-
-
-@pytest.fixture
-def silent() -> Console:
-    return Console(quiet=True)
-
-
 @pytest.fixture(scope="module")
 def standing(go1: Robot) -> Trace:
     episode = Episode(CommandSchedule((0.0,), ((0.0, 0.0, 0.0),)), 0.4)
@@ -70,20 +59,6 @@ class TestSuite:
         figures = run_suite(["stand"], EvaluationConfig("go1", ("push",)), SHORT)["stand"]["push"]
         assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
         assert 0.1 < figures["dv50"] < 6.0
-
-
-class TestEvaluate:
-    @pytest.mark.usefixtures("short")
-    def test_writes_what_it_returns(self, tmp_path: Path, silent: Console) -> None:
-        path = tmp_path / "result.json"
-        result = evaluate_policy(
-            "stand", EvaluationConfig("go1", ("still",), 4, 1), json_path=path, console=silent
-        )
-        assert json.loads(path.read_text()) == result
-        assert (result["policy"], result["robot"], result["seed"]) == ("stand", "go1", 4)
-        still = result["scenarios"]["still"]
-        assert (still["episodes"], still["falls"]) == (1, 0)
-        assert {"lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport"} <= set(still)
 
 
 @pytest.fixture(scope="module")
@@ -119,14 +94,6 @@ class TestCompare:
     def test_the_page_says_why_there_are_no_films(self, compared: tuple[dict, Path, Path]) -> None:
         text = compared[2].read_text(encoding="utf-8")
         assert text.count("No film of ") == text.count("egl: no display") == 2
-
-    @pytest.mark.usefixtures("short")
-    def test_an_output_that_cannot_be_written_is_told_before_anything_runs(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("it ran"))
-        with pytest.raises(UserError, match="is a folder"):
-            compare_policies(["stand"], EvaluationConfig("go1", ("still",)), html_path=tmp_path)
 
 
 class TestFilm:

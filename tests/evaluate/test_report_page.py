@@ -71,7 +71,7 @@ class TestPage:
         assert "mine did not walk the course: its process died" in text
 
     def test_policies_may_have_any_name(self, go1: Robot) -> None:
-        names = ["a$\\frac$b", "<b>&amp;\"'", "{{ 1 + 1 }}", "_hidden", "$", "ø\u2028"]
+        names = ["_a$\\frac$b", "<b>&amp;\"' {{ 1 + 1 }}", "ø\u2028 $"]
         text = page_of(go1, *(result(name, name, 0.1, 1, 2.0, walked(3.0)) for name in names))
         words = Page(text).words
         assert all(" ".join(name.split()) in words for name in names)

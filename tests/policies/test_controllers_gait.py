@@ -146,17 +146,3 @@ class TestCommand:
         asked[axis] = 0.25
         command.advance(asked, 1.0)
         assert not command.value.any()
-
-    @pytest.mark.parametrize(
-        ("numbers", "complaint"),
-        [
-            ((0.0, 5.0, 0.1), "acceleration_m_s2 must be above 0"),
-            ((2.0, 0.0, 0.1), "yaw_acceleration_rad_s2 must be above 0"),
-            ((2.0, 5.0, -0.1), "standing_command must be 0 or above"),
-        ],
-    )
-    def test_accelerations_are_above_zero_and_a_norm_is_not_below_it(
-        self, numbers: tuple[float, float, float], complaint: str
-    ) -> None:
-        with pytest.raises(ValueError, match=complaint):
-            CommandShaping(*numbers)
