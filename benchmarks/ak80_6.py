@@ -10,8 +10,8 @@ Blocks of 2.5 s are held out, a third of them in each of three fits; then each r
 model for all fits, the joint law with load and Stribeck friction: nothing is chosen on held-out motion.
 Intervals: recordings are drawn with replacement and the fit is repeated.
 
-The share of motion that is explained compares the error with the motion from each window's start. The published
-set is simulated by the same code: its friction torque c atan(100 v) has c pi/2 as Coulomb friction.
+The share of motion that is explained compares the error with the motion from each window's start. The
+published set is simulated by the same code: its friction torque c atan(100 v) has c pi/2 as Coulomb friction.
 """
 
 import argparse
@@ -175,7 +175,9 @@ def main() -> None:
     errors = report_motion(problem(folder), fits, names)
     report_null(problem(folder), fits["fit", 0])
     if options.plot is not None:
-        plot_windows(options.plot, problem(folder), errors, names, ("shoulder, rad", "elbow, rad"))
+        windows = problem(folder)
+        channels = "shoulder, rad", "elbow, rad"
+        plot_windows(options.plot, windows.measured, errors, windows.recording, names, channels)
 
 
 def report_parameters(fits: dict[tuple[str, int], np.ndarray]) -> None:

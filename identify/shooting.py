@@ -56,6 +56,12 @@ class Shooting:
         """(p,)."""
         return np.array([each.guess for each in self.numbers])
 
+    @property
+    def bounds(self) -> list[np.ndarray]:
+        """Least and greatest scaled numbers, (p,) each."""
+        ends = np.array([(each.low, each.high) for each in self.numbers])
+        return [self.scaled(ends[:, 0]), self.scaled(ends[:, 1])]
+
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
         """Numbers (p,) or (p, K) in scales from their guesses."""
         centre, scale = self._frame(numbers.ndim)
@@ -112,8 +118,6 @@ class Shooting:
     def fit(self, first: np.ndarray | None = None, rounds: int = 3, iterations: int = 8) -> np.ndarray:
         """The numbers, (p,), of least squares: starts and weights of outliers are refined between rounds."""
         x = self.scaled(self.guess if first is None else first)
-        low = self.scaled(np.array([each.low for each in self.numbers]))
-        high = self.scaled(np.array([each.high for each in self.numbers]))
         now = self
         for _ in range(rounds):
             now, project = now._with_best_starts(x, self.start)
@@ -122,7 +126,7 @@ class Shooting:
             x, _ = minimize.least_squares(
                 x,
                 lambda at, now=now, project=project: now._flat(at, project),
-                [low, high],
+                self.bounds,
                 eps=EPS,
                 max_iter=iterations,
                 xtol=1e-5,
@@ -130,14 +134,21 @@ class Shooting:
             )
         return self.unscaled(x)
 
+    def linearised(self, numbers: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Residuals (K, W, m) of scaled candidates (p, K) near `numbers`, with the starts taken out.
+
+        For optimisers that need no slopes, such as an evolution strategy.
+        """
+        x, now = self.scaled(numbers), self
+        for _ in range(START_ROUNDS):
+            now, project = now._with_best_starts(x, self.start)
+        return lambda candidates: now._projected(candidates, project)
+
     def slopes(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their slopes in scales, (W, m, p)."""
-        now, project = self._with_best_starts(self.scaled(numbers), self.start)
-        now, project = now._with_best_starts(self.scaled(numbers), self.start)
-        x = now.scaled(numbers)
-        high = self.scaled(np.array([each.high for each in self.numbers]))
-        inward = np.where(x + EPS > high, -EPS, EPS)
-        found = now._projected(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1), project)
+        x = self.scaled(numbers)
+        inward = np.where(x + EPS > self.bounds[1], -EPS, EPS)
+        found = self.linearised(numbers)(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))
         return found[0], np.moveaxis((found[1:] - found[0]) / inward[:, None, None], 0, 2)
 
     def _residuals(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from footfall.identify.shooting import Shooting
-
 MOST_DRAWN = 12  # windows of each recording
 
 
@@ -25,26 +23,40 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def plot_windows(
-    path: Path, windows: Shooting, errors: np.ndarray, names: Sequence[str], channels: Sequence[str]
+    path: Path,
+    measured: np.ndarray,
+    errors: np.ndarray,
+    recording: np.ndarray,
+    names: Sequence[str],
+    channels: Sequence[str],
 ) -> None:
-    """Draw measured and simulated motion, the first windows of each recording, one below the other."""
+    """Draw measured and simulated motion, some windows of each recording, one recording below the other.
+
+    Args:
+        path: of the PNG.
+        measured: (W, R, c).
+        errors: simulated less measured, (W, R, c).
+        recording: of each window, (W,).
+        names: of the recordings.
+        channels: names of the c columns.
+    """
     import matplotlib.pyplot as plt
 
-    recordings = windows.recordings
+    recordings = np.unique(recording)
     figure, axes = plt.subplots(
         len(recordings), len(channels), figsize=(7 * len(channels), 2.2 * len(recordings)), squeeze=False
     )
-    length = windows.measured.shape[1]
-    for row, recording in enumerate(recordings):
-        chosen = np.flatnonzero(windows.recording == recording)
+    length = measured.shape[1]
+    for row, each in enumerate(recordings):
+        chosen = np.flatnonzero(recording == each)
         chosen = chosen[:: max(1, len(chosen) // MOST_DRAWN)]
         for column, channel in enumerate(channels):
             axis = axes[row, column]
             for place, window in enumerate(chosen):
                 at = place + np.arange(length) / length
-                measured = windows.measured[window, :, column]
-                axis.plot(at, measured, "k", linewidth=1.6)
-                axis.plot(at, measured + errors[window, :, column], "C1", linewidth=0.9)
+                truth = measured[window, :, column]
+                axis.plot(at, truth, "k", linewidth=1.6)
+                axis.plot(at, truth + errors[window, :, column], "C1", linewidth=0.9)
             axis.set_ylabel(channel, fontsize=8)
             axis.set_title(f"{names[row]}: measured (black), simulated and held out (orange)", fontsize=8)
             axis.set_xlabel("window", fontsize=7)

@@ -1,16 +1,24 @@
 """Benchmarks on recordings of real machines, with recordings made up in the same format."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import ak80_6
+import go2_in_air
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from recordings import double_pendulum
+from recordings import double_pendulum, servo_logs, servo_pendulum
+from recordings.hung_leg import DELAY, leg_windows
 from recordings.rollout import Inputs, rollouts
 
 from footfall.common.errors import UserError
+from footfall.identify.leg import fixed_legs
+from footfall.identify.null_space import null_directions
+from footfall.identify.recording import Recording
+from footfall.robots.description import load_robot
 
 STEP_S = double_pendulum.STEP_S
 SWINGS = {**ak80_6.PUBLISHED, "strength_2": 0.9, "delay_1": 0.0, "delay_2": 0.006, "load_friction_1": 0.05}
@@ -74,3 +82,71 @@ def test_a_folder_without_recordings_or_columns_is_refused(tmp_path: Path) -> No
     bad.write_text("time,tau1,tau2\n0,0,0\n1,0,0\n")
     with pytest.raises(UserError, match="pos"):
         ak80_6.read(bad)
+
+
+TURNS = {**dict.fromkeys(servo_pendulum.LAW, 0.0), "kt": 0.4, "resistance": 5.0, "armature": 0.002}
+TURNS |= {"coulomb": 0.01, "viscous": 0.004, "stribeck_speed": 0.3, "duty_resistance": 0.4, "offset": 0.02}
+
+
+def made_up_servo(path: Path, gain: float, hz: float) -> None:
+    """A JSON recording of a servo whose numbers are known, at 200 Hz."""
+    per_rad = servo_logs.SERVOS["xl330"].duty_per_rad * gain
+    goal = 1.2 * np.sin(2 * np.pi * hz * 0.005 * np.arange(460) ** 1.1)
+    given = np.repeat(
+        np.column_stack([goal, *np.tile([[1], [per_rad], [0.5], [0.1], [7.4]], 460)]), 5, axis=0
+    )
+
+    def step(state: jnp.ndarray, given: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
+        speed = state[1] + STEP_S * servo_pendulum.accelerate(TURNS, state, given)[0]
+        return jnp.stack([state[0] + STEP_S * speed, speed]), state[0]
+
+    _, position = jax.lax.scan(step, jnp.zeros(2), jnp.asarray(given))
+    entries = [
+        {"timestamp": 0.005 * row, "position": float(at), "goal_position": float(to), "torque_enable": True}
+        for row, (at, to) in enumerate(zip(position[::5], goal, strict=True))
+    ]
+    rest = {"kp": gain, "mass": 0.5, "length": 0.1, "vin": 7.4, "trajectory": "made up"}
+    path.write_text(json.dumps({**rest, "entries": entries}))
+
+
+def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None:
+    for place, (gain, hz) in enumerate(((200.0, 0.5), (800.0, 0.8), (800.0, 0.3))):
+        made_up_servo(tmp_path / f"{place}.json", gain, hz)
+    folder = str(tmp_path)
+    assert servo_logs.folds(folder, "xl330") == [("kp 200", [0]), ("kp 800", [1, 2])]
+    windows = servo_logs.problem(folder, "xl330", "joint law")
+    numbers = dict(zip((each.name for each in windows.numbers), windows.fit(rounds=2), strict=True))
+    assert numbers["kt"] == pytest.approx(0.4, rel=0.05)
+    assert numbers["duty_resistance"] == pytest.approx(0.4, abs=0.1)
+    assert numbers["offset"] == pytest.approx(0.02, abs=0.005)
+    with pytest.raises(UserError, match="no recording"):
+        servo_logs.read(Path(__file__), servo_logs.SERVOS["xl330"])
+
+
+def test_slow_motion_in_the_air_does_not_tell_delay_from_armature() -> None:
+    """Go1's leg in place of a Go2's: 1 Hz, no torques."""
+    robot = load_robot("go1")
+    time_s = 0.005 * np.arange(160)
+    command = np.zeros((160, 5, 12))
+    command[:, 0] = robot.default_pose + 0.2 * np.sin(2 * np.pi * time_s)[:, None]
+    command[:, 2], command[:, 3] = go2_in_air.KP, go2_in_air.KD
+    recording = Recording(
+        "made up",
+        time_s,
+        command,
+        np.repeat(time_s[:, None], 12, axis=1),
+        command[:, 0],
+        np.full((160, 12), np.nan),
+        0.0,
+        np.array([0.0, 0.0, -1.0]),
+    )
+    leg = fixed_legs(robot)[0]
+    windows = leg_windows(leg, recording, go2_in_air.NOMINAL, go2_in_air.MODELS["kp free"], 0.3, 100.0)
+    truth = windows.guess
+    measured = windows.simulate(truth[:, None], windows.start[None])[0]
+    windows = replace(windows, measured=measured)
+    assert np.abs(windows.errors(truth)).max() < 1e-4
+    _, slope = windows.slopes(truth)
+    names = [each.name for each in windows.numbers]
+    worst = null_directions(slope.reshape(-1, len(names)), names)[0]
+    assert any(name.startswith("armature") or name == DELAY for name in worst.parts), worst.text

@@ -1,0 +1,104 @@
+"""Windows of a leg in the air as a fit has them: identify/ simulates the leg."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.identify.leg import FixedLeg
+from footfall.identify.parameters import LEG, QUANTITIES, Parameter, values_of
+from footfall.identify.recording import Recording
+from footfall.identify.shooting import Number, Shooting
+from footfall.identify.simulate import simulate
+from footfall.identify.windows import cut
+
+START_SIGMA = (0.003, 0.3)  # rad, rad/s
+SIGMA_RAD = 0.002
+
+
+class Nominal(NamedTuple):
+    """What numbers are scaled by, for hip, thigh and calf."""
+
+    armature: tuple[float, float, float]  # kg m^2
+    friction: tuple[float, float, float]  # N m
+    friction_speed: float  # rad/s
+
+
+class Free(NamedTuple):
+    """A quantity that is fitted for each joint."""
+
+    quantity: str  # of identify/parameters.py
+    unit: str
+    low: float
+    high: float
+    scale: float
+
+
+FREE = (
+    Free("armature", "kg m^2", 0.0005, 0.1, 0.005),
+    Free("joint_friction", "N m", 0.0, 2.0, 0.1),
+    Free("joint_damping", "N m s/rad", -0.5, 1.5, 0.1),
+    Free("kp", "", 0.7, 1.3, 0.05),
+    Free("encoder_bias", "rad", -0.03, 0.03, 0.01),
+)
+DELAY = "delay"
+
+
+def leg_windows(
+    leg: FixedLeg,
+    recording: Recording,
+    nominal: Nominal,
+    quantities: tuple[str, ...],
+    window_s: float,
+    read_hz: float,
+) -> Shooting:
+    """All windows of one leg, each a recording of its own.
+
+    Args:
+        leg: its links count; armature and losses are the nominal ones.
+        recording: of the whole robot.
+        nominal: guesses of armature and friction.
+        quantities: that are free for each joint; a delay of the leg is free beside them.
+        window_s: length of a window.
+        read_hz: of the readings that count.
+    """
+    zero = np.zeros(leg.count)
+    own = replace(
+        leg,
+        armature=np.array(nominal.armature),
+        motor=leg.motor._replace(
+            friction=np.array(nominal.friction),
+            friction_speed=np.full(leg.count, nominal.friction_speed),
+            damping=zero,
+        ),
+    )
+    windows = cut(recording, leg.joints, window_s, float(leg.model.opt.timestep), read_hz)
+    unit = {"armature": own.armature, "joint_friction": own.motor.friction}
+    guess = {"kp": 1.0, **{name: values for name, values in unit.items()}}
+    numbers, factors, parameters = [], [], []
+    for free in FREE:
+        if free.quantity in quantities:
+            for place, joint in enumerate(leg.joint_names):
+                first = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[place])
+                numbers.append(Number(f"{free.quantity} {joint}", free.unit, first, *free[2:]))
+                factors.append(float(unit[free.quantity][place]) if free.quantity in unit else 1.0)
+                parameters.append(Parameter(free.quantity, joint))
+    numbers.append(Number(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
+    joints = leg.joint_names if QUANTITIES["delay_s"].of == "joint" else (LEG,)
+    parameters += [Parameter("delay_s", joint) for joint in joints]
+
+    def predict(candidates: np.ndarray, start: np.ndarray) -> np.ndarray:
+        scaled = candidates[:-1] / np.array(factors)[:, None]
+        each = np.concatenate([scaled, np.repeat(candidates[-1:], len(joints), axis=0)])
+        values = values_of(own, parameters, each)
+        return simulate(own, windows, values, start.reshape(*start.shape[:2], 2, leg.count)).position
+
+    return Shooting(
+        predict,
+        tuple(numbers),
+        windows.position,
+        np.full(leg.count, SIGMA_RAD),
+        windows.start.reshape(windows.width, -1),
+        np.repeat(START_SIGMA, leg.count),
+        np.arange(windows.width),
+    )

@@ -1,0 +1,177 @@
+"""Recordings of position servos that move a pendulum, and their windows."""
+
+import functools
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.identify.shooting import Number, Shooting
+from recordings.rollout import Accelerate, Inputs, rollouts
+from recordings.servo_pendulum import (
+    LAW,
+    NUMBERS,
+    PLAIN,
+    STEP_S,
+    accelerate,
+    accelerate_both_sides,
+    accelerate_makers,
+)
+
+MARGIN_S, READ_HZ = 0.04, 100.0
+SIGMA_RAD, START_SIGMA = 0.005, (0.002, 0.2)  # rad; rad, rad/s
+FIT_POINTS = 4  # readings on either side from which a start is estimated
+
+
+class Servo(NamedTuple):
+    """What is known of a servo and its recordings."""
+
+    duty_per_rad: float  # at gain 1
+    by_gain: bool  # whether gains are held out; else recordings
+    guess: dict[str, float]
+    makers: dict[str, dict[str, float]]  # published sets
+
+
+M1 = dict.fromkeys(("stribeck", "load_friction", "load_stribeck"), 0.0)
+M1 |= {"stribeck_speed": 1.0, "alpha": 1.0}
+STS3250 = {"kt": 1.2, "resistance": 3.0, "armature": 0.02, "coulomb": 0.1, "delay": 0.015}
+SERVOS = {
+    "xl330": Servo(
+        4096 / (2 * math.pi) / 256 / 885,
+        True,
+        {},
+        {
+            "M1 of af22604": M1
+            | {"kt": 0.387, "resistance": 4.02, "armature": 1.81e-3, "coulomb": 0.0128}
+            | {"viscous": 3.66e-3, "offset": 0.031},
+            "M4 of 11bb7ec": {
+                "kt": 0.291545,
+                "resistance": 2.0,
+                "armature": 2.57825e-3,
+                "coulomb": 2.15218e-3,
+                "viscous": 0.0178197,
+                "offset": 0.015495,
+                "stribeck": 4.14278e-4,
+                "load_friction": 0.251587,
+                "load_stribeck": 0.0520285,
+                "stribeck_speed": 0.117806,
+                "alpha": 1.0,
+            },
+        },
+    ),
+    "sts3250": Servo(0.166, False, STS3250, {}),
+}
+MODELS: dict[str, tuple[tuple[str, ...], Accelerate]] = {
+    "Coulomb and viscous": (PLAIN, accelerate),
+    "joint law": (LAW, accelerate),
+    "joint law, load of both sides": (LAW, accelerate_both_sides),
+}
+Task = tuple[
+    str, str, str, str, int, int
+]  # folder, servo, model; "all", "without" or "draw"; which; generations
+LONG_S = 5.9  # windows that show drift
+
+
+class Log(NamedTuple):
+    """One recording."""
+
+    name: str
+    gain: float
+    time_s: np.ndarray  # (T,)
+    position: np.ndarray  # (T,) rad
+    given: np.ndarray  # (T, 6) as `accelerate` has it
+
+
+@functools.cache
+def logs(folder: str, servo: str) -> tuple[Log, ...]:
+    """The recordings of a folder.
+
+    Raises:
+        UserError: there are fewer than two, or one lacks an entry.
+    """
+    found = tuple(read(path, SERVOS[servo]) for path in sorted(Path(folder).glob("*.json")))
+    if len(found) < 2:
+        raise UserError(f"{folder} holds {len(found)} JSON files: two are needed, see --help")
+    return found
+
+
+def read(path: Path, servo: Servo) -> Log:
+    """One recording."""
+    try:
+        content = json.loads(path.read_text())
+        keys = ("timestamp", "position", "goal_position", "torque_enable")
+        time_s, position, goal, enabled = (
+            np.array([entry[key] for entry in content["entries"]], dtype=float) for key in keys
+        )
+        gain = float(content["kp"])
+        rest = servo.duty_per_rad * gain, content["mass"], content["length"], content["vin"]
+        name = f"{content['trajectory']}, kp {gain:g}"
+    except (json.JSONDecodeError, KeyError, TypeError) as error:
+        raise UserError(f"{path} is no recording of a servo: {error!r}") from None
+    given = np.column_stack([goal, enabled, *np.broadcast_to(np.array(rest)[:, None], (4, len(time_s)))])
+    return Log(name, gain, time_s, position, given)
+
+
+@functools.cache
+def problem(folder: str, servo: str, model: str, window_s: float = 1.0) -> Shooting:
+    """All windows of all recordings; a goal holds until the next one."""
+    names, law = MODELS[model]
+    guess = SERVOS[servo].guess
+    numbers = tuple(
+        each._replace(guess=guess.get(each.name, each.guess)) for each in NUMBERS if each.name in names
+    )
+    return _windows(logs(folder, servo), numbers, law, window_s)
+
+
+@functools.cache
+def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
+    """The same windows with the makers' law, whose guesses are its published set M1."""
+    numbers = tuple(Number(name, "", value, -1e3, 1e3, 1.0) for name, value in M1.items())
+    rest = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")
+    numbers += tuple(Number(name, "", 0.0, -1e3, 1e3, 1.0) for name in rest)
+    return _windows(logs(folder, servo), numbers, accelerate_makers, window_s)
+
+
+def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate, window_s: float) -> Shooting:
+    margin, steps = round(MARGIN_S / STEP_S), round(window_s / STEP_S)
+    given, read_at, measured, starts, recording = [], [], [], [], []
+    for place, log in enumerate(found):
+        begin = log.time_s[0] + MARGIN_S / 2
+        for window in range(int((log.time_s[-1] - begin) / window_s)):
+            start_s = begin + window * window_s
+            grid = start_s + STEP_S * np.arange(-margin, steps)
+            given.append(log.given[(np.searchsorted(log.time_s, grid, side="right") - 1).clip(0)])
+            rows = np.searchsorted(log.time_s, start_s + np.arange(int(window_s * READ_HZ)) / READ_HZ)
+            rows = rows.clip(0, len(log.time_s) - 1)
+            read_at.append(((log.time_s[rows] - start_s) / STEP_S).clip(0.0, steps))
+            measured.append(log.position[rows, None])
+            first = int(np.searchsorted(log.time_s, start_s))
+            near = slice(max(first - FIT_POINTS, 0), first + FIT_POINTS + 1)
+            curve = np.polynomial.polynomial.polyfit(log.time_s[near] - start_s, log.position[near], 2)
+            starts.append(curve[:2])
+            recording.append(place)
+    inputs = Inputs(np.stack(given), margin, STEP_S, np.array(read_at))
+    return Shooting(
+        rollouts(law, inputs, numbers, ("delay", "delay")),
+        numbers,
+        np.array(measured),
+        np.array([SIGMA_RAD]),
+        np.array(starts),
+        np.array(START_SIGMA),
+        np.array(recording),
+    )
+
+
+def folds(folder: str, servo: str) -> list[tuple[str, list[int]]]:
+    """What is held out together: a name, and places of recordings."""
+    found = logs(folder, servo)
+    if not SERVOS[servo].by_gain:
+        return [(log.name, [place]) for place, log in enumerate(found)]
+    gains = sorted({log.gain for log in found})
+    return [
+        (f"kp {gain:g}", [place for place, log in enumerate(found) if log.gain == gain]) for gain in gains
+    ]

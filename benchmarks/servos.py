@@ -1,0 +1,169 @@
+"""Fits position servos that move a pendulum, and judges on held-out gains or motions, beside their makers'.
+
+    pip install "footfall[train,report,sweep]"
+    python benchmarks/servos.py xl330 --data FOLDER --workers 2 --plot xl330.png
+
+FOLDER holds JSON files of github.com/Rhoban/bam (Apache-2.0): xl330 of commit af22604, sts3250 of b53408c.
+The servo is the joint law's voltage-driven motor: duty from the position error, back-EMF, a resistance that
+rises with the duty, Coulomb, Stribeck, load and viscous friction, a delay. Windows of 1 s are simulated from
+their own starts, which are refined under a prior. xl330: each gain is held out in turn. sts3250 has one gain:
+each of the four recordings; where the other three do not predict it, the prediction is refused. Least
+squares come first, then CMA-ES on the mean absolute error, since a servo that sticks has no slope.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from recordings.search import search
+from recordings.servo_logs import MODELS, SERVOS, folds, logs, makers_problem, problem
+from recordings.tables import interval, plot_windows, table
+from resumable_runs import add_options, run_resumable
+
+from footfall.identify.null_space import null_directions
+from footfall.identify.shooting import Shooting
+
+SUPPORTED = 0.5  # half-width of an interval, as a share of the value, up to which a figure is told
+PREDICTED = 3.0  # held-out error over that of the fit up to which recordings support a prediction
+AT_BOUND = 0.01  # distance from a bound, in scales, up to which a figure is its bound
+LONG_S = 5.9  # windows that show drift
+Task = tuple[
+    str, str, str, str, int, int
+]  # folder, servo, model; "all", "without", "draw"; which; generations
+
+
+def run(task: Task) -> dict[str, Any]:
+    """One fit."""
+    folder, servo, model, kind, which, generations = task
+    windows = problem(folder, servo, model)
+    used = windows.recordings
+    if kind == "without":
+        used = np.setdiff1d(used, folds(folder, servo)[which][1])
+    if kind == "draw":
+        used = np.random.default_rng(which).choice(used, len(used))
+    fitted = windows.of(used).fit()
+    if generations and kind != "draw":
+        fitted = search(windows.of(used), fitted, generations, seed=0)
+    return {"numbers": fitted.tolist()}
+
+
+def mean_error_mrad(windows: Shooting, numbers: np.ndarray, places: Sequence[int]) -> float:
+    """Mean absolute error over windows of some recordings, mrad."""
+    error = windows.errors(numbers)[np.isin(windows.recording, places)]
+    return float(1e3 * np.abs(error).mean())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("servo", choices=SERVOS)
+    parser.add_argument("--data", type=Path, required=True, help="folder of the JSON files")
+    parser.add_argument("--draws", type=int, default=40, help="draws of recordings, for intervals")
+    parser.add_argument("--generations", type=int, default=60, help="of CMA-ES in each of its rounds")
+    parser.add_argument("--plot", type=Path, help="PNG of held-out windows")
+    add_options(parser)
+    options = parser.parse_args()
+    folder, servo = str(options.data.resolve()), options.servo
+    parts = range(len(folds(folder, servo)))
+    tasks: list[Task] = [
+        (folder, servo, model, kind, which, options.generations)
+        for model in MODELS
+        for kind, which in (("all", 0), *(("without", part) for part in parts))
+    ]
+    tasks += [(folder, servo, "joint law", "draw", seed, 0) for seed in range(options.draws)]
+    done, failed = run_resumable(run, tasks, options.out, options.workers, options.time_limit)
+    if failed:
+        sys.exit("\n".join(failed))
+    fits = {task[2:5]: np.array(each["numbers"]) for task, each in zip(tasks, done, strict=True)}
+    report_errors(folder, servo, fits)
+    report_numbers(problem(folder, servo, "joint law"), fits)
+    if options.plot is not None:
+        plot(options.plot, folder, servo, fits)
+
+
+def report_errors(folder: str, servo: str, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
+    """Print held-out errors of each model, and the makers' own."""
+    parts = folds(folder, servo)
+    rows = []
+    for name, values in SERVOS[servo].makers.items():
+        each = [makers_problem(folder, servo, window_s) for window_s in (1.0, LONG_S)]
+        numbers = np.array([values[number.name] for number in each[0].numbers])
+        short, long = ([mean_error_mrad(part, numbers, places) for _, places in parts] for part in each)
+        rows.append([f"makers: {name}", *_cells(short), f"{np.mean(long):.1f}", ""])
+    for model in MODELS:
+        each = [problem(folder, servo, model, window_s) for window_s in (1.0, LONG_S)]
+        short, long = (
+            [
+                mean_error_mrad(part, fits[model, "without", place], places)
+                for place, (_, places) in enumerate(parts)
+            ]
+            for part in each
+        )
+        known = [mean_error_mrad(each[0], fits[model, "all", 0], places) for _, places in parts]
+        refused = [
+            name
+            for (name, _), held_out, fitted in zip(parts, short, known, strict=True)
+            if held_out > PREDICTED * fitted
+        ]
+        rows.append([model, *_cells(short), f"{np.mean(long):.1f}", f"{np.mean(known):.1f}"])
+        for name in refused:
+            print(f"{model}: the other recordings do not support a prediction of {name}: refused")
+    head = ["held out, mrad over 1 s", *(name for name, _ in parts), "mean", f"over {LONG_S:g} s", "fitted"]
+    print(table(head, rows))
+
+
+def _cells(errors: Sequence[float]) -> list[str]:
+    return [*(f"{each:.1f}" for each in errors), f"{np.mean(errors):.1f}"]
+
+
+def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
+    """Print the joint law's parameters; what recordings do not tell is refused."""
+    fitted = fits["joint law", "all", 0]
+    draws = np.array([numbers for (_, kind, _), numbers in fits.items() if kind == "draw"])
+    rows = []
+    for place, number in enumerate(windows.numbers):
+        low, high = interval(list(draws[:, place])) if len(draws) else interval([])
+        value = f"{fitted[place]:.4g}"
+        if min(low - number.low, number.high - high) < AT_BOUND * number.scale:
+            value = f"refused: {value} is at its bound"
+        elif high - low > 2.0 * SUPPORTED * abs(fitted[place]):
+            value = f"refused: {value} is not told"
+        rows.append([number.name, number.unit, value, f"{low:.4g} to {high:.4g}"])
+    print(table(["joint law", "unit", "fit to all", "95 % over recordings"], rows))
+    print(as_robot(dict(zip([number.name for number in windows.numbers], fitted, strict=True))))
+    residual, slope = windows.slopes(fitted)
+    names = [number.name for number in windows.numbers]
+    found = null_directions(slope.reshape(-1, len(names)), names, float(np.sqrt((residual**2).mean())))
+    print("\n".join(f"not told: {each.text}" for each in found) or "no direction is left untold")
+
+
+def as_robot(value: dict[str, float], supply_v: float = 1.0) -> str:
+    """The fit as robot.yaml and an MJCF have it, for each volt of the supply."""
+    return (
+        f"robot.yaml, for each V: stall_torque_nm {value['kt'] * supply_v / value['resistance']:.4g},"
+        f" no_load_speed_rad_s {supply_v / value['kt']:.4g}; voltage_driven true,"
+        f" duty_resistance {value['duty_resistance']:.3g}, load_friction {value['load_friction']:.3g},"
+        f" stribeck_friction_nm {value['stribeck']:.3g}, stribeck_speed_rad_s {value['stribeck_speed']:.3g}\n"
+        f"MJCF: armature {value['armature']:.3g}, frictionloss {value['coulomb']:.3g},"
+        f" damping {value['viscous']:.3g}\n"
+    )
+
+
+def plot(path: Path, folder: str, servo: str, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
+    """Draw the motion of the last model, each recording held out."""
+    model = list(MODELS)[-1]
+    windows = problem(folder, servo, model)
+    error = np.zeros_like(windows.measured)
+    for place, (_, places) in enumerate(folds(folder, servo)):
+        mine = np.isin(windows.recording, places)
+        error[mine] = windows.errors(fits[model, "without", place])[mine]
+    names = [log.name for log in logs(folder, servo)]
+    plot_windows(path, windows.measured, error, windows.recording, names, ("position, rad",))
+
+
+if __name__ == "__main__":
+    main()
