@@ -17,7 +17,7 @@ JOINTS = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll
 SIDES = ("l", "r")
 NAMES = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
 BASE, IMU = "root_link", "root_link_imu_frame"
-HEEL_M, TOE_M, HALF_WIDTH_M = -0.05, 0.115, 0.035  # of a sole, as far as its skin reaches
+HEEL_M, TOE_M, HALF_WIDTH_M = -0.05, 0.115, 0.035  # extent of a sole's skin
 BALL_M = 0.001  # radius of a corner
 
 

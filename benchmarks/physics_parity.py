@@ -1,4 +1,4 @@
-"""How far the generated physics is from MuJoCo C, over random states of any robots.
+"""Difference between the generated physics and MuJoCo C, over random states of any robots.
 
     python benchmarks/physics_parity.py go1 hexapod g1 [FOLDER ...]
 
@@ -53,7 +53,7 @@ def random_arguments(
     seed: int = 0,
     fallen: bool = False,
 ) -> Arrays:
-    """Robots of a family, near the ground, moving, each with targets of its own.
+    """Random states of a robot family: near the ground, moving, with random targets.
 
     They stand, or have fallen: in any attitude, joints anywhere up to a little past their limits.
     """
@@ -112,7 +112,7 @@ def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: Iterable[int]) ->
 
 
 def _lag(motor: Motor, timestep_s: float, rng: np.random.Generator) -> Arrays:
-    """Of motors with lag: its shares over a physics step, and a torque before the first one."""
+    """Lag shares over a physics step and initial torque, for motors with lag; empty otherwise."""
     if motor.lag_s is None:
         return {}
     shares = lag_over(motor.lag_s, timestep_s)
@@ -136,7 +136,7 @@ def reference(
     positions, dofs = joint_addresses(model, robot)
     model = copy.copy(model)
     model.body_sameframe[:] = 0  # centres of mass may be moved
-    model.opt.ls_iterations = 50  # C counts evaluations; its line search shall end where the cost is least
+    model.opt.ls_iterations = 50  # C counts evaluations; enough for its line search to converge
     data, velocities, contacts = mujoco.MjData(model), [], []
     nominal = model.dof_armature.copy()
     for k in range(len(given["qpos"])):

@@ -1,7 +1,7 @@
-"""Runs of a benchmark, each written to a file as it ends: one that is stopped goes on where it was.
+"""Resumable runs for benchmarks: each finished run is written to a file, and a second call skips it.
 
-No benchmark itself. A run is a line of JSON, `{"task": …, "result": …}`; what stands in the file is not run
-again by a second call.
+A helper, not a benchmark. A run is a line of JSON, `{"task": …, "result": …}`; runs in the file
+are not repeated.
 """
 
 import argparse

@@ -1,8 +1,7 @@
 """Sockets between two processes in place of CAN interfaces, for kernels that have none.
 
-`deploy.socketcan_bus` finds at an end of a pair what it finds at an interface, by the same system calls:
-datagrams of one frame each, with the time at which they came. What the kernel's CAN stack does beyond that,
-filters and error frames among it, is left out.
+For `deploy.socketcan_bus` an end of a pair behaves like an interface: the same system calls give datagrams of
+one frame each with a time stamp. The kernel's CAN filters and error frames are missing.
 """
 
 import socket
@@ -12,7 +11,7 @@ from contextlib import contextmanager
 from footfall.deploy import socketcan_bus
 from footfall.deploy.drivers.driver import CanFilter
 
-QUEUE_BYTES = 2**22  # as far as the system lets us: no interface refuses a frame because its reader is slow
+QUEUE_BYTES = 2**22  # or the system's limit: a slow reader must not make a write fail
 
 Ends = dict[str, socket.socket]  # by the interface's name
 

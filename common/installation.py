@@ -1,4 +1,4 @@
-"""What is installed, and commands that install what is missing, such that they work where they are read."""
+"""Installed packages, and commands that install missing ones into this environment."""
 
 import json
 import shlex
@@ -19,7 +19,7 @@ NAME = "footfall"
 
 
 def install(*arguments: str) -> str:
-    """A command of this environment's pip, by its short name where a shell would find that very one."""
+    """A command of this environment's pip; by its short name if a shell finds the same pip."""
     found = shutil.which("pip")
     ours = found is not None and Path(found).parent == Path(sys.executable).parent
     pip = ["pip"] if ours else [sys.executable, "-m", "pip"]
@@ -29,8 +29,8 @@ def install(*arguments: str) -> str:
 def install_extras(*extras: str) -> str:
     """The command that adds extras of footfall to this environment.
 
-    It names the clone or the wheel that footfall was installed from. Where that is gone, or was fetched from
-    elsewhere, it names the packages that the extras are made of.
+    It names the clone or the wheel that footfall was installed from. Where that is gone, or came from an
+    index, it names the packages of the extras.
     """
     origin = _recorded_origin()
     path = _local_path(origin.get("url", ""))
@@ -63,7 +63,7 @@ def extras() -> list[str]:
 
 
 def requirements(extra: str = "") -> Iterator[Requirement]:
-    """What an extra adds, the extras that it includes too; without a name, what footfall always needs."""
+    """Requirements of an extra, included extras resolved; without a name, footfall's own."""
     for text in distribution(NAME).requires or []:
         requirement = Requirement(text)
         if not _is_of(extra, requirement.marker):
@@ -83,7 +83,7 @@ def _is_of(extra: str, marker: Marker | None) -> bool:
 
 
 def missing(extra: str = "") -> list[Requirement]:
-    """What `requirements` gives and is not installed, or in another version."""
+    """Requirements that are not installed, or in a version that does not fit."""
     return [requirement for requirement in requirements(extra) if not _installed(requirement)]
 
 

@@ -35,7 +35,7 @@ NO_SETTINGS: Mapping[str, float] = {}
 
 
 class Wish(StrEnum):
-    """What the robot shall do."""
+    """What the operator or program wants the robot to do."""
 
     WALK = "walk"  # follow the velocity
     STAND = "stand"  # at zero velocity
@@ -44,7 +44,7 @@ class Wish(StrEnum):
 
 
 class Request(NamedTuple):
-    """What a source wants now. What is left empty stays as it is."""
+    """The newest request of a source. Empty fields change nothing."""
 
     velocity: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
     wish: Wish = Wish.WALK
@@ -116,7 +116,7 @@ class Status(NamedTuple):
 
 
 class CommandSource(Protocol):
-    """Says what a run shall do."""
+    """Gives the requests that a run follows."""
 
     @property
     def stopped(self) -> Stop | None:

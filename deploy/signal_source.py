@@ -1,4 +1,4 @@
-"""Gathers what the supervisor looks at in each tick."""
+"""Collects the supervisor's inputs in each tick."""
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class SignalSource:
         self.frames_refused = 0  # so far
 
     def begin_checks(self, now_us: int, again: bool = False) -> None:
-        """Compare readings from now on, with what went before forgotten; `again`: but for usual rates."""
+        """Start the sensor checks anew; with `again` the usual rates are kept."""
         joints = self._joints
         self._monitor.begin(
             now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target, again
@@ -145,7 +145,7 @@ class SignalSource:
     def _at_start(
         self, now_us: int, motor_silence_us: int, imu_silence_us: int
     ) -> tuple[StartSignals, Implausible | None]:
-        """What keeps the motors from being given stiffness, once all have been heard."""
+        """Why the motors do not get stiffness yet, once all of them have answered."""
         heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
         if heard and imu_silence_us <= self._silence_us:
             rest.look(now_us, joints.inertial, joints.joints[1])
@@ -157,7 +157,7 @@ class SignalSource:
         return StartSignals(not_ready, pose), implausible
 
     def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
-        """Name of the motor that is silent for longest; of its bus, or any motor, if all of these are."""
+        """Place of the motor that is silent longest; "any motor" (on its bus) if all of them are silent."""
         if now_us - motor_us[oldest] > self._silence_us:
             silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
             of_bus = silent[self._channel == channel]

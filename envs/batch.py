@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from footfall.envs.environment import Episodes
 from footfall.envs.state import State, Step
 
-RESTARTED_AT_ONCE = 16  # more would be computed in vain where few end, fewer take turns where many do
+RESTARTED_AT_ONCE = 16  # more wastes work when few episodes end, fewer loops more often when many do
 
 Restarted = tuple[State, dict[str, jax.Array]]  # and the observations to go on with
 

@@ -1,4 +1,4 @@
-"""What a comparison found: the policies with their figures and their walk over the test course."""
+"""Results of a comparison: policies with their figures and their walk over the test course."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ class PolicyResult:
 
     name: str
     spec: str  # what the user typed
-    origin: str  # how it came about, one sentence
+    origin: str  # how it was made, one sentence
     period_ms: float
     result: Mapping[str, Any]  # as it stands in the JSON
     course: CourseWalk
@@ -27,7 +27,7 @@ class PolicyResult:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that a report shows but the films."""
+    """The content of a report, without the films."""
 
     robot: Robot
     config: EvaluationConfig
@@ -41,13 +41,13 @@ class Comparison:
 
     @property
     def push_scenario(self) -> str | None:
-        """The first scenario that looks for the push that half survive."""
+        """The first scenario that measures the median survivable push; None without one."""
         chosen = self.config.scenarios
         return next((name for name in chosen if "push_m_s" in self.file.scenarios[name].levels), None)
 
 
 def command_line(comparison: Comparison) -> str:
-    """What to type for the same figures."""
+    """The command that reproduces the figures."""
     config = comparison.config
     named = ",".join(str(config.missions.get(name, name)) for name in config.scenarios)
     options = ["--robot", config.robot, "--scenarios", named, "--seed", str(config.seed)]

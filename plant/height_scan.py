@@ -12,11 +12,11 @@ from footfall.policies.height_scan import HeightScan
 from footfall.terrain.ground import Ground, height_at
 
 Pose = tuple[np.ndarray, np.ndarray]  # of the base: position (3,) m, world, and quaternion (4,)
-SEED = 0x5CA9  # beside an episode's own: other draws stay what they are
+SEED = 0x5CA9  # combined with the episode's: other draws do not change
 
 
 class SimulatedScanner:
-    """Scans the ground around the simulated robot whenever it is time for it, and delivers after a lag."""
+    """Scans the ground around the simulated robot at the scan's rate, and delivers each scan after a lag."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class SimulatedScanner:
         self._newest: Scanned | None = None
 
     def newest(self, now_us: int) -> Scanned | None:
-        """The newest scan that has arrived; takes one if it is time."""
+        """The newest scan that has arrived; takes a new one if it is due."""
         if self._first_us is None:
             self._first_us = self._next_us = now_us
         if now_us >= self._next_us:

@@ -37,7 +37,7 @@ HOTTEST_REPORTED_C = 127  # some frames carry a signed byte
 class MotorFaults:
     """Faults to inject, switched on and off from outside. Arrays are (n,) in joint order."""
 
-    silent: np.ndarray  # bool: disconnected from the bus; the motor goes on until its own timeout
+    silent: np.ndarray  # bool: disconnected from the bus; the motor runs until its own timeout
     stuck: np.ndarray  # bool: repeats its last report
     error: np.ndarray  # uint64: reported error code
     latched: np.ndarray  # uint64: likewise, and the motor stays disabled until its errors are cleared
@@ -95,7 +95,7 @@ class SimulatedMotors:
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
-        self._said = Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
+        self._reported = Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
 
     def torque(self, step: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Motor torque at the joint in this physics step, N m, (n,), before gearbox friction.
@@ -148,12 +148,12 @@ class SimulatedMotors:
         self._end = end
 
     def regear(self, ratio: np.ndarray, about: np.ndarray) -> None:
-        """Give motors other gears than they assume, so that all they report and take is off.
+        """Give motors other gear ratios than their firmware assumes: reports and commands are then wrong.
 
         Args:
             ratio: (n,) turns of the real gear over those of the assumed one; negative for a motor that is
                 reversed.
-            about: (n,) joint positions at which encoders are right all the same, rad.
+            about: (n,) joint positions at which the encoders are still right, rad.
         """
         self._geared = ratio, about
 
@@ -220,7 +220,7 @@ class SimulatedMotors:
         self._note_enabled()
 
     def _queue(self, step: int, motor: Motors, values: np.ndarray) -> None:
-        """Let motors follow commands after the delay, and no older ones from then on."""
+        """Queue commands for after the delay; older ones in the queue take effect no later."""
         at = step + self._delay.steps(step)
         if self._delay.varies:
             self._due = deque((min(due, at), whose, what) for due, whose, what in self._due)
@@ -264,11 +264,11 @@ class SimulatedMotors:
             error = np.maximum(error, timed_out * np.asarray(self._end.time_out_error, np.uint64))
         report, stuck = Report(readings, error, on, self._reported_c(), self.supply), self.faults.stuck
         if np.count_nonzero(stuck):
-            before = self._said
+            before = self._reported
             report = report._replace(
                 values=np.where(stuck, before.values, report.values),
                 error=np.where(stuck, before.error, report.error),
                 on=np.where(stuck, before.on, report.on),
             )
-        self._said = report
+        self._reported = report
         return report

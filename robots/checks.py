@@ -10,7 +10,7 @@ from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
 
 STANDING_TOLERANCE_M = 0.005
-MOST_FEET = 16  # that force sensors have identifiers for
+MOST_FEET = 16  # number of identifiers for force sensors
 LYING_SHARE = 0.1  # of the standing height: how high the base may be above the ground when it lies
 
 

@@ -1,7 +1,6 @@
 """Generated sections of the reference pages: each is a function that returns Markdown.
 
-What a section says stands in the code: fields of dataclasses and the comments beside them, the parser, the
-docstrings of terms.
+The content comes from the code: fields of dataclasses with their comments, the parser, docstrings of terms.
 """
 
 import ast
@@ -126,7 +125,7 @@ def _default(each: "Field[Any]") -> str:
 
 @cache
 def _comments(cls: type) -> dict[str, str]:
-    """What the comments beside and above each field of a dataclass say, by field; base classes included."""
+    """The comments beside and above each field of a dataclass, by field; base classes included."""
     found: dict[str, str] = {}
     for base in reversed([base for base in cls.__mro__ if base.__module__.startswith("footfall.")]):
         source = textwrap.dedent(inspect.getsource(base))
@@ -191,7 +190,7 @@ def missions() -> str:
 
 
 def operators() -> str:
-    """The settings of what a person or a program steers with."""
+    """The settings of keyboard, gamepad and UDP."""
     kinds = {"keyboard": KeyboardConfig, "gamepad": GamepadConfig, "udp": UdpConfig}
     parts = [settings(cls).replace("## Top level", f"## {kind}", 1) for kind, cls in kinds.items()]
     return "\n".join(part.replace("## ", "### ") for part in parts)

@@ -1,4 +1,4 @@
-"""The training loop, of every trainer."""
+"""The training loop that all trainers share."""
 
 from footfall.train import cluster
 from footfall.train.runs import checkpoint

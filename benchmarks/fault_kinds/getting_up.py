@@ -10,8 +10,8 @@ from fault_kinds.replies import error, temperature
 from footfall.deploy.deadline import OverdueError
 from footfall.plant.injection import Injection
 
-STUCK = "its readings are true: the robot stands up all the same, or the tries are used up"
-TRIES_S = 40.0  # that three tries take, at most
+STUCK = "the readings are right: the robot stands up anyway, or all tries fail"
+TRIES_S = 40.0  # longest duration of three tries
 
 
 def _late(*_: object) -> Any:

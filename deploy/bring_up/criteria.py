@@ -12,11 +12,11 @@ from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
 LEAST_TILT = 0.3  # of the commanded tilt, from the joints
-MOST_POSES = 50  # used of a stretch
+MOST_POSES = 50  # evaluated in a window
 
 
 class Window(NamedTuple):
-    """A stretch of a step, and the joints that move in it."""
+    """A part of a step, and the joints that move in it."""
 
     begin_s: float
     end_s: float

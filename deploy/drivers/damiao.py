@@ -65,7 +65,7 @@ ERRORS = {
     10: "over-current",
     11: "over-temperature of its MOSFETs",
     12: "over-temperature of its coil",
-    COMMUNICATION_LOST: "that it heard nothing for too long and switched itself off",
+    COMMUNICATION_LOST: "a communication timeout, and is disabled",
     14: "overload",
     WENT_OFF: "that it is switched off",
 }

@@ -39,11 +39,11 @@ RANGES = {
     "AK60-6": MotorRange(50.0, 15.0),
     "AK10-9": MotorRange(50.0, 65.0),
     "AK80-64": MotorRange(8.0, 144.0),
-    "MIT-40-150": MotorRange(40.0, 150.0),  # of no maker: the protocol leaves the ranges to the firmware
+    "MIT-40-150": MotorRange(40.0, 150.0),  # generic: the protocol leaves the ranges to the firmware
     "MIT-65-500": MotorRange(65.0, 500.0, kp=4000.0, kd=100.0),  # likewise, for heavy machines
 }
 
-COMMUNICATION_LOST = 13  # of a simulated motor that timed out; the manual has no code for it
+COMMUNICATION_LOST = 13  # reported by simulated motors alone: the manual has no code for a timeout
 ERRORS = {
     1: "over-temperature",
     2: "over-current",
@@ -51,7 +51,7 @@ ERRORS = {
     4: "under-voltage",
     5: "encoder error",
     6: "phase imbalance",
-    COMMUNICATION_LOST: "that it heard nothing for too long and switched itself off",
+    COMMUNICATION_LOST: "a communication timeout, and is disabled",
 }
 
 _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC

@@ -65,7 +65,7 @@ ERRORS = {
     15: "over-temperature of its power stage",
     16: "that its speed went beyond the limit",
     17: "that its position went beyond the limit",
-    WATCHDOG: "that it heard nothing for too long and switched itself off",
+    WATCHDOG: "a communication timeout, and is disabled",
     26: "that it was asked for an emergency stop",
     27: "that its encoder slips",
     28: "that its brake resistor is off",

@@ -1,17 +1,17 @@
-"""Whether paths are continuous: a step between two samples that nothing around it explains is a jump."""
+"""Finds jumps in paths: steps between two samples that are much larger than the steps around them."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-AROUND = 5  # samples before and after a step that it is held against
-TIMES_LARGER = 2.0  # than each of them, and
-FOOT_JUMP_M = 0.005  # larger by this, a step of a foot is a jump
-JOINT_JUMP_RAD = 0.03  # likewise of a joint
+AROUND = 5  # samples before and after a step with which it is compared
+TIMES_LARGER = 2.0  # a jump exceeds this multiple of each of them
+FOOT_JUMP_M = 0.005  # by this, for a foot
+JOINT_JUMP_RAD = 0.03  # by this, for a joint
 
 
 class Continuity(NamedTuple):
-    """What was found of several paths."""
+    """The largest step and the jumps of several paths."""
 
     largest: float  # step between two samples
     largest_s: float  # when

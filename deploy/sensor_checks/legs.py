@@ -9,17 +9,17 @@ from footfall.deploy.sensor_checks.body_window import BodyWindow
 from footfall.deploy.sensor_checks.check import BodyCheck, Limit
 from footfall.robots.description import Robot
 
-WINDOWS_PER_HEIGHT = 3  # a body takes its time to fall, and its height costs more than all other checks
+WINDOWS_PER_HEIGHT = 3  # bodies fall slowly, and this check costs more time than all others together
 
 
 @dataclass(frozen=True)
 class LegLimits:
-    """How far the base's attitude and height may be off what the legs say."""
+    """Largest differences of attitude and height between IMU and legs."""
 
-    sunk: float = 0.55  # of the base's clearance when standing: how much may be gone
+    sunk: float = 0.55  # largest loss of clearance of the base, as a share of that when standing
     slope_rad: float = 0.35  # of the ground that a robot may stand on, by its legs and the IMU
-    leg_turn_rad: float = 0.05  # of the base that stands, by the IMU other than by the legs
-    loaded_share: float = 0.2  # of an even share of the weight: a foot that bears less does not stand
+    leg_turn_rad: float = 0.05  # largest difference between the turns by IMU and legs while feet stand
+    loaded_share: float = 0.2  # of an even share of the weight: a foot with less load does not stand
 
     def __post_init__(self) -> None:
         require_between(self, 0.1, 1.0, "sunk")
@@ -39,7 +39,7 @@ class Slope(BodyCheck):
 
 
 class LegTurn(BodyCheck):
-    """Turn of the base since these feet stand, by the IMU other than by the legs, rad; 0 likewise."""
+    """Turn of the base since the feet stand: IMU minus legs, rad; 0 if no foot stands still."""
 
     looks_at = "the base's turn by the IMU against that by the standing legs, whatever the slope"
     message = "the IMU: the base turned by {0:.2f} rad against the standing legs"

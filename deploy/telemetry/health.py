@@ -8,12 +8,12 @@ from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.messages import BAD, FINE, WARNING, Diagnosis
 
 EVERY_NS = 1_000_000_000
-OLD_S = 0.05  # age of a reading that deserves a warning
+OLD_S = 0.05  # age of a reading from which the diagnostics warn
 STOPPED, RECOVERING = ("ESTOP", "FALLING"), "RECOVERING"
 
 
 class Health:
-    """What the diagnostics tell."""
+    """Collects the diagnostics and publishes them."""
 
     def __init__(self, robot: str, joints: tuple[str, ...], put: Callable[[str, int, bytes], None]) -> None:
         self._robot, self._joints, self._put = robot, joints, put
@@ -67,12 +67,12 @@ class Health:
     def _of_motors(self) -> Diagnosis:
         count = len(self._joints)
         numbers = _numbers(self._motors)
-        heat, voltage, errors = (numbers[part * count : (part + 1) * count] for part in range(3))
+        temperature, voltage, errors = (numbers[part * count : (part + 1) * count] for part in range(3))
         wrong = [
             f"{name}: error {code:g}" for name, code in zip(self._joints, errors, strict=True) if code > 0
         ]
         values = {}
-        known = [pair for pair in zip(heat, self._joints, strict=True) if not math.isnan(pair[0])]
+        known = [pair for pair in zip(temperature, self._joints, strict=True) if not math.isnan(pair[0])]
         if known:
             values["hottest"] = f"{max(known)[1]} {_short(max(known)[0], '°C')}"
         volts = [each for each in voltage if not math.isnan(each)]

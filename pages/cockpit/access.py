@@ -1,4 +1,4 @@
-"""Who may open the cockpit: whoever has the address that was printed, from a page of this server."""
+"""Access to the cockpit: a token in the printed address, and connections from this server's pages only."""
 
 import secrets
 from collections.abc import Mapping

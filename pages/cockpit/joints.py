@@ -8,7 +8,7 @@ from footfall.pages.run_feed import RunFeed
 
 
 class JointNames(NamedTuple):
-    """The joints of a robot, and what their motors can do."""
+    """The joints of a robot, and the peak torques of their motors."""
 
     names: Sequence[str]
     peak_nm: Sequence[float]

@@ -1,4 +1,4 @@
-"""Published figures of well-known actuators, by name: what a model file lacks about its motors."""
+"""Published figures of well-known actuators, by name, to complete a model file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

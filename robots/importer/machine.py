@@ -45,13 +45,13 @@ class Geom:
     friction: float
     contype: int
     conaffinity: int
-    of_body: str  # its body in the source
+    of_body: str  # name of its body in the source file
     points: np.ndarray | None = None  # (k, 3) m, hull of the mesh that it replaces
 
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid part, including all that is fixed to it."""
+    """A rigid body, with all bodies that are fixed to it."""
 
     name: str
     parent: int  # index of its parent's link; the base, link 0, has -1

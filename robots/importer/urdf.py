@@ -1,4 +1,4 @@
-"""Reads a URDF, including what MuJoCo does not read."""
+"""Reads a URDF, including elements that MuJoCo ignores."""
 
 import math
 import os
@@ -34,7 +34,7 @@ MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0
 
 
 class _Limit(NamedTuple):
-    """Figures of a joint's motor in a URDF; None where it has none."""
+    """Limits of a joint's motor in a URDF; None where the file has none."""
 
     effort_nm: float | None
     speed_rad_s: float | None
@@ -49,7 +49,7 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
     _refuse_repeated_names(root, path)
     guesses = [*_visuals_for_collisions(root, path)]
     if mended := list(_mend_inertias(root, path)):
-        guesses.append(f"inertias that no body has were evened out: {', '.join(mended)}")
+        guesses.append(f"physically impossible inertias were corrected: {', '.join(mended)}")
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
     taken = list(_take_meshes(root, path, packages))
@@ -80,7 +80,7 @@ def _refuse_repeated_names(root: ET.Element, path: Path) -> None:
         names = Counter(element.get("name") for element in root.findall(kind))
         for name, count in names.items():
             if count > 1:
-                raise UserError(f"{path}: {count} {kind}s are called '{name}'")
+                raise UserError(f"{path}: {count} {kind}s have the name '{name}'")
 
 
 def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
@@ -110,7 +110,7 @@ def _mend_inertias(root: ET.Element, path: Path) -> Iterator[str]:
         if inertial is None or mass is None or entry is None or not weight > 0.0:
             if inertial is not None:
                 link.remove(inertial)
-            link.append(_next_to_nothing())
+            link.append(_negligible_inertial())
             continue
         xx, yy, zz = _vector(" ".join(entry.get(name, "0") for name in ("ixx", "iyy", "izz")), path)
         xy, xz, yz = _vector(" ".join(entry.get(name, "0") for name in ("ixy", "ixz", "iyz")), path)
@@ -124,7 +124,7 @@ def _mend_inertias(root: ET.Element, path: Path) -> Iterator[str]:
             yield link.get("name", "")
 
 
-def _next_to_nothing() -> ET.Element:
+def _negligible_inertial() -> ET.Element:
     inertial = ET.Element("inertial")
     ET.SubElement(inertial, "mass", value=str(NO_MASS))
     ET.SubElement(inertial, "inertia", {name: str(NO_MASS * (r == c)) for name, (r, c) in MOMENTS.items()})

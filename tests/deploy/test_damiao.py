@@ -48,7 +48,7 @@ class TestFrames:
         [
             ("83", "over-voltage"),
             ("b3", "over-temperature of its MOSFETs"),
-            ("d3", "heard nothing"),
+            ("d3", "timeout"),
             ("f3", "15"),
         ],
     )

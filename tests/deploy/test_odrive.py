@@ -131,7 +131,7 @@ class TestFrames:
         ("bits", "says"),
         [
             (0x200, "under-voltage"),
-            (0x01000000, "heard nothing"),
+            (0x01000000, "timeout"),
             (0x4000, "over-temperature of its power stage"),
             (0x80000000, "error bit 31"),
             (0x6000, "over-temperature of its motor"),  # the lowest of several

@@ -166,7 +166,7 @@ class TestVirtual:
     @pytest.mark.parametrize(
         ("protocol", "code", "says"),
         [
-            ("ODrive", odrive.WATCHDOG, "that it heard nothing for too long and switched itself off"),
+            ("ODrive", odrive.WATCHDOG, "a communication timeout, and is disabled"),
             ("DM8009", 8, "over-voltage"),
             ("RS03", 4, "over-temperature"),
             ("RS03", robstride.REPORTED + 14, "stall overload"),

@@ -45,9 +45,9 @@ TUNE = "tune"  # Ray's own folder
 class SweepResults(NamedTuple):
     """The results of a sweep."""
 
-    trials: list[Trial]  # that began, the best first
+    trials: list[Trial]  # those that were started, the best first
     points: list[Point]  # trials grouped by settings, the best first
-    unfinished: int  # trials that an interruption left to do
+    unfinished: int  # trials not run or not finished because of an interruption
 
 
 def sweep(file: Path, out: Path) -> SweepResults:

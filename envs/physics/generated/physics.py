@@ -1,4 +1,4 @@
-"""The generated physics behind the interface of all physics."""
+"""The generated physics as an implementation of `Physics`."""
 
 from collections.abc import Callable
 from functools import cache
@@ -23,7 +23,7 @@ def not_generated(model: mujoco.MjModel) -> str:
     """Why there is no generated physics of this model here, or on this device; empty if there is."""
     reasons = [*refusals(model), *contact_refusals(model)]
     if reasons:
-        return f"the generated physics does not know {reasons[0]}"
+        return f"the generated physics does not support {reasons[0]}"
     match jax.default_backend():
         case "cpu":
             return on_processor.unavailable()
@@ -34,7 +34,7 @@ def not_generated(model: mujoco.MjModel) -> str:
 
 
 def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
-    """The motion of a robot whose nominal model this is; `jax.vmap` hands over all robots at once."""
+    """The motion of a robot whose nominal model this is; `jax.vmap` passes all robots in one call."""
 
     @cache
     def step_of(
@@ -58,10 +58,10 @@ def _batched(step_of: Callable[..., Callable[[], Substep]], lead: tuple[int, ...
 
     @simulate.def_vmap
     def _all(size: int, batched: Any, *given: Any) -> tuple[Any, Any]:
-        def everybodys(x: jax.Array, is_batched: bool) -> jax.Array:
+        def with_axis(x: jax.Array, is_batched: bool) -> jax.Array:
             return x if is_batched else jnp.broadcast_to(jnp.asarray(x)[None], (size, *jnp.shape(x)))
 
-        results = _batched(step_of, (size, *lead))(*jax.tree.map(everybodys, given, tuple(batched)))
+        results = _batched(step_of, (size, *lead))(*jax.tree.map(with_axis, given, tuple(batched)))
         return results, jax.tree.map(lambda _: True, results)
 
     return simulate

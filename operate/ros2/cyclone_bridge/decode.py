@@ -1,4 +1,4 @@
-"""Decodes the few messages that a run listens to (CDR, DDS-XTypes 1.3, 7.4.1, version 1)."""
+"""Decodes the message types that a run subscribes to (CDR, DDS-XTypes 1.3, 7.4.1, version 1)."""
 
 import struct
 from typing import Any
@@ -19,7 +19,7 @@ def decode(kind: str, message: bytes) -> Any:
     content = message[HEAD:]
     try:
         if kind in (TWIST, TWIST_STAMPED):
-            start = 0 if kind == TWIST else _behind_header(order, content)
+            start = 0 if kind == TWIST else _after_header(order, content)
             forward, leftward, _, _, _, yaw = struct.unpack_from(f"{order}6d", content, start)
             return [forward, leftward, yaw]
         if kind == "std_msgs/msg/String":
@@ -32,8 +32,8 @@ def decode(kind: str, message: bytes) -> Any:
     return None
 
 
-def _behind_header(order: str, content: bytes) -> int:
-    """Where a float64 behind a std_msgs/Header begins."""
+def _after_header(order: str, content: bytes) -> int:
+    """Offset of a float64 after a std_msgs/Header."""
     (size,) = struct.unpack_from(f"{order}I", content, STAMP)
     end = STAMP + 4 + int(size)
     return end + -end % 8

@@ -1,4 +1,4 @@
-"""Services that ask the run for something."""
+"""ROS 2 services that send requests to the run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,7 +18,7 @@ from footfall.operate.ros2.table import (
 
 
 class Services:
-    """Those of the table, and one for each gait and each policy that the run offers."""
+    """The services of `table.py`, and one for each gait and policy of the run."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node, self._link = node, link

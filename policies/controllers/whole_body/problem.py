@@ -26,7 +26,7 @@ from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
 @dataclass(frozen=True)
 class Weights:
-    """Cost of squared deviations from what is wanted. Large next to small: nearly a priority."""
+    """Costs of squared deviations. A weight far above another one acts as a priority."""
 
     contact: float  # of a standing point's acceleration, per (m/s^2)^2
     centre: float  # of the centre of mass's acceleration, per (m/s^2)^2
@@ -44,7 +44,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Contact:
-    """What a standing point may press with, and how firmly it stands."""
+    """Friction and damping of standing contact points."""
 
     friction: float  # coefficient that the controller counts on
     damping_s: float  # 1/s: a standing point that moves is slowed at this rate
@@ -75,7 +75,7 @@ class Programme(NamedTuple):
 
 
 class TorqueMap(NamedTuple):
-    """What a solution means."""
+    """Maps a solution to accelerations and torques."""
 
     standing: np.ndarray  # (k,) points that may press
     acceleration: np.ndarray  # (nv, variables)
@@ -85,7 +85,7 @@ class TorqueMap(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """All that depends on which points stand, and on nothing else."""
+    """Terms that depend only on which points stand."""
 
     standing: np.ndarray  # (k,) points
     swinging: np.ndarray  # feet of which no point stands
@@ -201,7 +201,7 @@ class Programmes:
             matrix[flying] = (root[:, None] * (feet @ acceleration)).reshape(tasks, -1)
             missing = wanted.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
             aim[flying] = (root * missing).ravel()
-        # What forces alone decide: the momentum's rates.
+        # The momentum's rates depend on the forces alone.
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
         matrix[-6:] = pattern.by_forces
         matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)

@@ -262,7 +262,7 @@ class TestRefusals:
             ),
             (quadruped(shank_mass=0.0), "FL_shank moves and has no mass"),
             (quadruped(upside_down=True), "no feet found"),
-            (quadruped().replace('"FR_roll"', '"FL_roll"'), "2 joints are called 'FL_roll'"),
+            (quadruped().replace('"FR_roll"', '"FL_roll"'), "2 joints have the name 'FL_roll'"),
             (quadruped().replace('value="5.3"', 'value="heavy"'), "expected three numbers"),
             (
                 quadruped().replace('<child link="FL_shank"/>', '<child link="nix"/>'),

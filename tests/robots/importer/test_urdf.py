@@ -95,7 +95,8 @@ class TestUrdf:
         assert moments in text
         flat = 'ixx="0.002" iyy="0.001" izz="0" ixy="0" ixz="0" iyz="0"'
         source = read(tmp_path, text.replace(moments, flat), "urdf")
-        assert source.guesses == ("inertias that no body has were evened out: arm_link",)
+        (guess,) = source.guesses
+        assert "arm_link" in guess
         assert read(tmp_path, text, "urdf").guesses == ()
         weightless = text.replace('<mass value="0.4"/>', '<mass value="0"/>')
         assert read(tmp_path, weightless, "urdf").model.body("arm_link").mass[0] < 1e-6
