@@ -112,6 +112,12 @@ class TestReplay:
         assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
         assert result.worst_difference == pytest.approx(2.0)
 
+    def test_a_number_where_the_log_has_none_is_no_small_difference(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        path = write_steps(tmp_path / "a.mcap", decided(2, at_1_4=np.nan), 2, joints)
+        assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
+
     def test_the_last_observation_of_a_torn_log_may_have_no_decision(
         self, go1: Robot, joints: list[str], tmp_path: Path
     ) -> None:

@@ -28,7 +28,8 @@ def same(read: Sensed | None, true: Sensed) -> bool:
 def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """A moment of a walk by its feed, and by the simulation."""
     path = tmp_path_factory.mktemp("run") / "feed"
-    feed, robot, found = RunFeed(path), load_robot("go1"), SimpleNamespace()
+    feed, robot = RunFeed(path), load_robot("go1")
+    found = SimpleNamespace(feed=feed)
     policy = load_policy("trot", robot)
     joints = JointNames(robot.joint_names, robot.motor.peak_torque.tolist())
 
@@ -77,3 +78,8 @@ def test_joints_have_load_temperature_and_error(seen: SimpleNamespace, go1: Robo
     load = 100.0 * np.abs(seen.truth.motor_torque) / go1.motor.peak_torque
     np.testing.assert_allclose(joints["load"], load, atol=25.0)
     assert np.isfinite([*joints["temperature_c"], *joints["error_rad"], seen.joints["yaw_rate"]]).all()
+
+
+def test_a_message_that_is_older_than_asked_for_is_left_out(seen: SimpleNamespace) -> None:
+    assert seen.feed.newest("/footholds") is not None
+    assert seen.feed.newest("/footholds", seen.feed.time_ns + 1) is None
