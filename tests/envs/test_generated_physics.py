@@ -11,6 +11,7 @@ import pytest
 from physics_parity import compare, random_arguments
 
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.make import make_environment
 from footfall.envs.physics.engines import make_engine
 from footfall.envs.physics.generated import on_processor
 from footfall.envs.physics.generated.meetings import contact_refusals
@@ -261,3 +262,18 @@ class TestRefusals:
         monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
         assert "llvmlite" in on_processor.unavailable()
         assert "llvmlite" in not_generated(training_model(load_robot("go1")))
+
+
+def test_a_program_calls_the_physics_by_a_name_that_lasts() -> None:
+    """Otherwise JAX would not find the compiled program again, and each start would compile it."""
+    env = load_preset("smoke").env
+    robot = load_robot("go1")
+
+    def program() -> str:
+        made = make_environment(robot, env)
+        states, _ = jax.eval_shape(
+            jax.vmap(made.reset, (0, None)), jax.ShapeDtypeStruct((64, 2), np.uint32), np.float32(0.0)
+        )
+        return jax.jit(jax.vmap(made.simulate)).lower(states).as_text()
+
+    assert program() == program()

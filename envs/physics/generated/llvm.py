@@ -49,7 +49,8 @@ class Program:
         machine = llvm.Target.from_default_triple().create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=features.flatten(), opt=OPTIMISATION, jit=True
         )
-        module = llvm.parse_assembly(_Writer(substep, steps, np.dtype(dtype), lanes).text())
+        self.text = _Writer(substep, steps, np.dtype(dtype), lanes).text()
+        module = llvm.parse_assembly(self.text)
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.finalize_object()
         pointers = [ctypes.c_void_p] * (len(self.inputs) + len(self.outputs))
@@ -65,8 +66,12 @@ class Program:
             first: of the robots.
             last: of the robots.
         """
+        self.move([array.ctypes.data for array in arrays], first, last)
+
+    def move(self, pointers: Sequence[int], first: int, last: int) -> None:
+        """The same with the arrays' addresses."""
         if last > first:
-            self._function(*(array.ctypes.data for array in arrays), first, last)
+            self._function(*pointers, first, last)
 
 
 class _Writer:

@@ -1,5 +1,9 @@
-"""The generated machine code inside a JAX program, on all of a processor's cores."""
+"""The generated machine code inside a JAX program, on all of a processor's cores.
 
+A program names the code by its content, so that JAX finds the compiled program again in another process.
+"""
+
+import hashlib
 import importlib.util
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -8,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.experimental.buffer_callback import buffer_callback
 
 from footfall.common.installation import install_extras
 from footfall.common.processors import usable_cores
+from footfall.envs.physics.generated import handler
 from footfall.envs.physics.generated.arguments import arguments
+from footfall.envs.physics.generated.handler import Launch
 
 if TYPE_CHECKING:
     from footfall.envs.physics.generated.llvm import Program
@@ -30,6 +34,8 @@ def unavailable() -> str:
     """Why nothing can be compiled here; empty if it can."""
     if importlib.util.find_spec("llvmlite") is None:
         return f"llvmlite, which compiles it, is not installed: {install_extras('train')}"
+    if handler.version()[0] != handler.KNOWN_MAJOR:
+        return f"this jaxlib calls foreign functions by version {handler.version()[0]} of XLA's interface"
     return ""
 
 
@@ -40,19 +46,45 @@ def _program(substep_of: Any, steps: int) -> "Program":
     return Program(substep_of(), steps)
 
 
-def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> list[jax.Array]:
-    """A control step of all robots. For the arguments see `on_gpu.run`."""
+_functions: dict[str, tuple[object, ...]] = {}  # what the functions that JAX calls consist of, by their names
+
+
+@cache
+def _function(substep_of: Any, steps: int, robots: int) -> str:
+    """Name of the function that moves so many robots, which JAX's programs may call from now on."""
     program = _program(substep_of, steps)
-    _, outputs = arguments(substep_of())
-    shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]
+    name = f"footfall_step_{hashlib.sha256(program.text.encode()).hexdigest()[:16]}_{robots}"
+    if name in _functions:
+        return name
     parts = max(1, min(usable_cores(), robots // LEAST_SHARE))
     bounds = [robots * part // parts for part in range(parts + 1)]
+    inputs, outputs = arguments(substep_of())
+    count = len(inputs) + len(outputs)
 
-    def control_step(_: Any, results: list[Any], *given: Any) -> None:
-        memory = [np.asarray(array) for array in (*given, *results)]  # where XLA's arrays lie
-        shares = [_threads().submit(program, memory, *share) for share in pairwise(bounds[1:])]
-        program(memory, *bounds[:2])
-        for share in shares:
-            share.result()
+    def launch(*given: Any) -> int:
+        """Status 0, or another one, of which XLA makes an error."""
+        try:
+            parameters = given[-2]
+            pointers = [parameters[k][0] for k in range(count)]
+            shares = [_threads().submit(program.move, pointers, *share) for share in pairwise(bounds[1:])]
+            program.move(pointers, *bounds[:2])
+            for share in shares:
+                share.result()
+        except Exception:
+            return 1
+        return 0
 
-    return buffer_callback(control_step, shapes)(*arrays)
+    launcher = handler.LAUNCHER(launch)
+    kept, address = handler.compiled(
+        Launch(len(inputs), len(outputs), parts, 1), handler.address_of(launcher), on_stream=False
+    )
+    jax.ffi.register_ffi_target(name, handler.capsule(address), platform="cpu")
+    _functions[name] = (launcher, kept)
+    return name
+
+
+def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> list[jax.Array]:
+    """A control step of all robots. For the arguments see `on_gpu.run`."""
+    _, outputs = arguments(substep_of())
+    shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]
+    return list(jax.ffi.ffi_call(_function(substep_of, steps, robots), shapes)(*arrays))

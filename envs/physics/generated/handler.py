@@ -1,0 +1,182 @@
+"""The function that XLA calls to launch a kernel, in LLVM's language: it needs no compiler on this machine.
+
+XLA calls foreign functions by a C interface. The header of each jaxlib (`jax.ffi.include_dir()`) has the
+structures that are read here by their offsets. Minor versions of the interface only append to them.
+"""
+
+import ctypes
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+
+HEADER = "xla/ffi/api/c_api.h"
+KNOWN_MAJOR = 0
+METADATA = 1  # type of the extension of a call that asks for the version and the traits
+IN_COMMAND_BUFFERS = 1  # the trait of a function whose launches XLA may record and repeat
+INTERNAL_ERROR = 13
+# Offsets in bytes. Of a call's frame:
+EXTENSION, API, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112
+# Of an extension, of metadata, of the functions of the interface, of a buffer, of a request for the stream:
+TYPE, FOUND = 8, 24
+MAJOR, MINOR, TRAITS = 24, 28, 32
+CREATE_ERROR, GET_STREAM = 48, 80
+DATA = 24
+REQUEST_CONTEXT, STREAM = 16, 24
+
+
+class Launch(NamedTuple):
+    """How a kernel is launched: its arguments are pointers to inputs and then to outputs."""
+
+    inputs: int
+    outputs: int
+    blocks: int
+    threads: int  # in a block
+
+
+@cache
+def version() -> tuple[int, int]:
+    """Major and minor version of XLA's interface, as the header of this jaxlib has them."""
+    text = (Path(jax.ffi.include_dir()) / HEADER).read_text()
+    major, minor = (re.search(rf"define XLA_FFI_API_{part} (\d+)", text) for part in ("MAJOR", "MINOR"))
+    return (int(major[1]), int(minor[1])) if major and minor else (-1, -1)
+
+
+LAUNCHER = ctypes.CFUNCTYPE(  # as `cuLaunchKernel`
+    ctypes.c_int,
+    ctypes.c_void_p,
+    *[ctypes.c_uint] * 7,
+    ctypes.c_void_p,
+    ctypes.POINTER(ctypes.POINTER(ctypes.c_void_p)),
+    ctypes.c_void_p,
+)
+_NO_HANDLE = ctypes.c_void_p(1)  # of a kernel that is there from the start
+
+
+def address_of(function: Any) -> int:
+    """Address of a function of ctypes."""
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+
+
+def compiled(
+    launch: Launch,
+    launcher: int,
+    slot: int = ctypes.addressof(_NO_HANDLE),
+    wait: int = 0,
+    on_stream: bool = True,
+) -> tuple[object, int]:
+    """The function's machine code, which the first result keeps alive, and its address.
+
+    Args:
+        launch: the kernel's.
+        launcher: address of a function as `cuLaunchKernel`.
+        slot: address of the kernel's handle, which is 0 until the kernel is loaded.
+        wait: address of a function without arguments, which is called if it is 0 and returns once it is not.
+        on_stream: whether there is a stream, as on a GPU.
+    """
+    from llvmlite import binding  # may be missing
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    module = binding.parse_assembly(_text(launch, launcher, slot, wait, on_stream))
+    machine = binding.Target.from_default_triple().create_target_machine(jit=True)
+    engine = binding.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    return engine, engine.get_function_address("handler")
+
+
+def capsule(address: int) -> object:
+    """A function at an address, as `jax.ffi.register_ffi_target` takes it."""
+    return jax.ffi.pycapsule(ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(address))
+
+
+def _text(launch: Launch, launcher: int, slot: int, wait: int, on_stream: bool) -> str:
+    buffers = [f"arguments {k}" for k in range(launch.inputs)] + [
+        f"results {k}" for k in range(launch.outputs)
+    ]
+    grid = f"i32 {launch.blocks}, i32 1, i32 1, i32 {launch.threads}, i32 1, i32 1, i32 0"
+    major, minor = version()
+    return f"""
+@message = private constant [33 x i8] c"the kernel could not be launched\\00"
+
+define ptr @handler(ptr %frame) {{
+  {_field("extension", "frame", EXTENSION)}
+  %is_call = icmp eq ptr %extension, null
+  br i1 %is_call, label %call, label %extended
+extended:
+  {_field("type", "extension", TYPE, "i32")}
+  %is_question = icmp eq i32 %type, {METADATA}
+  br i1 %is_question, label %question, label %call
+question:
+  {_field("found", "extension", FOUND)}
+  {_set("found", MAJOR, f"i32 {major}")}
+  {_set("found", MINOR, f"i32 {minor}")}
+  {_set("found", TRAITS, f"i32 {IN_COMMAND_BUFFERS}")}
+  ret ptr null
+call:
+  {_field("api", "frame", API)}
+  {_field("arguments", "frame", ARGUMENTS)}
+  {_field("results", "frame", RESULTS)}
+  %pointers = alloca ptr, i64 {len(buffers)}
+  %parameters = alloca ptr, i64 {len(buffers)}
+  {"".join(_parameter(k, *buffer.split()) for k, buffer in enumerate(buffers))}
+  {_STREAM if on_stream else "%stream = inttoptr i64 0 to ptr"}
+  %slot = inttoptr i64 {slot} to ptr
+  %early = load atomic ptr, ptr %slot acquire, align 8
+  %is_loaded = icmp ne ptr %early, null
+  br i1 %is_loaded, label %launch, label %waiting
+waiting:
+  %wait = inttoptr i64 {wait} to ptr
+  call void %wait()
+  br label %launch
+launch:
+  %kernel = load atomic ptr, ptr %slot acquire, align 8
+  %launcher = inttoptr i64 {launcher} to ptr
+  %status = call i32 %launcher(ptr %kernel, {grid}, ptr %stream, ptr %parameters, ptr null)
+  %is_launched = icmp eq i32 %status, 0
+  br i1 %is_launched, label %done, label %failed
+done:
+  ret ptr null
+failed:
+  %request = alloca {{i64, ptr, ptr, i32}}
+  store {{i64, ptr, ptr, i32}} {{i64 32, ptr null, ptr @message, i32 {INTERNAL_ERROR}}}, ptr %request
+  {_field("create_error", "api", CREATE_ERROR)}
+  %error = call ptr %create_error(ptr %request)
+  ret ptr %error
+}}
+"""
+
+
+def _field(name: str, of: str, offset: int, kind: str = "ptr") -> str:
+    """Lines that read a field of a structure into a value of this name."""
+    return f"%{name}_at = getelementptr i8, ptr %{of}, i64 {offset}\n  %{name} = load {kind}, ptr %{name}_at"
+
+
+def _set(of: str, offset: int, value: str) -> str:
+    """Lines that write a field of a structure."""
+    return f"%{of}_{offset} = getelementptr i8, ptr %{of}, i64 {offset}\n  store {value}, ptr %{of}_{offset}"
+
+
+def _parameter(number: int, array: str, index: str) -> str:
+    """Lines that make the address of a buffer's data the kernel's parameter of this number."""
+    return f"""{_field(f"buffer{number}", array, 8 * int(index))}
+  {_field(f"data{number}", f"buffer{number}", DATA)}
+  {_set("pointers", 8 * number, f"ptr %data{number}")}
+  {_set("parameters", 8 * number, f"ptr %pointers_{8 * number}")}
+  """
+
+
+_STREAM = f"""%asked = alloca {{i64, ptr, ptr, ptr}}
+  store {{i64, ptr, ptr, ptr}} {{i64 32, ptr null, ptr null, ptr null}}, ptr %asked
+  {_field("context", "frame", CONTEXT)}
+  {_set("asked", REQUEST_CONTEXT, "ptr %context")}
+  {_field("get_stream", "api", GET_STREAM)}
+  %refusal = call ptr %get_stream(ptr %asked)
+  %is_given = icmp eq ptr %refusal, null
+  br i1 %is_given, label %given, label %refused
+refused:
+  ret ptr %refusal
+given:
+  {_field("stream", "asked", STREAM)}"""

@@ -1,0 +1,71 @@
+"""The function that launches a kernel, called by XLA itself, with a launcher in Python."""
+
+import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.envs.physics.generated import handler
+from footfall.envs.physics.generated.handler import Launch
+
+ENTRIES = 4
+LAUNCHER = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, *[ctypes.c_uint] * 7, ctypes.c_void_p,
+    ctypes.POINTER(ctypes.POINTER(ctypes.c_void_p)), ctypes.c_void_p,
+)  # fmt: skip
+
+
+@contextmanager
+def kernel(name: str, handle: int, status: int = 0, loaded: int = 0) -> Iterator[tuple[Any, list[Any]]]:
+    """A compiled program that calls a kernel, a + 2 b, and what its launches were given."""
+    seen: list[Any] = []
+    slot = ctypes.c_void_p(handle)
+
+    def launch(kernel: int, *rest: Any) -> int:
+        *grid, _, _, parameters, _ = rest
+        seen.append((kernel, tuple(grid)))
+        a, b, result = (ctypes.cast(parameters[k][0], ctypes.POINTER(ctypes.c_float)) for k in range(3))
+        for k in range(ENTRIES):
+            result[k] = a[k] + 2.0 * b[k]
+        return status
+
+    def wait() -> None:
+        seen.append("waited")
+        slot.value = loaded
+
+    launcher, waiter = LAUNCHER(launch), ctypes.CFUNCTYPE(None)(wait)
+    addresses = [ctypes.cast(each, ctypes.c_void_p).value for each in (launcher, waiter)]
+    kept, address = handler.compiled(
+        Launch(2, 1, 5, 64), addresses[0], ctypes.addressof(slot), addresses[1], on_stream=False
+    )
+    jax.ffi.register_ffi_target(name, handler.capsule(address), platform="cpu")
+    shape = jax.ShapeDtypeStruct((ENTRIES,), jnp.float32)
+    yield jax.jit(jax.ffi.ffi_call(name, shape)), seen
+    del kept
+
+
+def test_a_kernel_gets_its_arguments_in_order() -> None:
+    with kernel("handler_in_order", 7) as (program, seen):
+        result = program(jnp.arange(ENTRIES, dtype=jnp.float32), jnp.ones(ENTRIES))
+    assert np.array_equal(result, [2.0, 3.0, 4.0, 5.0])
+    assert seen == [(7, (5, 1, 1, 64, 1, 1))]
+
+
+def test_the_first_call_waits_until_the_kernel_is_loaded() -> None:
+    with kernel("handler_waits", 0, loaded=9) as (program, seen):
+        for _ in range(2):
+            jax.block_until_ready(program(jnp.zeros(ENTRIES), jnp.ones(ENTRIES)))
+    assert [each if each == "waited" else each[0] for each in seen] == ["waited", 9, 9]
+
+
+def test_a_failed_launch_is_an_error() -> None:
+    with (
+        kernel("handler_fails", 7, status=1) as (program, _),
+        pytest.raises(jax.errors.JaxRuntimeError, match="launched"),
+    ):
+        jax.block_until_ready(program(jnp.zeros(ENTRIES), jnp.ones(ENTRIES)))
