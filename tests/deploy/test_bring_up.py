@@ -89,10 +89,6 @@ class TestCriteria:
             "joint 5 moves by 0.07 rad, and should not",
         ]
 
-    def test_the_others_stay(self, go1: Robot) -> None:
-        made = samples(target=only(2, WAY), position=only(2, WAY) + only(5, 0.5 * WAY))
-        assert list(follow(case_of(go1, made, 2))) == ["joint 5 moves by 0.07 rad, and should not"]
-
     def test_no_joint_shakes(self, go1: Robot) -> None:
         """20 Hz of 1 rad/s is 0.71 rad/s, root mean square; a slow swing of 1 rad/s is none."""
         shaking, swing = np.sin(2 * np.pi * 20 * TIME_S), np.sin(2 * np.pi * 0.5 * TIME_S)
@@ -246,23 +242,6 @@ class TestMotions:
         assert not np.any([decided.velocity, decided.torque])
         assert (decided.kp is kp, decided.kd is kd) == (True, True)
         assert policy.stance() is None
-
-    def test_a_policy_that_is_slewed_in_is_asked_for_all_that_it_is(self, go1: Robot) -> None:
-        """In no time it decides alone."""
-        hold = Hold(go1)
-        hold.rate_hz, hold.needs_estimate, hold.notes = 31.0, True, ["slow"]
-        hold.stance = lambda: np.ones(4)  # type: ignore[assignment, method-assign]
-        policy = SlewedIn(hold, go1, 0.0, np.full(12, 10.0), np.full(12, 1.0))
-        assert (policy.name, policy.rate_hz, policy.needs_estimate) == ("hold", 31.0, True)
-        assert (policy.notes, policy.contract) == (["slow"], None)
-        stance = policy.stance()
-        assert stance is not None
-        assert stance.all()
-        sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-        inputs = PolicyInput(0.0, sensed, np.zeros(3), np.zeros(3), 0.3)
-        policy.reset(inputs)
-        assert hold.resets == 1
-        np.testing.assert_allclose(policy.act(inputs).kp, 4 * go1.kp)
 
     def test_a_policy_is_slewed_in_over_standing(self, go1: Robot) -> None:
         hold, gains = Hold(go1), (np.full(12, 10.0), np.full(12, 1.0))
@@ -478,21 +457,6 @@ class TestCommand:
         done = shell("bring-up", "stand", "--steps", "hold", "--limits", str(tmp_path / "quick.yaml"))
         assert done.status == 0
         assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
-
-    def test_what_a_step_is_run_with(
-        self, shell: Shell, steps_run: list[str], settings: list[Setting], tmp_path: Path
-    ) -> None:
-        """On a bus that leads out of this process the clock is the wall's."""
-        (tmp_path / "limits.yaml").write_text("hold_s: 0.7")
-        options = ("--scale", "0.25", "--command", "0.1,0,0.3", "--limits", str(tmp_path / "limits.yaml"))
-        assert shell("bring-up", "stand", "--steps", "hold", *options).status == 0
-        assert shell("bring-up", "stand", "--steps", "hold", "--bus", "virtual", "--yes").status == 0
-        chosen, plain = settings
-        assert (chosen.realtime, plain.realtime) == (False, True)
-        assert (chosen.deploy.scale, plain.deploy.scale) == (0.25, 0.5)
-        assert (chosen.config.hold_s, plain.config) == (0.7, BringUpConfig())
-        np.testing.assert_array_equal(chosen.command_source(5.0), [0.1, 0.0, 0.3])
-        np.testing.assert_array_equal(plain.command_source(5.0), [0.2, 0.0, 0.0])
 
     def test_a_simulated_robots_motors_wait_for_as_long_as_the_loop_believes(
         self, shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -52,7 +52,9 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
     """The log of an orderly run of Sway, and its trace."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     policy = Sway(go1)
-    return path, run_episode(go1, policy, short_episode(duration_s=0.5, seed=7, log=path))
+    return path, run_episode(
+        go1, policy, short_episode(duration_s=0.5, seed=7, log=path, policy_spec="runs/mine")
+    )
 
 
 class Decoded(NamedTuple):
@@ -236,7 +238,7 @@ class TestContent:
     def test_metadata_says_who_and_how(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         log = read_log(logged[0])
         assert log.complete
-        assert log.metadata["policy"] == log.metadata["policy_spec"] == "sway"
+        assert (log.metadata["policy"], log.metadata["policy_spec"]) == ("sway", "runs/mine")
         assert log.metadata["robot_digest"] == go1.digest
         assert log.metadata["seed"] == 7
         assert (log.metadata["bus"], log.metadata["engine"], log.metadata["plant"]) == ("sim", "mujoco", None)

@@ -81,14 +81,6 @@ class TestCommandFrames:
             with pytest.raises(ValueError, match="not finite"):
                 CODEC.encode(values)
 
-    def test_a_command_that_comes_again_is_not_worked_out_again(self) -> None:
-        values = np.zeros((5, N))
-        first = CODEC.encode(values)
-        assert CODEC.encode(values.copy()) is first
-        values[4, 1] = 1.0
-        np.testing.assert_allclose(decoded(CODEC.encode(values))[4, 1], 1.0, atol=CODEC.quantum[4, 1])
-        np.testing.assert_allclose(decoded(first)[4, 1], 0.0, atol=CODEC.quantum[4, 1])
-
 
 class TestSpecialFrames:
     @pytest.mark.parametrize(("word", "last"), [(mit.ENTER, 0xFC), (mit.EXIT, 0xFD), (mit.ZERO, 0xFE)])
@@ -219,14 +211,6 @@ class TestWhoIsMeant:
             others.insert(5, 2)  # the third motor of the first bus
         assert found.motor.tolist() == others  # type: ignore[union-attr]
 
-    def test_a_whole_batch_with_one_short_frame_is_never_taken_for_whole(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
-        driver, end = ends
-        torn = self.replies(end, np.arange(12))._replace(length=np.array([4, *[8] * 11]))
-        for _ in range(3):
-            assert driver.replies(torn).motor.tolist() == list(range(1, 12))  # type: ignore[union-attr]
-
     def test_a_whole_batch_in_another_order_keeps_its_order(
         self, ends: tuple[MitDriver, MitMotorEnd]
     ) -> None:
@@ -317,21 +301,10 @@ def test_some_of_what_was_asked_is_taken_row_by_row(motor: np.ndarray | slice) -
     assert asked._replace(kind=None).take(np.array([True, False, True]), 3).kind is None
 
 
-def test_an_unknown_motor_is_named_with_the_known_ones() -> None:
-    with pytest.raises(UserError, match=r"no MIT-mode motor 'AK47'.*AK80-9"):
-        mit.Codec(["AK47"])
-
-
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
     wiring = wire(go1)
     with pytest.raises(UserError, match=r"joint FR_hip_joint: no driver for motor 'XY1': .*AK80-9.*DM8009"):
         open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
-
-
-def test_a_motor_id_that_a_frame_cannot_carry_is_refused_with_its_joint(go1: Robot) -> None:
-    wiring = wire(go1)
-    with pytest.raises(UserError, match=r"joint FR_hip_joint has motor id 128: its protocol takes 1 to 127"):
-        open_driver(replace(wiring, motor_id=np.array([128, *wiring.motor_id[1:]])))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from relaxed_limits import RELAXED
 from footfall.common.errors import UserError
 from footfall.deploy import drive, session
 from footfall.deploy.bus import BusStatistics
-from footfall.deploy.clock import LOCKSTEP_START_NS
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
@@ -298,38 +297,25 @@ class TestSession:
         assert outcome.wall_s > 0.0
         assert body.kinds() == [Request.DISABLE] * 12
 
-    @pytest.mark.parametrize(("realtime", "spec"), [(False, "hold"), (True, "runs/mine")])
-    def test_a_log_is_opened_with_what_is_known_of_the_run(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool, spec: str
+    @pytest.mark.parametrize("realtime", [False, True])
+    def test_a_log_waits_for_the_disk_in_lockstep_alone_and_its_end_is_told(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool
     ) -> None:
-        opened: list[tuple] = []
-        closed: list[int] = []
+        waits: list[bool] = []
 
         class Log(Notebook):
-            def __init__(self, *arguments: Any) -> None:
+            def __init__(
+                self, path: Any, robot: Robot, policy: Any, facts: Any, may_wait: bool, *_: Any
+            ) -> None:
                 super().__init__()
-                opened.append(arguments)
-
-            def begin(self, start_ns: int) -> None:
-                assert not self.told
-                opened.append((start_ns,))
+                waits.append(may_wait)
 
             def close(self) -> str:
-                closed.append(len(self.told))
                 return "the log is short"
 
         monkeypatch.setattr("footfall.deploy.log.McapLog", Log)
-        monkeypatch.setattr(session.time, "time_ns", lambda: 123)
         config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0)
-        told = {"seed": 3} | ({"policy_spec": spec} if realtime else {})
-        run = session_of(log=tmp_path / "a", facts=told, config=config, realtime=realtime)
-        policy = Hold(go1)
-        outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
-        facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
-        assert opened == [
-            (tmp_path / "a", go1, policy, facts, not realtime, None, None),
-            (123 if realtime else LOCKSTEP_START_NS,),
-        ]
+        run = session_of(log=tmp_path / "a", config=config, realtime=realtime)
+        outcome = run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
+        assert waits == [not realtime]
         assert outcome.notes == ("the log is short",)
-        assert closed
-        assert closed[0] > 5
