@@ -14,6 +14,7 @@ from report_pages import Page, comparison, page_of, result, walked
 from footfall.evaluate.comparison import Comparison, command_line
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import (
+    course_plots,
     learning_curves,
     svg,
 )
@@ -103,6 +104,20 @@ class TestPlots:
         assert path is not None
         ends = [float(each) for each in path.groups()]
         assert [left, bottom, right, top] == pytest.approx(ends, abs=0.06)
+
+    def test_a_walk_has_its_policys_place_also_behind_one_that_did_not_walk(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """By its place a policy has its colour in all plots."""
+        given: list[course_plots.Walk] = []
+        for name in ("tracking", "gait", "torque_speed", "timing"):
+            note = lambda walks, *_: given.extend(walks) or svg.Plot("", "", [])  # noqa: E731
+            monkeypatch.setattr(course_plots, name, note)
+        traces = {"a": None, "b": walked(2.0), "c": walked(1.0)}
+        of = comparison(go1, *(result(name, name, 0.1, 0, 2.0, trace) for name, trace in traces.items()))
+        page_module.plots(of)
+        assert [(walk.place, walk.policy) for walk in given] == [(1, "b"), (2, "c")] * 4
+        assert [walk.trace for walk in given[:2]] == [traces["b"], traces["c"]]
 
 
 class TestLearning:

@@ -47,6 +47,17 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
+class TestDirections:
+    """What a reader is told is better, and of whom."""
+
+    def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
+        assert {key for key, figure in figures().items() if figure.upright} == {
+            *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
+            *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
+            "legs_touch_share",
+        }
+
+
 class TestBest:
     def test_is_who_has_an_interval_apart_from_all_others(self) -> None:
         assert best(ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)]) == 1
