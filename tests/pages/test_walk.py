@@ -67,6 +67,14 @@ class TestPace:
         pace.wait(3.0)
         assert pace.factor == pytest.approx(1.3 / 1.3)
 
+    def test_a_fifth_of_a_second_is_lost_for_good(self, clock: SimpleNamespace) -> None:
+        pace = Pace()
+        clock.now += 0.7
+        pace.wait(0.5)  # 0.2 s late
+        for simulated_s in (0.9, 1.3):
+            pace.wait(simulated_s)
+        assert clock.slept == pytest.approx([0.4, 0.4])
+
 
 class Visitor:
     """A page whose visitor does something after each frame, by a clock that passes while it is waited for."""

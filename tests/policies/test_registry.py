@@ -17,6 +17,7 @@ from footfall.policies.policy import Policy
 from footfall.policies.registry import (
     CONTROLLERS,
     controllers_of,
+    first_of_each_kind,
     load_policy,
     walking_controllers,
 )
@@ -86,6 +87,10 @@ class TestControllers:
         assert (
             refusal("stand", load_robot(own_folder)) == f"{settings}: expected a section for each controller"
         )
+
+    def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
+        assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
+        assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod", "mpc"]
 
 
 PAGE = Path(__file__).parents[2] / "docs" / "evaluation.md"
