@@ -29,6 +29,7 @@ import footfall
 from footfall.common.private_files import NotPrivateError, read_private, write_private
 from footfall.common.sources import TRAINING, read_sources
 from footfall.common.versions import versions
+from footfall.envs.physics.generated import kernels
 from footfall.robots.description import Robot
 from footfall.robots.model import training_model
 from footfall.robots.self_contact import Contacts
@@ -149,7 +150,8 @@ def _look_up(made_from: tuple[Any, ...]) -> _Found:
         return _Found(None)
     path = Path(cache) / "programs" / fingerprint([*source, *_surroundings(), *made_from])
     try:
-        program, *values = pickle.loads(read_private(path))
+        program, called, *values = pickle.loads(read_private(path))
+        kernels.adopt(called)
         found = _Found(path, deserialize_and_load(program, *map(jax.tree.structure, values)))
         os.utime(path)  # used: the last to be evicted
         return found
@@ -164,7 +166,7 @@ def _write(path: Path, compiled: jax.stages.Compiled) -> None:
         program, *structures = serialize(compiled)
         # JAX does not write down structures with types of others; these are values of the same structure.
         values = [jax.tree.unflatten(structure, range(structure.num_leaves)) for structure in structures]
-        write_private(path, pickle.dumps((program, *values)))
+        write_private(path, pickle.dumps((program, kernels.compiled(), *values)))
         _evict(path.parent)
 
 

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from physics_parity import STEPS, random_arguments
 
-from footfall.envs.physics.generated import on_gpu
+from footfall.envs.physics.generated import driver, handler, kernels, nvrtc, on_gpu
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.cuda import NAME, kernel_source
+from footfall.envs.physics.generated.driver import DriverError
+from footfall.envs.physics.generated.handler import Launch
 from footfall.envs.physics.generated.llvm import Program
 from footfall.envs.physics.generated.nvrtc import NvrtcError
 from footfall.envs.physics.generated.substep import SINGLE, substep
@@ -69,20 +71,45 @@ def test_the_kernel_computes_what_the_processors_program_does(tmp_path: Path) ->
 
 
 def test_where_no_kernel_can_be_called_the_reason_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "jaxlib" in on_gpu.unavailable()  # this machine's has no part for NVIDIA's GPUs
+    assert "driver" in on_gpu.unavailable() or "libnvrtc" in on_gpu.unavailable()  # there is no GPU here
 
-    from jaxlib import gpu_triton
-
-    for name in ("TritonKernel", "TritonKernelCall", "create_array_parameter"):
-        monkeypatch.setattr(gpu_triton, name, object, raising=False)
-    monkeypatch.setattr(on_gpu, "library", lambda: None)
-    monkeypatch.setattr(gpu_triton, "get_compute_capability", lambda _: 90, raising=False)
-    assert on_gpu.unavailable() == ""
-    monkeypatch.setattr(gpu_triton, "get_compute_capability", lambda _: 75, raising=False)
-    assert "7.5" in on_gpu.unavailable()
-
-    def missing() -> None:
+    def missing(*_: object) -> None:
         raise NvrtcError("libnvrtc is not installed")
 
-    monkeypatch.setattr(on_gpu, "library", missing)
+    def too_old(*_: object) -> None:
+        raise DriverError("the driver is too old")
+
+    monkeypatch.setattr(nvrtc, "library", lambda: None)
+    monkeypatch.setattr(driver, "capability", lambda: 90)
+    assert on_gpu.unavailable() == ""
+    monkeypatch.setattr(driver, "capability", lambda: 75)
+    assert "7.5" in on_gpu.unavailable()
+    monkeypatch.setattr(driver, "capability", too_old)
+    assert "too old" in on_gpu.unavailable()
+    monkeypatch.setattr(nvrtc, "library", missing)
     assert "libnvrtc" in on_gpu.unavailable()
+    monkeypatch.setattr(handler, "version", lambda: (1, 0))
+    assert "version 1" in on_gpu.unavailable()
+
+
+def test_a_kernel_is_compiled_once_and_taken_along(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded, compiled = [], []
+
+    def compile_code() -> bytes:
+        compiled.append("code")
+        return b"code"
+
+    monkeypatch.setattr(driver, "launch_address", lambda: 1)
+    monkeypatch.setattr(driver, "load", lambda code, name, devices: loaded.append(code) or 5)
+    monkeypatch.setattr(kernels, "_registered", {})
+    launch = Launch(inputs=2, outputs=1, blocks=3, threads=64)
+    for _ in range(2):
+        kernels.register("taken_along", launch, compile_code)
+    kernels.register("never_called", launch, compile_code, at_once=False)
+    assert kernels.compiled() == [("taken_along", b"code", launch)]
+    assert (compiled, loaded) == (["code"], [b"code"])
+    taken = kernels.compiled()
+    kernels._registered.clear()
+    kernels.adopt(taken)
+    assert kernels.compiled() == taken
+    assert compiled == ["code"]

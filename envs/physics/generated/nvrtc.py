@@ -1,4 +1,4 @@
-"""NVIDIA's run-time compiler, from CUDA C to PTX, by ctypes: it comes with JAX's CUDA extra."""
+"""NVIDIA's run-time compiler, from CUDA C to machine code, by ctypes: it comes with JAX's CUDA extra."""
 
 import ctypes
 import ctypes.util
@@ -27,8 +27,8 @@ def library() -> ctypes.CDLL:
     raise NvrtcError("NVIDIA's run-time compiler, libnvrtc, is not installed")
 
 
-def compile_to_ptx(source: str, capability: int) -> str:
-    """PTX of CUDA C.
+def compile_to_cubin(source: str, capability: int) -> bytes:
+    """Machine code of CUDA C.
 
     Args:
         source: one translation unit.
@@ -38,13 +38,14 @@ def compile_to_ptx(source: str, capability: int) -> str:
         NvrtcError: there is no compiler, or the source is faulty.
     """
     nvrtc, program = library(), ctypes.c_void_p()
-    options = [f"--gpu-architecture=compute_{capability}", "--std=c++17", "--use_fast_math"]
+    options = [f"--gpu-architecture=sm_{capability}", "--std=c++17", "--use_fast_math"]
     encoded = (ctypes.c_char_p * len(options))(*(option.encode() for option in options))
     _check(nvrtc.nvrtcCreateProgram(ctypes.byref(program), source.encode(), b"physics.cu", 0, None, None))
     try:
         if nvrtc.nvrtcCompileProgram(program, len(options), encoded):
-            raise NvrtcError(_text(nvrtc.nvrtcGetProgramLogSize, nvrtc.nvrtcGetProgramLog, program))
-        return _text(nvrtc.nvrtcGetPTXSize, nvrtc.nvrtcGetPTX, program)
+            log = _result(nvrtc.nvrtcGetProgramLogSize, nvrtc.nvrtcGetProgramLog, program)
+            raise NvrtcError(log.rstrip(b"\0").decode(errors="replace"))
+        return _result(nvrtc.nvrtcGetCUBINSize, nvrtc.nvrtcGetCUBIN, program)
     finally:
         nvrtc.nvrtcDestroyProgram(ctypes.byref(program))
 
@@ -54,9 +55,9 @@ def _check(status: int) -> None:
         raise NvrtcError(f"NVIDIA's run-time compiler failed with status {status}")
 
 
-def _text(size_of: Any, read: Any, program: ctypes.c_void_p) -> str:
+def _result(size_of: Any, read: Any, program: ctypes.c_void_p) -> bytes:
     size = ctypes.c_size_t()
     _check(size_of(program, ctypes.byref(size)))
-    text = ctypes.create_string_buffer(size.value)
-    _check(read(program, text))
-    return text.value.decode()
+    content = ctypes.create_string_buffer(size.value)
+    _check(read(program, content))
+    return content.raw
