@@ -1,6 +1,7 @@
 """The parts of the MPC, against brute force."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np

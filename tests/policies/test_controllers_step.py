@@ -442,3 +442,12 @@ class TestFly:
         goal, remaining_s, dt_s = given[0]
         np.testing.assert_allclose(goal, [0.2, -0.25, HEADING + 0.24])
         assert (remaining_s, dt_s) == (0.3, 1.0 / CONFIG.rate_hz)
+
+    def test_its_turn_is_the_short_way_round(self, policy: Step) -> None:
+        """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
+        self.flying(policy, turn=0.0).footwork.yaw = 3.1
+        policy.footwork.fly(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
+        assert policy.footwork.swing is not None
+        turned = 60 * (6.2 - 2 * math.pi) / 0.3**3 * 0.002
+        assert turned < 0.0
+        assert policy.footwork.swing._motion[2, 2] == pytest.approx(turned)
