@@ -22,12 +22,11 @@ from footfall.domain_rand.quantity import adds_to_base, scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
 from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.ground import replaced_by
-from footfall.robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
+from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, plant_model, read_plant, training_model
 from footfall.terrain.declaration import load_ground
 
-GRAVITY = 9.81
 Build = Callable[[Sample], mujoco.MjModel]
 
 
@@ -43,73 +42,7 @@ def build(go1: Robot) -> Build:
     return make
 
 
-def stand(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
-    """The robot on its feet, its joints as good as locked by stiff springs."""
-    positions, dofs = joint_addresses(model, robot)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model.jnt_stiffness[model.dof_jntid[dofs]] = 2000.0
-    model.qpos_spring[positions] = robot.default_pose
-    model.dof_damping[dofs] = 20.0
-    data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, robot.description.standing_height_m + 0.015, 1, 0, 0, 0)
-    data.qpos[positions] = robot.default_pose
-    mujoco.mj_step(model, data, 500)
-    return data
-
-
-def feet_loads(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> np.ndarray:
-    """Vertical force on each foot, N."""
-    loads, force = np.zeros(4), np.zeros(6)
-    feet = [model.geom(foot.geoms[0]).id for foot in robot.description.feet]
-    for i, contact in enumerate(data.contact):
-        mujoco.mj_contactForce(model, data, i, force)
-        for geom in contact.geom:
-            if geom in feet:
-                loads[feet.index(geom)] += force[0]
-    return loads
-
-
-def floating(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
-    """The robot in the air, in the default pose."""
-    data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, 5, 1, 0, 0, 0)
-    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
-    return data
-
-
 class TestBody:
-    @pytest.mark.parametrize("friction", [0.1, 0.3])
-    def test_friction_brakes_a_sliding_robot(self, go1: Robot, build: Build, friction: float) -> None:
-        model = build(Sample(friction=friction))
-        data = stand(model, go1)
-        data.qvel[1] = 1.0
-        mujoco.mj_step(model, data, 100)
-        assert 1.0 - data.qvel[1] == pytest.approx(friction * GRAVITY * 0.1, rel=0.15)
-
-    def test_payload_is_weight_on_the_feet(self, go1: Robot, build: Build) -> None:
-        model = build(Sample(payload_kg=3.0))
-        assert feet_loads(model, stand(model, go1), go1).sum() == pytest.approx(
-            (12.7434 + 3.0) * GRAVITY, rel=0.01
-        )
-
-    @pytest.mark.parametrize(
-        ("offset", "loaded", "relieved"),
-        [((0.05, 0, 0), (0, 1), (2, 3)), ((0, 0.05, 0), (1, 3), (0, 2))],
-    )
-    def test_centre_of_mass_shifts_the_load(
-        self,
-        go1: Robot,
-        build: Build,
-        offset: tuple[float, float, float],
-        loaded: tuple[int, int],
-        relieved: tuple[int, int],
-    ) -> None:
-        nominal, shifted = build(Sample()), build(Sample(com_offset_m=np.array(offset)))
-        change = feet_loads(shifted, stand(shifted, go1), go1) - feet_loads(nominal, stand(nominal, go1), go1)
-        assert change[list(loaded)].sum() > 5.0
-        assert change[list(relieved)].sum() < -5.0
-        assert abs(change.sum()) < 1.0
-
     @pytest.mark.parametrize("lying", ['pos="0 0 0"', 'pos=".1 0 0" euler="0 0 30"'])
     def test_a_centre_of_mass_moves_alone_wherever_it_was(self, lying: str) -> None:
         """MuJoCo compiles in that a body's inertia, its geoms and sites lie in one place, as here."""
@@ -127,28 +60,6 @@ class TestBody:
         np.testing.assert_allclose(after.xipos[where.base], before.xipos[where.base] + offset, atol=1e-12)
         for place in ("ximat", "geom_xpos", "geom_xmat", "site_xpos", "site_xmat"):
             np.testing.assert_allclose(getattr(after, place), getattr(before, place), atol=1e-12)
-
-    def test_inertia_resists_turning_and_leaves_the_weight(self, go1: Robot, build: Build) -> None:
-        turned = []
-        for scale in (1.0, 1.5):
-            model = build(Sample(inertia=np.full(13, scale)))
-            assert model.body_mass.sum() == pytest.approx(12.7434, abs=1e-3)
-            data = floating(model, go1)
-            data.xfrc_applied[1, 3:] = (0, 0, 1.0)
-            mujoco.mj_forward(model, data)
-            turned.append(data.qacc[5])
-        assert turned[1] < 0.97 * turned[0]
-
-    def test_armature_resists_a_motor_torque(self, go1: Robot, build: Build) -> None:
-        accelerations = []
-        for scale in (1.0, 2.0):
-            model = build(Sample(armature=np.full(12, scale)))
-            data = floating(model, go1)
-            dofs = joint_addresses(model, go1)[1]
-            data.qfrc_applied[dofs] = 1.0
-            mujoco.mj_forward(model, data)
-            accelerations.append(data.qacc[dofs])
-        assert np.all(accelerations[1] < 0.95 * accelerations[0])
 
     def test_friction_is_that_of_whatever_the_robot_walks_on(self, go1: Robot) -> None:
         model = read_plant(go1, change=replaced_by(load_ground("blocks"))).model
@@ -180,97 +91,12 @@ class TestBody:
             np.testing.assert_allclose(value, theirs[name], rtol=1e-6, atol=1e-8, err_msg=name)
 
 
-def command_of(**parts: float) -> JointCommand:
-    """A command to twelve joints with these parts, zero otherwise."""
-    return JointCommand(*(np.full(12, parts.get(name, 0.0)) for name in JointCommand._fields))
-
-
-class TestMotors:
-    def test_joint_damping_grows_with_speed(self, go1: Robot) -> None:
-        damped = randomised_motor(go1.motor, Sample(joint_damping=np.full(12, 0.1)))
-        for speed in (5.0, 10.0):
-            spinning = np.full(12, speed)
-            added = friction_torque(spinning, damped) - friction_torque(spinning, go1.motor)
-            np.testing.assert_allclose(added, -0.1 * speed)
-
-    def test_motor_strength_scales_delivered_torque(self, go1: Robot) -> None:
-        weak = randomised_motor(go1.motor, Sample(motor_strength=np.full(12, 0.8)))
-        torque = motor_torque(command_of(torque=5.0), np.zeros(12), np.zeros(12), weak)
-        np.testing.assert_allclose(torque, 4.0)
-
-    def test_motor_strength_does_not_raise_the_current_limit(self, go1: Robot) -> None:
-        strong = randomised_motor(go1.motor, Sample(motor_strength=np.full(12, 2.0)))
-        torque = motor_torque(command_of(torque=100.0), np.zeros(12), np.zeros(12), strong)
-        np.testing.assert_allclose(torque, go1.motor.peak_torque)
-
-    def test_a_flat_battery_runs_out_of_speed_earlier(self, go1: Robot) -> None:
-        flat = randomised_motor(go1.motor, Sample(battery=0.8))
-        ask = command_of(torque=100.0)
-        assert np.all(motor_torque(ask, np.zeros(12), 0.79 * go1.motor.no_load_speed, flat) > 0.0)
-        np.testing.assert_allclose(
-            motor_torque(ask, np.zeros(12), 0.8 * go1.motor.no_load_speed, flat), 0.0, atol=1e-9
-        )
-        np.testing.assert_allclose(flat.stall_torque, 0.8 * go1.motor.stall_torque)
-
-    def test_nominal_sample_changes_nothing(self, go1: Robot) -> None:
-        command = command_of(position=0.1, kp=20.0, kd=1.0)
-        state = np.zeros(12), np.ones(12)
-        np.testing.assert_array_equal(
-            joint_torque(
-                randomised_command(command, Sample()), *state, randomised_motor(go1.motor, Sample())
-            ),
-            joint_torque(command, *state, go1.motor),
-        )
-
-
 LEVEL = {
     "gyro": np.zeros(3),
     "gravity": np.array([0.0, 0.0, -1.0]),
     "joint_position": np.zeros(12),
     "joint_velocity": np.zeros(12),
 }
-
-
-class TestSensors:
-    def test_encoder_bias_shifts_positions_only(self) -> None:
-        bias = np.linspace(-0.01, 0.01, 12)
-        read = biased(LEVEL, Sample(encoder_bias=bias))
-        np.testing.assert_array_equal(read["joint_position"], bias)
-        np.testing.assert_array_equal(read["joint_velocity"], LEVEL["joint_velocity"])
-
-    def test_gyro_bias_shifts_the_gyro_only(self) -> None:
-        read = biased(LEVEL, Sample(gyro_bias=np.array([0.1, -0.2, 0.3])))
-        np.testing.assert_array_equal(read["gyro"], [0.1, -0.2, 0.3])
-        np.testing.assert_array_equal(read["gravity"], LEVEL["gravity"])
-
-    def test_gravity_bias_tilts_and_keeps_unit_length(self) -> None:
-        read = biased(LEVEL, Sample(gravity_bias=np.array([0.05, 0.0, 0.0])))
-        assert np.linalg.norm(read["gravity"]) == pytest.approx(1.0)
-        assert np.arcsin(read["gravity"][0]) == pytest.approx(np.arctan(0.05))
-
-    def test_noisy_gravity_keeps_unit_length(self) -> None:
-        """Noise of 0.2 to the left and of 0.2 downwards, on (0, 0, -1): a tilt by atan(0.2 / 1.2)."""
-        u = np.full(30, 0.5)
-        u[4], u[5] = 1.0, 0.0
-        expected = np.array([0.0, 0.2, -1.2]) / np.sqrt(0.2**2 + 1.2**2)
-        read = noisy(LEVEL, Noise(gravity=0.2), u)
-        np.testing.assert_allclose(read["gravity"], expected)
-
-    @pytest.mark.parametrize("name", ["gyro", "joint_position", "joint_velocity"])
-    def test_noise_is_centred_bounded_and_on_its_own_reading(self, name: str) -> None:
-        width = 0.2
-        u = np.random.default_rng(0).random((4000, 30))
-        batch = {name: np.broadcast_to(value, (4000, len(value))) for name, value in LEVEL.items()}
-        read = noisy(batch, Noise(**{name: width}), u)
-        for other in LEVEL:
-            off = read[other] - batch[other]
-            if other != name:
-                assert not off.any()
-                continue
-            assert np.abs(off).max() <= width
-            assert abs(off.mean()) < 0.01
-            assert off.std() == pytest.approx(width / np.sqrt(3), rel=0.05)
-            assert len(np.unique(off[0])) == off.shape[1]
 
 
 class TestEveryField:

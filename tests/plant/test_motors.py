@@ -215,13 +215,6 @@ class TestMotors:
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
 
-    def test_commands_among_other_requests_are_each_their_motors_own(self) -> None:
-        stand = Stand()
-        stand.on()
-        kinds = [Request.ENABLE, Request.COMMAND, Request.COMMAND]
-        stand.ask(0, np.array([0, 2, 1]), kinds, VALUES[:, [0, 2, 1]])
-        np.testing.assert_allclose(stand.torque(0), torque_of(VALUES * [0, 1, 1]))
-
     def test_one_that_went_off_stays_marked_when_another_follows(self) -> None:
         stand = Stand()
         stand.on()

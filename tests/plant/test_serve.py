@@ -158,18 +158,3 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
     with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:
         np.testing.assert_array_equal(body.encoder_bias, 0.25)
     assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
-
-
-def test_by_default_it_is_go1_with_its_own_motors(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = []
-
-    def refuse(robot: Robot, interface: str, config: PlantConfig) -> None:
-        taken.append((robot.name, interface, config))
-        raise module.UserError("no such bus")
-
-    monkeypatch.setattr(module, "serving", refuse)
-    monkeypatch.setattr("sys.argv", ["serve"])
-    with pytest.raises(SystemExit) as ended:
-        module.main()
-    assert ended.value.code == 2
-    assert taken == [("go1", "udp_multicast", PlantConfig())]
