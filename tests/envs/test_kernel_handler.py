@@ -14,10 +14,7 @@ from footfall.envs.physics.generated import handler
 from footfall.envs.physics.generated.handler import Launch
 
 ENTRIES = 4
-LAUNCHER = ctypes.CFUNCTYPE(
-    ctypes.c_int, ctypes.c_void_p, *[ctypes.c_uint] * 7, ctypes.c_void_p,
-    ctypes.POINTER(ctypes.POINTER(ctypes.c_void_p)), ctypes.c_void_p,
-)  # fmt: skip
+LAUNCHER = handler.LAUNCHER
 
 
 @contextmanager
@@ -39,7 +36,7 @@ def kernel(name: str, handle: int, status: int = 0, loaded: int = 0) -> Iterator
         slot.value = loaded
 
     launcher, waiter = LAUNCHER(launch), ctypes.CFUNCTYPE(None)(wait)
-    addresses = [ctypes.cast(each, ctypes.c_void_p).value for each in (launcher, waiter)]
+    addresses = [handler.address_of(each) for each in (launcher, waiter)]
     kept, address = handler.compiled(
         Launch(2, 1, 5, 64), addresses[0], ctypes.addressof(slot), addresses[1], on_stream=False
     )
@@ -69,3 +66,39 @@ def test_a_failed_launch_is_an_error() -> None:
         pytest.raises(jax.errors.JaxRuntimeError, match="launched"),
     ):
         jax.block_until_ready(program(jnp.zeros(ENTRIES), jnp.ones(ENTRIES)))
+
+
+def words(*values: int | None) -> Any:
+    """A structure of XLA's interface whose fields all take eight bytes."""
+    return (ctypes.c_void_p * len(values))(*values)
+
+
+def test_on_a_gpu_the_kernel_is_launched_on_xlas_stream() -> None:
+    """The call's frame is laid out here as `c_api.h` has it."""
+    streams = []
+
+    @LAUNCHER
+    def launch(*given: Any) -> int:
+        streams.append(given[8])
+        return 0
+
+    @ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))
+    def get_stream(request: Any) -> None:
+        assert request[2] == 77, "the execution's context"
+        request[3] = 4711
+
+    kept, address = handler.compiled(Launch(1, 0, 1, 32), handler.address_of(launch))
+    data = ctypes.c_float(1.0)
+    buffer = words(48, None, 11, ctypes.addressof(data), 1, None)
+    inputs, types = words(ctypes.addressof(buffer)), words(1)
+    interface = words(152, None, 24, None, 3 << 32, *[None] * 5, handler.address_of(get_stream), *[None] * 10)
+    frame = words(
+        168, None, ctypes.addressof(interface), 77, 3,
+        40, None, 1, ctypes.addressof(types), ctypes.addressof(inputs),
+        40, None, 0, None, None,
+        40, None, 0, None, None, None, None,
+    )  # fmt: skip
+    function = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(address)
+    assert function(ctypes.addressof(frame)) is None
+    assert streams == [4711]
+    del kept
