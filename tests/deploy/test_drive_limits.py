@@ -5,13 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
 from some_motors import MAKERS, hexed, introduce, two_motors, with_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wire
-from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
@@ -54,13 +52,6 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
         for motor in motors
     ]
     np.testing.assert_allclose(set_in(end, maker), expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize("maker", LIMITS)
-def test_a_robot_whose_drives_are_limited_stands_up(go1: Robot, maker: str) -> None:
-    robot = limited(go1, maker, LIMITS[maker])
-    outcome = run_episode(robot, Hold(robot), short_episode(duration_s=0.1))
-    assert (outcome.faults, outcome.final_state) == ((), "IDLE")
 
 
 @pytest.mark.parametrize("maker", LIMITS)

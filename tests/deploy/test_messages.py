@@ -21,10 +21,6 @@ def header(time_ns: int, frame: str) -> dict:
     return {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": frame}
 
 
-def vector(values: np.ndarray) -> dict:
-    return dict(zip("xyz", values.tolist(), strict=True))
-
-
 @given(TIMES, NAMES, st.integers(0, 99))
 def test_joint_states(time_ns: int, names: list[str], seed: int) -> None:
     numbers = np.random.default_rng(seed).normal(size=(3, len(names)))
@@ -40,51 +36,6 @@ def test_joint_states(time_ns: int, names: list[str], seed: int) -> None:
     assert template.fill(time_ns, *gaps) == encoded("sensor_msgs/msg/JointState", expected)
 
 
-@given(TIMES, st.integers(0, 99))
-def test_inertial_readings(time_ns: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    quaternion, gyro, acceleration = rng.normal(size=4), rng.normal(size=3), rng.normal(size=3)
-    expected = {
-        "header": header(time_ns, "imu_link"),
-        "orientation": vector(quaternion[1:]) | {"w": float(quaternion[0])},
-        "orientation_covariance": [0.0] * 9,
-        "angular_velocity": vector(gyro),
-        "angular_velocity_covariance": [0.0] * 9,
-        "linear_acceleration": vector(acceleration),
-        "linear_acceleration_covariance": [0.0] * 9,
-    }
-    gaps = (quaternion[1:], quaternion[:1], gyro, acceleration)
-    found = messages.imu().fill(time_ns, *(gap.tobytes() for gap in gaps))
-    assert found == encoded("sensor_msgs/msg/Imu", expected)
-
-
-@given(TIMES, st.integers(0, 99))
-def test_odometry(time_ns: int, seed: int) -> None:
-    numbers = np.random.default_rng(seed).normal(size=85)
-    place, orientation, spread, velocity, turn, scatter = np.split(numbers, [3, 7, 43, 46, 49])
-    pose = {"position": vector(place), "orientation": vector(orientation[:3]) | {"w": float(orientation[3])}}
-    twist = {"linear": vector(velocity), "angular": vector(turn)}
-    expected = {
-        "header": header(time_ns, "odom"),
-        "child_frame_id": "base_link",
-        "pose": {"pose": pose, "covariance": spread.tolist()},
-        "twist": {"twist": twist, "covariance": scatter.tolist()},
-    }
-    found = messages.odometry().fill(time_ns, numbers.tobytes())
-    assert found == encoded("nav_msgs/msg/Odometry", expected)
-
-
-def test_a_velocity_command() -> None:
-    twist = {
-        "linear": {"x": 0.1, "y": 0.2, "z": 0.0},
-        "angular": {"x": 0.0, "y": 0.0, "z": 0.3},
-    }
-    expected = {"header": header(12_345_678_901, "base_link"), "twist": twist}
-    numbers = np.array([0.1, 0.2, 0.3])
-    found = messages.twist().fill(12_345_678_901, numbers[:2].tobytes(), numbers[2:].tobytes())
-    assert found == encoded("geometry_msgs/msg/TwistStamped", expected)
-
-
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("label", ["", "x", "inputs", "command"])
 def test_numbers(dtype: type, label: str) -> None:
@@ -96,11 +47,6 @@ def test_numbers(dtype: type, label: str) -> None:
     kind = f"std_msgs/msg/Float{numbers.itemsize * 8}MultiArray"
     found = messages.multi_array(label, 7, numbers.itemsize).fill(0, numbers.tobytes())
     assert found == encoded(kind, expected)
-
-
-@pytest.mark.parametrize("value", ["", "ESTOP: no reply", "ü"])
-def test_text(value: str) -> None:
-    assert messages.text(value) == encoded("std_msgs/msg/String", {"data": value})
 
 
 def test_a_message_is_not_changed_by_the_next() -> None:
