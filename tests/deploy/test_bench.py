@@ -180,12 +180,7 @@ class TestBench:
 
 
 class TestScan:
-    MAKERS = (
-        ("MIT mode", "MIT mode"),
-        ("Damiao", "RobStride"),
-        ("ODrive", "MIT mode"),
-        ("moteus", "moteus"),
-    )
+    MAKERS = (("MIT mode", "MIT mode"), ("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("moteus", "moteus"))
 
     @pytest.mark.parametrize(("motors", "makers"), list(zip(EVERY_MAKER, MAKERS, strict=True)))
     def test_ids_and_makers_are_found_and_nothing_is_switched_on(

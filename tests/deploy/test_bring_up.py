@@ -29,10 +29,7 @@ from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import Wiring, wire
-from footfall.plant.injection import (
-    FaultInjector,
-    Injection,
-)
+from footfall.plant.injection import FaultInjector, Injection
 from footfall.plant.robot import PlantConfig
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import PolicyInput, Sensed

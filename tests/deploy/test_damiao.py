@@ -45,12 +45,7 @@ class TestFrames:
 
     @pytest.mark.parametrize(
         ("first", "says"),
-        [
-            ("83", "over-voltage"),
-            ("b3", "over-temperature of its MOSFETs"),
-            ("d3", "timeout"),
-            ("f3", "15"),
-        ],
+        [("83", "over-voltage"), ("b3", "over-temperature of its MOSFETs"), ("d3", "timeout"), ("f3", "15")],
     )
     def test_states_from_2_on_are_errors(self, driver: DamiaoDriver, first: str, says: str) -> None:
         (error,) = driver.replies(frame(0x203, f"{first} 80 00 80 08 00 1e 1e")).error

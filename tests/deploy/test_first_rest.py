@@ -35,10 +35,7 @@ class TestFirstRest:
 
     @pytest.mark.parametrize(
         "before",
-        [
-            [(TURNING, (0.0, 0.0, 150.0))],
-            [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)],
-        ],
+        [[(TURNING, (0.0, 0.0, 150.0))], [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)]],
         ids=["it is set down hard", "it was let fall"],
     )
     def test_what_was_felt_up_to_the_last_motion_is_not_held_against_it(

@@ -144,10 +144,7 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
     trace = run_episode(go1, first, episode)
     assert not trace.fell
     decided = [status.policy for status in source.statuses]
-    assert [now for before, now in itertools.pairwise(decided) if now != before] == [
-        "go1-flat",
-        "trot",
-    ]
+    assert [now for before, now in itertools.pairwise(decided) if now != before] == ["go1-flat", "trot"]
     assert sum("mpc" in note or "waltz" in note for note in trace.notes) == 2
     assert {status.field_mode for status in source.statuses} >= {
         FieldMode.CALIBRATING,

@@ -26,10 +26,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 CONFIG = replace(
-    RELAXED,
-    joint_rate_hz=100.0,
-    stand_s=0.3,
-    safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2),
+    RELAXED, joint_rate_hz=100.0, stand_s=0.3, safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2)
 )
 GUARDED = replace(CONFIG, safety=replace(CONFIG.safety, pause_limit_s=1.0))  # takes over after 1.1 s
 LONG = Session(stand_still, 9.0, config=GUARDED)

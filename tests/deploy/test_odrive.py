@@ -56,11 +56,7 @@ def hexed(frames: Frames) -> list[tuple[int, str]]:
 def tell_all(driver: OdriveDriver) -> None:
     """Both axes say that they are on, and stand at zero."""
     for channel in (0, 1):
-        for said in (
-            pair(0x069, 0, 0, channel),
-            pair(0x07C, 0, 0, channel),
-            heartbeat(8, channel=channel),
-        ):
+        for said in (pair(0x069, 0, 0, channel), pair(0x07C, 0, 0, channel), heartbeat(8, channel=channel)):
             driver.replies(said)
 
 

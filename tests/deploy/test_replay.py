@@ -124,30 +124,21 @@ class TestReplay:
         result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
         assert (result.steps, result.first_difference) == (2, "")
 
-    def test_a_log_without_a_decision_is_told(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        path = write_steps(tmp_path / "a.mcap", [], 1, joints)
-        with pytest.raises(UserError, match=r"a\.mcap holds no policy steps"):
-            replay(path, Counts(go1))
-
-    def test_a_log_of_a_robot_with_other_joints_is_told(self, go1: Robot, tmp_path: Path) -> None:
-        path = write_steps(tmp_path / "a.mcap", [np.zeros(40)], 1, [f"joint{k}" for k in range(8)])
-        with pytest.raises(UserError, match=r"a\.mcap is of a robot with 8 joints"):
-            replay(path, Counts(go1))
-
-    @pytest.mark.parametrize("names", [[], "text", [1, 2], None])
-    def test_a_log_that_does_not_say_its_joints_is_told(
-        self, go1: Robot, joints: list[str], tmp_path: Path, names: object
-    ) -> None:
-        path = write_steps(tmp_path / "a.mcap", [], 0, names)  # type: ignore[arg-type]
-        with pytest.raises(UserError, match=r"a\.mcap does not say its joints"):
-            replay(path, Counts(go1))
-
-    def test_numbers_that_do_not_fit_the_joints_are_told(
+    def test_a_log_that_cannot_be_replayed_is_refused(
         self, go1: Robot, joints: list[str], tmp_path: Path
     ) -> None:
-        path = write_steps(tmp_path / "a.mcap", [np.zeros(59)], 1, joints)
-        with pytest.raises(UserError, match="step 0 has 59 numbers for 12 joints"):
-            replay(path, Counts(go1))
+        """Without decisions, of another robot, without joint names, with too few numbers."""
+        others = [f"joint{k}" for k in range(8)]
+        nameless: list[Any] = [[], "text", [1, 2], None]
+        for decisions, steps, names, says in (
+            ([], 1, joints, "holds no policy steps"),
+            ([np.zeros(40)], 1, others, "is of a robot with 8 joints"),
+            ([np.zeros(59)], 1, joints, "step 0 has 59 numbers for 12 joints"),
+            *(([], 0, names, "does not say its joints") for names in nameless),
+        ):
+            path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
+            with pytest.raises(UserError, match=says):
+                replay(path, Counts(go1))
 
     def test_a_policy_that_fails_on_a_log_is_told_in_one_line(
         self, go1: Robot, joints: list[str], tmp_path: Path

@@ -271,10 +271,7 @@ class TestSession:
         with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
             check_joint_rate(crowded, driver, 1127.0)
 
-    @pytest.mark.parametrize(
-        ("model", "fastest_hz"),
-        [("RS03", 1272), ("ODrive", 1107)],
-    )
+    @pytest.mark.parametrize(("model", "fastest_hz"), [("RS03", 1272), ("ODrive", 1107)])
     def test_what_motors_of_a_maker_send_counts(self, go1: Robot, model: str, fastest_hz: int) -> None:
         """Three motors: 131 bits there and back; an ODrive has 79 there (4 bytes) and twice 111 back."""
         wiring = replace(wire(go1), models=(model,) * 12)

@@ -271,10 +271,7 @@ class TestPlants:
 
     def test_without_reflected_inertia_it_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
         plant = rewritten(
-            go1,
-            tmp_path / "light.xml",
-            (' armature="0.00403"', ""),
-            (' armature="0.00906"', ""),
+            go1, tmp_path / "light.xml", (' armature="0.00403"', ""), (' armature="0.00906"', "")
         )
         bench = Bench(go1, plant=plant)
         assert "reflected inertia" in bench.body.notes[0]

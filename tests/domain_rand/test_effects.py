@@ -11,12 +11,7 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
-from footfall.domain_rand.bodies import (
-    BodyMap,
-    apply_to_model,
-    body_map,
-    randomised_fields,
-)
+from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
 from footfall.domain_rand.noise import Noise, biased, noisy
 from footfall.domain_rand.quantity import adds_to_base, scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation

@@ -79,10 +79,7 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
 
 def test_the_terminal_is_restored_when_the_run_fails(terminal: tuple[int, int]) -> None:
     before = termios.tcgetattr(terminal[1])
-    with (
-        pytest.raises(RuntimeError),
-        steered_by_keyboard(Inbox(), abilities, QUICK, terminal[1]),
-    ):
+    with pytest.raises(RuntimeError), steered_by_keyboard(Inbox(), abilities, QUICK, terminal[1]):
         raise RuntimeError
     assert termios.tcgetattr(terminal[1]) == before
 

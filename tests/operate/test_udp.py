@@ -98,10 +98,7 @@ def test_a_client_steers_over_the_network(monkeypatch: pytest.MonkeyPatch) -> No
             assert inbox.stopped is not None
         with UdpSteering("127.0.0.1", "another token, as long", port) as stranger:
             assert stranger.send(velocity=[1, 0, 0], wait_s=0.05) is None
-        with (
-            pytest.raises(UserError),
-            steered_by_udp(inbox, abilities, UdpConfig(f"127.0.0.1:{port}")),
-        ):
+        with pytest.raises(UserError), steered_by_udp(inbox, abilities, UdpConfig(f"127.0.0.1:{port}")):
             pass
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", port))

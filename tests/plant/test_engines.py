@@ -72,8 +72,7 @@ def test_a_robot_in_the_air_moves_as_in_mujoco(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("foot", "ground", "priority", "holds"),
-    [(0.6, 0.3, 0, 0.6), (0.3, 0.6, 0, 0.6), (0.8, 0.3, 1, 0.3)],
+    ("foot", "ground", "priority", "holds"), [(0.6, 0.3, 0, 0.6), (0.3, 0.6, 0, 0.6), (0.8, 0.3, 1, 0.3)]
 )
 def test_a_sliding_body_slows_down_by_the_friction_that_mujoco_takes(
     foot: float, ground: float, priority: int, holds: float
@@ -91,19 +90,7 @@ def test_a_sliding_body_slows_down_by_the_friction_that_mujoco_takes(
     )
 
 
-@pytest.mark.parametrize(
-    ("part", "named"),
-    [
-        (
-            'type="slide"',
-            "joints",
-        ),
-        (
-            'stiffness="2"',
-            "springs",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("part", "named"), [('type="slide"', "joints"), ('stiffness="2"', "springs")])
 def test_what_it_would_move_differently_is_refused(part: str, named: str) -> None:
     link = f'<body><joint {part}/><geom size="0.1"/></body>'
     body = f'<body pos="0 0 1"><freejoint/><geom size="0.1"/>{link}</body>'
