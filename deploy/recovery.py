@@ -1,5 +1,6 @@
 """Getting up after a fall: consent, a body at rest, a robot that stands again."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ class Recovered(NamedTuple):
 
 
 NO_RECOVERY = RecoverySignals()
+SMOOTH_S = 0.1  # time constant of speeds: joints of a robot that lies on a slope chatter in place
 
 
 class Recovery:
@@ -41,6 +43,7 @@ class Recovery:
         self._config, self._clearance, self._pose = config, Clearance(robot), robot.default_pose
         self._since_us: int | None = None  # when the robot came to rest, or began to stand
         self._mode = Mode.IDLE
+        self._speeds, self._seen_us = np.zeros(len(robot.joint_names) + 3), 0  # of joints and base, rad/s
         self._fault, self._fell_s = "", 0.0
         self._consent = consent
         self._left_s = -1.0  # when the robot walked last
@@ -65,14 +68,16 @@ class Recovery:
         """
         if state.mode is not self._mode:
             self._mode, self._since_us = state.mode, None
+            self._speeds = _speeds(joints)
         if state.mode is Mode.FALLING:
             if ending or not self._consent:
                 return NO_RECOVERY
-            rests = self._for_s(now_us, self._rests(joints)) >= self._config.rest_s
+            lies_still = self._fastest(now_us, joints) < self._config.rest_rad_s
+            rests = self._for_s(now_us, lies_still) >= self._config.rest_s
             ready = rests and (asked or not self._config.asked)
             return RecoverySignals(allowed=True, ready=ready, tries=state.tries)
         if state.mode is Mode.RECOVERING:
-            stands = self._for_s(now_us, self._stands(joints)) >= self._config.stand_s
+            stands = self._for_s(now_us, self._stands(now_us, joints)) >= self._config.stand_s
             return RecoverySignals(stands=stands, tries=state.tries, tried_s=now_us * 1e-6 - state.since_s)
         return NO_RECOVERY
 
@@ -101,19 +106,23 @@ class Recovery:
             self._since_us = now_us
         return (now_us - self._since_us) * 1e-6
 
-    def _rests(self, joints: JointLayer) -> bool:
-        return _fastest(joints) < self._config.rest_rad_s
+    def _fastest(self, now_us: int, joints: JointLayer) -> float:
+        """Greatest speed of the joints and the base, smoothed since the mode began, rad/s."""
+        kept = math.exp(-1e-6 * (now_us - self._seen_us) / SMOOTH_S)
+        self._speeds = kept * self._speeds + (1.0 - kept) * _speeds(joints)
+        self._seen_us = now_us
+        return float(np.abs(self._speeds).max())
 
-    def _stands(self, joints: JointLayer) -> bool:
+    def _stands(self, now_us: int, joints: JointLayer) -> bool:
         config, quaternion, position = self._config, joints.inertial.quaternion, joints.joints[0]
         return (
-            tilt(quaternion) < config.upright_rad
-            and _fastest(joints) < config.stand_rad_s
+            self._fastest(now_us, joints) < config.stand_rad_s
+            and tilt(quaternion) < config.upright_rad
             and float(np.abs(position - self._pose).max()) < config.pose_rad
             and self._clearance.sunk_share(position, quaternion) < 1.0 - config.height_share
         )
 
 
-def _fastest(joints: JointLayer) -> float:
-    """Of the joints and the base, rad/s."""
-    return max(float(np.abs(joints.joints[1]).max()), *map(abs, joints.inertial.gyro))
+def _speeds(joints: JointLayer) -> np.ndarray:
+    """Of the joints and the base, rad/s, (n + 3,)."""
+    return np.concatenate([joints.joints[1], joints.inertial.gyro])

@@ -117,6 +117,13 @@ class TestOnFrames:
         to_the_end(loop)
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
 
+    def test_joints_that_chatter_in_place_are_at_rest(self, go1: Robot) -> None:
+        loop, body, *_ = fallen(go1)
+        for tick in range(500):
+            body.gyro = (0.0, 0.6 * (-1) ** tick, 0.0)
+            loop.tick()
+        assert loop.state.tries > 0
+
     def test_it_unfolds_before_the_policy_decides(self, go1: Robot) -> None:
         """Joints go to the default pose, from where they fell, and the policy begins afresh after that."""
         recovery = replace(QUICK, unfold_s=0.2)
