@@ -51,6 +51,16 @@ class TestTime:
         assert wires.receive(Side.ROBOT, 1135)[0].id.tolist() == [1]
 
 
+def test_motors_on_a_jammed_bus_give_up_rather_than_queue_for_ever() -> None:
+    """They hold frames for 20 ms."""
+    wires = SimulatedWires(("a",))
+    for _ in range(100):
+        wires.send(Side.ROBOT, frames(*[0] * 10), 0)
+    assert wires.refused[Side.ROBOT, 0] > 0
+    arrived = numbers(wires.receive(Side.HOST, 22_000))
+    assert len(arrived) == wires.sent(Side.ROBOT)[0]
+
+
 def test_a_bus_counts_what_the_controller_sent_and_what_it_got() -> None:
     """Three frames of 135 us on the first wire in one millisecond."""
     wires = SimulatedWires(("a", "b"))
