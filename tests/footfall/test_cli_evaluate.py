@@ -172,3 +172,9 @@ def test_a_requirement_is_refused_before_anything_is_run(shell: Shell, called: R
         assert outcome.status == 2
         assert part in outcome.err
     assert "evaluate_policy" not in called.names
+
+
+def test_a_controllers_other_settings_are_what_is_evaluated(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.evaluate.api.evaluate_policy", scored())
+    assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
+    assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"

@@ -129,6 +129,16 @@ class TestWanted:
             height = 0.5 + share * (policy.com_height_m - 0.5)
             assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
 
+    def test_its_height_is_that_above_the_foot_that_bears(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The other one hangs 0.1 m higher."""
+        policy.footwork.load = np.array([1.0, 0.0])
+        lifted = moment((0.0, 0.0, policy.com_height_m))
+        lifted.foot[RIGHT, 2] += 0.1
+        *_, wanted, _ = asked(policy, monkeypatch, seen(), lifted)
+        assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
+
     def test_each_foot_may_press_by_its_load_and_an_unloaded_one_not_at_all(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
