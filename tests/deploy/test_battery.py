@@ -21,6 +21,8 @@ STILL = np.zeros((3, MOTORS))
 FORWARD = np.array([1.0, 0.0, 0.0])
 IRON = "lithium_iron_phosphate"
 
+LIMITS = BatteryLimits()
+
 
 class Pack:
     """A pack, and what motors report of it. It may differ from its declaration."""
@@ -64,10 +66,12 @@ def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot
     allowed = [state.allowed for state in states]
     assert allowed[0] == 1.0
     assert allowed == sorted(allowed, reverse=True)
-    assert allowed[-1] == pytest.approx(BatteryLimits().least_share)
+    assert allowed[-1] == pytest.approx(LIMITS.least_share)
+    middle = next(state for state in states if state.charge < 0.5 * (LIMITS.low_charge + LIMITS.empty_charge))
+    assert middle.allowed == pytest.approx(0.5 * (1.0 + LIMITS.least_share), abs=0.05)
     first = next(state for state in states if state.fault)
     assert "empty" in first.fault
-    assert first.charge == pytest.approx(BatteryLimits().empty_charge, abs=0.02)
+    assert first.charge == pytest.approx(LIMITS.empty_charge, abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Logs as tools of others read them: rosbags, with ROS 2's own definitions."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import EXTENDED, FD, Frames
 from footfall.deploy.log import McapLog
+from footfall.deploy.log_analysis.layouts import foxglove_layout
 from footfall.deploy.log_file import read_log
 from footfall.deploy.log_records import Kind
 from footfall.deploy.modes import Mode
@@ -145,3 +147,9 @@ def test_frames_and_battery(messages: dict[str, list[Any]]) -> None:
     battery = messages["/battery_state"][0]
     assert (battery.voltage, battery.current, battery.percentage) == (24.5, -3.0, 0.75)
     assert battery.present
+
+
+def test_a_layout_plots_each_joint_by_its_place_under_its_name() -> None:
+    paths = json.loads(foxglove_layout(["hip", "knee"]))["configById"]["Plot!velocity"]["paths"]
+    shown = [(path["value"], path["label"]) for path in paths]
+    assert shown == [("/joint_states.velocity[0]", "hip"), ("/joint_states.velocity[1]", "knee")]
