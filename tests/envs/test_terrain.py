@@ -96,10 +96,10 @@ def test_a_standing_robot_rests_as_on_mujocos_boxes_and_height_fields(
 
 
 class TestLevels:
-    def next_levels(self, env: Any, begun: State, **progress: float) -> np.ndarray:
-        """Levels of the episodes after ones of level 0 that went so."""
+    def next_levels(self, env: Any, begun: State, level: int = 0, **progress: float) -> np.ndarray:
+        """Levels of the episodes after ones of this level that went so."""
         now = walked(begun)._replace(
-            piece=jnp.full(len(begun.level), 2),
+            piece=jnp.full(len(begun.level), 2 + level),
             **{k: jnp.full(len(begun.level), v) for k, v in progress.items()},
         )
         state = begun._replace(terms=begun.terms | {"terrain": {"terrain": now}})
@@ -116,6 +116,7 @@ class TestLevels:
             {"along": 0.4, "asked": 0.4, "fell": 0.0},
         ):
             assert (self.next_levels(env, begun, **progress) == 0).all(), progress
+        assert (self.next_levels(env, begun, 1, along=4.5, asked=5.0, fell=1.0) == 0).all()
 
 
 def test_what_cannot_be_trained_on_is_refused(go1: Robot) -> None:
