@@ -92,7 +92,7 @@ class Stages:
             ("supervisor", loop, "_supervise"),
             ("estimator", loop._estimate, "update"),
             ("policy", loop._runner, "step"),
-            ("command", loop, "_frames"),
+            ("command", loop._actions, "frames"),
             ("command", loop._bus, "send"),
         ):
             self.wrap(name, owner, method)
