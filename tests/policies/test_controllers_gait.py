@@ -44,6 +44,18 @@ class TestSchedule:
         assert in_stance(phases, 0.6).tolist() == [True, True, False, False, False]
         np.testing.assert_allclose(swing_progress(phases, 0.6), [0.0, 0.0, 0.0, 0.25, 0.9975])
 
+    def test_a_foot_ahead_in_the_cycle_is_there_earlier(self) -> None:
+        np.testing.assert_allclose(leg_phases(0.3, np.array([0.0, 0.2, 0.9])), [0.3, 0.5, 0.2])
+
+    def test_a_period_is_a_stance_and_a_swing(self) -> None:
+        timing = GaitTiming(period_s=0.4, duty=0.7)
+        assert timing.stance_s == pytest.approx(0.28)
+        assert timing.swing_s == pytest.approx(0.12)
+
+    def test_trust_is_full_in_mid_stance_and_none_at_the_edges_and_in_swing(self) -> None:
+        trust = contact_trust(np.array([0.0, 0.25, 0.5, 0.8]), duty=0.5, edge=0.2)
+        np.testing.assert_allclose(trust, [0, 1, 0, 0])
+
 
 class TestNamedGait:
     def test_its_clock_has_the_gaits_feet_and_duty_unless_another_duty_is_given(self, go1: Robot) -> None:

@@ -247,3 +247,37 @@ def test_a_new_episode_forgets_the_tilt_of_the_last() -> None:
         each.reset(seen())
         positions.append(each.act(seen(CONFIG.settle_s)).position)
     np.testing.assert_array_equal(*positions)
+
+
+def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
+    policy = make()
+    walking(policy)
+    before = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD)).position
+    told = policy.act(seen(CONFIG.settle_s + 1.0 + 1 / CONFIG.rate_hz, FORWARD))
+    np.testing.assert_allclose(told.velocity, (told.position - before) * CONFIG.rate_hz)
+    assert np.abs(told.velocity).max() > 0.1
+    assert told.kp.tolist() == [CONFIG.kp] * 12
+    assert told.kd.tolist() == [CONFIG.kd] * 12
+
+
+def test_the_tilt_is_filtered() -> None:
+    """The first of many readings moves the feet by dt / filter of the correction."""
+    policy, levelling = make(), CONFIG.levelling
+    policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose)))
+    feet = feet_of(policy.act(seen(CONFIG.settle_s, roll=0.1)).position)
+    share = 1.0 / CONFIG.rate_hz / levelling.filter_s
+    assert share < 1.0
+    roll = share * min(levelling.gain * 0.1, levelling.most_rad)
+    np.testing.assert_allclose((feet - PLACES)[:, 2], roll * PLACES[:, 1], atol=2e-5)
+    assert roll > 1e-3
+
+
+def test_a_command_is_approached_from_rest_once_it_has_settled() -> None:
+    policy = make()
+    policy.reset(seen())
+    for share in (0.2, 0.5, 0.99):
+        policy.act(seen(share * CONFIG.settle_s, FORWARD))
+        assert not policy.stepping.command.value.any()
+    policy.act(seen(CONFIG.settle_s, FORWARD))
+    first = CONFIG.command.acceleration_m_s2 / CONFIG.rate_hz
+    np.testing.assert_allclose(policy.stepping.command.value, [first, 0.0, 0.0])

@@ -82,6 +82,18 @@ class TestRolling:
         np.testing.assert_allclose(ends.mean(axis=0), PLACES, atol=1e-12)
         np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
 
+    def test_it_passes_over_a_foot_at_v_plus_w_x_r_times_what_rolling_leaves(self) -> None:
+        half = Footing(PLACES, np.tile(0.5 * np.eye(2), (2, 1, 1)))
+        np.testing.assert_allclose(half.passing(VELOCITY, PLACES[:, :2]), 0.5 * PASSING[:, :2])
+
+    def test_one_foot_goes_as_all_of_them_together(self) -> None:
+        """Foot and Footing have the same formula, one in plain numbers."""
+        askew = Footing(PLACES, np.array([[[0.9, 0.1], [0.2, 0.8]], [[1.0, -0.1], [0.0, 0.7]]]))
+        cycle = FootCycle(askew, TIMING, OFFSETS)
+        cycle.advance(VELOCITY.tolist(), 0.01, 0.04, (False, False))
+        moved = PLACES[:, :2] - 0.01 * askew.passing(VELOCITY, PLACES[:, :2])
+        np.testing.assert_allclose(cycle.feet[:, :2], moved, atol=1e-12)
+
 
 class TestFoot:
     """One foot that rolls, under a body that goes ahead, to the right and turns left."""
@@ -187,6 +199,20 @@ class TestCycle:
         cycle.each_foot[1].z = 0.02
         cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
         assert cycle.feet[1, 2] == pytest.approx(0.02)
+
+    def test_a_swing_keeps_the_height_that_it_began_with(self, cycle: FootCycle) -> None:
+        cycle.advance(REST, 1.19, 0.02, BOTH)
+        cycle.advance(REST, 0.02, 0.04, BOTH)
+        cycle.advance(REST, 0.39, 0.09, BOTH)
+        assert cycle.feet[0, 2] == pytest.approx(0.04)
+
+    def test_its_clock_runs_a_cycle_in_a_period(self, cycle: FootCycle) -> None:
+        cycle.advance(REST, 0.5, 0.04, BOTH)
+        assert cycle.clock == pytest.approx(0.25)
+        np.testing.assert_allclose(cycle.phases(), [0.25, 0.75])
+        for _ in range(4):
+            cycle.advance(REST, 0.5, 0.04, BOTH)
+        assert cycle.clock == pytest.approx(0.25)
 
 
 class TestWalk:

@@ -176,3 +176,9 @@ class TestPlannedLift:
     )
     def test_a_half_sine_over_the_swing(self, clock: float, lift: float) -> None:
         np.testing.assert_allclose(planned_lift(np.array([clock]), np.zeros(1), 0.75), [lift], atol=1e-12)
+
+    def test_of_a_duty_of_one_half_it_is_the_clocks_own_sine(self) -> None:
+        clock = np.linspace(0.0, 3.0, 101)[:, None]
+        offsets = np.array([0.0, 0.3])
+        sine = np.maximum(np.sin(2 * np.pi * (clock + offsets)), 0.0)
+        np.testing.assert_allclose(planned_lift(clock, offsets, 0.5), sine, atol=1e-12)

@@ -235,3 +235,20 @@ class TestFile:
         weights[5, 7] = number
         with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
             LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+
+    def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:
+        """A control loop has one core: threads that spin beside it cost it its deadlines."""
+        options = policy._session.get_session_options()
+        assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
+        assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+        assert options.log_severity_level == 4
+        assert policy._session.get_providers() == ["CPUExecutionProvider"]
+
+
+def test_it_sees_the_action_that_it_took_last(policy: LearnedPolicy, contract: Contract) -> None:
+    seen = observations(1)
+    policy.reset(seen[0])
+    policy.act(seen[0])
+    taken = policy.action.copy()
+    policy.act(seen[1])
+    np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)

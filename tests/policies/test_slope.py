@@ -105,6 +105,18 @@ class TestSeenFromTheGround:
         np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=2e-3)
         assert inputs.base_height == pytest.approx(-LEGS.default_foot[:, 2].mean(), abs=1e-3)
 
+    def test_an_episode_begins_on_level_ground(self) -> None:
+        slope = Slope(CONFIG)
+        for _ in range(100):
+            slope.follow(standing(0.0), LEGS.default_foot, ALL, DT_S)
+        slope.reset()
+        np.testing.assert_allclose(slope.axes, np.eye(3))
+        np.testing.assert_allclose(slope.gravity, [0.0, 0.0, -9.81])
+
+    def test_without_settings_the_inputs_stay(self) -> None:
+        inputs = standing(0.0)
+        assert Slope(None).follow(inputs, LEGS.default_foot, ALL, DT_S) is inputs
+
 
 class TestWalk:
     CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), slope=CONFIG)

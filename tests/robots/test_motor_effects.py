@@ -134,3 +134,21 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
         assert slope == pytest.approx(constant**2 / (ohms * more))
         seen.append(abs(duty) == 1)
     assert 0.2 < np.mean(seen) < 0.9
+
+
+def test_a_lag_of_zero_is_none() -> None:
+    mean, end = lagged(np.array([7.0]), np.array([-3.0]), lag_over(np.array([0.0]), 0.005))
+    assert mean == pytest.approx(7.0, abs=1e-4)
+    assert end == pytest.approx(7.0, abs=1e-12)
+
+
+def test_a_stribeck_speed_that_is_not_given_is_five_ramps() -> None:
+    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))
+    assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
+
+
+def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
+    """Stiffness 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
+    motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
+    assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
+    assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)

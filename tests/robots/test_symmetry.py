@@ -160,3 +160,8 @@ def test_the_clock_changes_its_sign_where_partners_take_turns(
 def test_a_gait_that_has_no_image_is_refused(go1: Robot) -> None:
     with pytest.raises(UserError, match="no mirror image"):
         find_symmetry(go1, np.array([0.0, 0.5, 0.25, 0.25]))
+
+
+def test_a_clock_keeps_its_sign_where_partners_step_together() -> None:
+    together = SYMMETRY._replace(clock=1.0)
+    assert kinds.CLOCK.mirror(together)(np.array([3.0, 4.0])).tolist() == [3.0, 4.0]

@@ -66,6 +66,14 @@ class TestModel:
             left = allowed(np.full(N, temperature_c), winding_of(heated))
             np.testing.assert_allclose(left, share, rtol=1e-12)
 
+    def test_a_motor_without_current_cools_to_the_air(self, heated: Robot) -> None:
+        cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
+        np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
+
+    def test_without_derating_heat_takes_nothing(self, go1: Robot) -> None:
+        winding = winding_of(warm(go1, derating_c=None))
+        np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
+
 
 class TestDeclaration:
     @pytest.mark.parametrize(
