@@ -48,13 +48,13 @@ def test_by_default_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any]
 def test_another_robot_policy_bus_and_loop(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
     (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
     options = ("--robot", "hexapod", "--bus", "slcan", "--yes", "--config", "loop.yaml", "--json", "a.json")
-    assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "1", *options).status == 0
+    assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "0.7", *options).status == 0
     ((step, setting, bus),) = runs
     assert (step.name, bus, setting.realtime) == ("walk", "slcan", True)
     assert (setting.robot.name, setting.policy.name) == ("hexapod", "tripod")
-    assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 1.0)
+    assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 0.7)
     written = json.loads((tmp_path / "a.json").read_text())
-    assert (written["robot"], written["bus"], written["scale"]) == ("hexapod", "slcan", 1.0)
+    assert (written["robot"], written["bus"], written["scale"]) == ("hexapod", "slcan", 0.7)
 
 
 @pytest.mark.parametrize(
