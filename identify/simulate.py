@@ -36,10 +36,12 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     steps = len(windows.command) - windows.margin
     models = [model for model in _models(leg, values) for _ in range(width)]
     whole, share = _delays(values.delay_s, windows.step_s)
-    position = start[:, :, 0] - values.encoder_bias + windows.step_s * share * start[:, :, 1]
+    rest_s = windows.step_s * share  # from a window's start to the first physics step
+    velocity = start[:, :, 1] + rest_s * windows.acceleration
+    position = start[:, :, 0] - values.encoder_bias + rest_s * velocity
     state = np.zeros((count * width, 1 + 2 * n))
     state[:, 1 : 1 + n] = position.reshape(-1, n)
-    state[:, 1 + n :] = start[:, :, 1].reshape(-1, n)
+    state[:, 1 + n :] = velocity.reshape(-1, n)
     after = np.zeros((count * width, 1, 1 + 2 * n))
     force, sensors = np.zeros((count * width, 1, n)), np.zeros((count * width, 1, 0))
     datas = [mujoco.MjData(leg.model)]

@@ -22,6 +22,7 @@ class Windows(NamedTuple):
     position: np.ndarray  # (W, R, n) rad
     torque: np.ndarray  # (W, R, n) N m; NaN where motors report none
     start: np.ndarray  # (W, 2, n) estimated position and velocity as read
+    acceleration: np.ndarray  # (W, n) estimated at the start, rad/s^2
     source: np.ndarray  # (W,) number of the recording that each is of
 
     @property
@@ -37,6 +38,7 @@ class Windows(NamedTuple):
             position=self.position[chosen],
             torque=self.torque[chosen],
             start=self.start[chosen],
+            acceleration=self.acceleration[chosen],
             source=self.source[chosen],
         )
 
@@ -50,6 +52,7 @@ def joined(parts: list[Windows]) -> Windows:
         position=np.concatenate([part.position[:, :rows] for part in parts]),
         torque=np.concatenate([part.torque[:, :rows] for part in parts]),
         start=np.concatenate([part.start for part in parts]),
+        acceleration=np.concatenate([part.acceleration for part in parts]),
         source=np.concatenate([np.full(part.width, number) for number, part in enumerate(parts)]),
     )
 
@@ -101,17 +104,18 @@ def cut(
         np.stack(parts["time"]),
         np.stack(parts["position"]),
         np.stack(parts["torque"]),
-        np.stack(parts["start"]),
+        np.stack(parts["start"])[:, :2],
+        2.0 * np.stack(parts["start"])[:, 2],
         np.zeros(count, int),
     )
 
 
 def _start(recording: Recording, joints: np.ndarray, row: int, start_s: float) -> np.ndarray:
-    """Position and velocity at a moment by a parabola through the readings around it, (2, n)."""
+    """A parabola through the readings around a moment: its coefficients there, (3, n)."""
     around = slice(max(row - FIT_POINTS, 0), row + FIT_POINTS)
     found = []
     for joint in joints:
         time_s = recording.read_s[around, joint] - start_s
         curve = np.polynomial.polynomial.polyfit(time_s, recording.position[around, joint], 2)
-        found.append(curve[:2])
+        found.append(curve)
     return np.array(found).T

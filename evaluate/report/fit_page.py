@@ -8,6 +8,7 @@ from importlib.metadata import version
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.ticker import NullFormatter
 
 from footfall.evaluate.provenance import machine
 from footfall.evaluate.report.svg import INK, Panel, Plot, line
@@ -137,6 +138,8 @@ def _residuals(leg: LegPart) -> Plot:
                 panel.axes.plot(np.arange(len(error)), error, marker=".", **line(place))
             panel.axes.axhline(1e3 * joint.noise_rad, color=INK, lw=0.8, dashes=(4, 3))
             panel.axes.set(title=joint.name, xlabel="window", ylabel="rms error, mrad", yscale="log")
+            panel.axes.yaxis.set_major_formatter("{x:g}")
+            panel.axes.yaxis.set_minor_formatter(NullFormatter())
             panels.append(panel.svg(f"Errors of held-out windows of {joint.name}"))
     return Plot(
         "Residuals", "Blue: the fitted leg. Orange: the nominal one. Dashed: noise of the readings.", panels
