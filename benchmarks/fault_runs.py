@@ -29,6 +29,7 @@ from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import DAMPED, DECIDING, MOVING, Mode
 from footfall.deploy.recovery import GetUp
+from footfall.deploy.recovery_config import RecoveryConfig
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
@@ -42,6 +43,7 @@ STAND_S, DAMPING_S = 0.8, 0.1
 CHARGE, LOW_CHARGE = 0.7, 0.35  # of a battery at first, and of one that runs empty
 SAFE = (*DAMPED, Mode.LOWERING)
 BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes, or the push that fells a robot which gets up
+UNFOLDED_S = RecoveryConfig().unfold_s  # then the get-up policy decides, whose faults count
 UP_BETWEEN_S = (0.1, 0.6)  # of getting up, when the fault comes
 LOOK_S = 0.01  # between two looks at whether the robot is down
 TIPPED_RAD = 0.6  # tilt of a robot that has fallen while it lay or stood up
@@ -122,7 +124,7 @@ class Watch:
             angle = self._injector.rng.uniform(0.0, math.tau)
             x, y = PUSHED_OVER_M_S * math.cos(angle), PUSHED_OVER_M_S * math.sin(angle)
             self._injector.body.push((x, y, 1.0))
-        return mode is Mode.RECOVERING and loop.now_us * 1e-6 - loop.state.since_s >= self._up_s
+        return mode is Mode.RECOVERING and loop.now_us * 1e-6 - loop.state.since_s >= UNFOLDED_S + self._up_s
 
     def tick(self, loop: ControlLoop) -> None:
         self.loop = loop
