@@ -1,4 +1,7 @@
-"""Motion of candidates over windows of recordings: a simulator for `identify/shooting.py`, in JAX."""
+"""Motion of candidates over windows of recordings: a simulator for `identify/shooting.py`, in JAX.
+
+It computes in double precision. The rest of the process must not see that: trainings use single precision.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,8 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from footfall.identify.shooting import Number, Simulate
-
-jax.config.update("jax_enable_x64", True)
 
 Accelerate = Callable[[Mapping[str, Any], jnp.ndarray, jnp.ndarray], jnp.ndarray]
 """Numbers by name, state (q, v) of (2 n,) and what the motors get, (u,): accelerations (n,)."""
@@ -49,9 +50,11 @@ def rollouts(
         scales: likewise of a factor of each input.
     """
     names = [each.name for each in numbers]
-    given, read = jnp.asarray(inputs.given), jnp.asarray(inputs.read)
-    before = jnp.floor(read).astype(int).clip(0, given.shape[1] - inputs.margin - 1)
-    share = read - before
+    with jax.enable_x64(True):
+        given, read = jnp.asarray(inputs.given), jnp.asarray(inputs.read)
+        before = jnp.floor(read).astype(int).clip(0, given.shape[1] - inputs.margin - 1)
+        share = read - before
+        windows = jnp.arange(given.shape[0])
 
     def one(number: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
         value = dict(zip(names, number, strict=True))
@@ -77,10 +80,10 @@ def rollouts(
         low, high = path[before[window]], path[before[window] + 1]
         return low + share[window][:, None] * (high - low)
 
-    windows = jnp.arange(given.shape[0])
     every = jax.jit(jax.vmap(jax.vmap(one, (None, 0, 0)), (1, 0, None)))
 
     def simulate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
-        return np.asarray(every(jnp.asarray(numbers), jnp.asarray(start), windows))
+        with jax.enable_x64(True):
+            return np.asarray(every(jnp.asarray(numbers), jnp.asarray(start), windows))
 
     return simulate
