@@ -275,7 +275,7 @@ def joint_damping(
     within = _engaged_damping(command, position, motor) * motor.strength
     if motor.voltage_gain is not None:
         gain, duty = motor.voltage_gain, _duty(_asked(command, position, velocity, motor), motor)
-        slope = xp.where(xp.abs(duty) >= 1.0, 0.0, within * gain) + line
+        slope = xp.where(xp.abs(duty) < 1.0, within * gain, 0.0) + line
         within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
     delivered = xp.where((asked > most) | (asked < least), limited, within)
     if lag is not None:
