@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from importlib.metadata import version
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
 from footfall.evaluate.provenance import machine
+from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.svg import INK, Panel, Plot, line
 
 SHOWN = 4  # windows of each joint's motion, the worst ones
@@ -66,21 +64,13 @@ def render(title: str, headline: str, legs: Sequence[LegPart], about: Sequence[t
         legs: that were fitted.
         about: provenance: names and values.
     """
-    environment = Environment(
-        loader=PackageLoader("footfall.evaluate.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("fit.html").render(
+    return rendered(
+        "fit.html",
         title=title,
         headline=headline,
         good=all(leg.good for leg in legs),
         legs=[(leg, [plot for plot in plots(leg) if plot.panels]) for leg in legs],
         about=[*about, ("machine", machine())],
-        version=version("footfall"),
-        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
 
 

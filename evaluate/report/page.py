@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from footfall.common.config import dump
@@ -16,6 +14,7 @@ from footfall.evaluate.provenance import machine
 from footfall.evaluate.report import course_plots, scenario_plots, svg, tables
 from footfall.evaluate.report.films import Film
 from footfall.evaluate.report.learning_curves import learning_curves
+from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.short_names import short_names
 from footfall.evaluate.suite import COURSE
 from footfall.evaluate.verdict import verdict
@@ -46,15 +45,10 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
     )
     films = {names[name]: film for name, film in films.items()}
     config, file = comparison.config, comparison.file
-    environment = Environment(
-        loader=PackageLoader("footfall.evaluate.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals |= {"columns": columns, "swatch": swatch}
-    return environment.get_template("page.html").render(
+    return rendered(
+        "page.html",
+        columns,
+        swatch,
         comparison=comparison,
         whole_names=whole_names,
         config=config,
@@ -78,7 +72,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         least_episodes=LEAST_EPISODES,
         command=command_line(comparison),
         machine=machine(),
-        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=comparison.versions["footfall"],
     )
 
 

@@ -1,0 +1,28 @@
+"""Pages that are complete in themselves: their templates, which extend templates/sheet.html."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def rendered(template: str, *functions: Callable[..., Any], **values: Any) -> str:
+    """The page that a template makes of values, and of this footfall's `version` unless they have another.
+
+    Args:
+        template: name of a file in templates/.
+        functions: that the template and its macros call by their names.
+        values: that the template reads by name.
+    """
+    environment = Environment(
+        loader=PackageLoader("footfall.evaluate.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {function.__name__: function for function in functions}
+    made = {"version": version("footfall"), "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
+    return environment.get_template(template).render(made | values)
