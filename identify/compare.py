@@ -9,7 +9,6 @@ from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import QUANTITIES
 from footfall.identify.problem import Problem
 from footfall.identify.recording import Recording
-from footfall.identify.solver import slopes
 
 CLEAR = 0.3  # share of the squared error that a quantity has to explain to be named
 RIDGE = 1e-6  # of a step's normal equations: a parameter moves by a thousand scales at most
@@ -49,7 +48,7 @@ def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = 
     errors, _ = problem.errors(x[:, None])
     positions = replace(problem, torque_sigma=np.full(leg.count, np.inf))
     positions.start = problem.start
-    residual, slope = slopes(positions, x)
+    residual, slope = positions.slopes(x)
     by_joint = [_of_joint(positions, joint) for joint in range(leg.count)]
     return LegGap(
         leg,

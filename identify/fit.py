@@ -14,7 +14,7 @@ from footfall.identify.parameters import Parameter, parameters_of
 from footfall.identify.problem import LEAST_TORQUE_NM, Problem
 from footfall.identify.recording import Recording
 from footfall.identify.resampling import block_weights, refitted
-from footfall.identify.solver import slopes, solve
+from footfall.identify.solver import solve
 from footfall.identify.told import delay_profile, told
 from footfall.identify.windows import Windows, cut, joined
 
@@ -122,13 +122,13 @@ def fit_leg(
     noise, torque = problem.position_sigma, problem.torque_sigma
     nominal_x = np.zeros(len(problem.parameters))
     problem.refine_starts(nominal_x)
-    problem, _, frozen = told(problem, slopes(problem, nominal_x)[1], 1.0)
+    problem, _, frozen = told(problem, problem.slopes(nominal_x)[1], 1.0)
     x = solve(problem, config.rounds, np.zeros(len(problem.parameters)))
-    residual, slope = slopes(problem, x)
+    residual, slope = problem.slopes(x)
     problem, kept, late = told(problem, slope, _noise(residual))
     if late:
         x = solve(problem, config.rounds, x[kept])
-        residual, slope = slopes(problem, x)
+        residual, slope = problem.slopes(x)
     fitted = _rms(problem.errors(x[:, None])[0][0])
     return LegFit(
         leg,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.identify.differences import slopes_by_window
 from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import Parameter, nominal, values_of
 from footfall.identify.simulate import simulate
@@ -142,6 +143,10 @@ class Problem:
         along = np.einsum("wmi,kwm->kwi", slope, found)
         result: np.ndarray = found - np.einsum("wmi,kwi->kwm", back, along)
         return result
+
+    def slopes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals by window, (W, m), and their slopes, (W, m, p), at x."""
+        return slopes_by_window(self.by_window, x, self.high)
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """For `mujoco.minimize`: (residuals, K) of candidates (p, K)."""

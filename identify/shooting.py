@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from mujoco import minimize
 
+from footfall.identify.differences import EPS, slopes_by_window
+
 Simulate = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Motion of K candidates: parameters (p, K) and starts (K, W, s) to readings (K, W, R, c)."""
 
 OUTLIER = 3.0  # robust deviations from which a residual counts less
-EPS = 1e-3  # of finite differences, in scales
 START_ROUNDS = 2  # Gauss-Newton steps of the starts before a judgement
 
 
@@ -146,10 +147,7 @@ class Shooting:
 
     def slopes(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their slopes in scales, (W, m, p)."""
-        x = self.scaled(numbers)
-        inward = np.where(x + EPS > self.bounds[1], -EPS, EPS)
-        found = self.linearised(numbers)(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))
-        return found[0], np.moveaxis((found[1:] - found[0]) / inward[:, None, None], 0, 2)
+        return slopes_by_window(self.linearised(numbers), self.scaled(numbers), self.bounds[1])
 
     def _residuals(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Weighted residuals, (K, W, m)."""

@@ -53,12 +53,3 @@ def stepped(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
             break
     problem.refine_starts(x)
     return x
-
-
-def slopes(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals by window, (W, m), and their slopes, (W, m, p), at x."""
-    eps = 1e-3
-    inward = np.where(x + eps > problem.high, -eps, eps)
-    found = problem.by_window(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))
-    slope = (found[1:] - found[0]) / inward[:, None, None]
-    return found[0], np.moveaxis(slope, 0, 2)

@@ -1,0 +1,22 @@
+"""Slopes of residuals by finite differences."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+EPS = 1e-3  # of a difference, in scales
+
+
+def slopes_by_window(
+    residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals by window, (W, m), and their slopes, (W, m, p), at x.
+
+    Args:
+        residuals: of candidates (p, K), shape (K, W, m).
+        x: scaled parameters, (p,).
+        high: their upper bounds, (p,): a difference that would cross one goes the other way.
+    """
+    inward = np.where(x + EPS > high, -EPS, EPS)
+    found = residuals(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))
+    return found[0], np.moveaxis((found[1:] - found[0]) / inward[:, None, None], 0, 2)
