@@ -28,6 +28,9 @@ ONE_THREAD = {
     "MKL_NUM_THREADS": "1",
 }
 
+# The signals by which a user or an operating system ends a run.
+ENDS = {signal.SIGINT, signal.SIGTERM}
+
 
 class TaskResult(NamedTuple, Generic[R]):
     """Result of a task: its value, or why there is none."""
@@ -126,18 +129,19 @@ def _launch(
         index = next(queue, None)
         if index is None:
             return
-        with _ctrl_c_waits():  # it may start a process
+        with _signals_wait():  # it may start a process
             future = pool.submit(function, tasks[index])
         in_flight[future] = index
 
 
 @contextmanager
-def _ctrl_c_waits() -> Iterator[None]:
-    """Ctrl-C takes effect after the block, and in processes that it starts once they say so.
+def _signals_wait() -> Iterator[None]:
+    """Ctrl-C and SIGTERM take effect after the block, and in processes that it starts once they say so.
 
-    Until then they load modules, which a KeyboardInterrupt would end with a traceback.
+    Until then they load modules, which a KeyboardInterrupt would end with a traceback, as would a parent
+    that is interrupted before it has told them what to do.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDS)
     try:
         yield
     finally:
@@ -150,7 +154,7 @@ def _exit_with_parent() -> None:
     Ctrl-C ends a worker without a traceback of its own, whenever it came.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

@@ -141,3 +141,33 @@ def test_ctrl_c_while_processes_load_their_modules_says_nothing(tmp_path: Path) 
         command, cwd=tmp_path, capture_output=True, text=True, check=False, start_new_session=True
     )
     assert (done.returncode, done.stderr) == (130, "")
+
+
+TERMINATED_BETWEEN = """
+import multiprocessing.util as util, os, signal, sys
+from footfall.evaluate.pool import run_all
+
+def terminate(*_):
+    raise KeyboardInterrupt
+
+if __name__ == "__main__":
+    start = util.spawnv_passfds
+    def start_and_terminate(path, args, fds):
+        pid = start(path, args, fds)
+        if any("spawn_main" in str(each) for each in args):
+            os.kill(os.getpid(), signal.SIGTERM)
+        return pid
+    util.spawnv_passfds = start_and_terminate
+    signal.signal(signal.SIGTERM, terminate)
+    try:
+        run_all(abs, [1, 2], 2)
+    except KeyboardInterrupt:
+        sys.exit(143)
+"""
+
+
+def test_a_process_is_told_what_to_do_though_its_parent_is_being_terminated(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(TERMINATED_BETWEEN)
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (143, "")
