@@ -17,6 +17,7 @@ KNOWN_MAJOR = 0
 METADATA = 1  # type of the extension of a call that asks for the version and the traits
 IN_COMMAND_BUFFERS = 1  # the trait of a function whose launches XLA may record and repeat
 INTERNAL_ERROR = 13
+FAILED = "the generated physics could not be launched: train with env.physics=mjx"
 # Offsets in bytes. Of a call's frame:
 EXTENSION, API, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112
 # Of an extension, of metadata, of the functions of the interface, of a buffer, of a request for the stream:
@@ -99,7 +100,7 @@ def _text(launch: Launch, launcher: int, slot: int, wait: int, on_stream: bool) 
     grid = f"i32 {launch.blocks}, i32 1, i32 1, i32 {launch.threads}, i32 1, i32 1, i32 0"
     major, minor = version()
     return f"""
-@message = private constant [33 x i8] c"the kernel could not be launched\\00"
+@message = private constant [{len(FAILED) + 1} x i8] c"{FAILED}\\00"
 
 define ptr @handler(ptr %frame) {{
   {_field("extension", "frame", EXTENSION)}
