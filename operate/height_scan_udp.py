@@ -15,8 +15,8 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.height_scan import Scanned
 from footfall.operate.datagrams import answered
-from footfall.operate.udp import MOST_SENDERS, SHORTEST_TOKEN, TOKEN, UdpConfig
-from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, unpack
+from footfall.operate.udp import MOST_SENDERS, SHORTEST_TOKEN, UdpConfig
+from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, TOKEN, unpack
 
 LONGEST_AGE_S = 60.0
 

@@ -19,9 +19,8 @@ from footfall.operate.abilities import Abilities
 from footfall.operate.datagrams import answered
 from footfall.operate.inbox import LONGEST_NAME, Inbox
 from footfall.operate.opened import Opened
-from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, pack, unpack
+from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, TOKEN, pack, unpack
 
-TOKEN = "FOOTFALL_TOKEN"  # environment variable
 SHORTEST_TOKEN = 16  # characters
 CHALLENGE_S = 1.0  # a challenge is accepted for so long, and once more
 MOST_SENDERS = 64

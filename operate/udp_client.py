@@ -37,6 +37,7 @@ from contextlib import suppress
 from typing import Any
 
 PORT, SCAN_PORT = 9870, 9871
+TOKEN = "FOOTFALL_TOKEN"  # environment variable in which footfall finds the token
 LARGEST = 16384  # bytes of a datagram
 MAC = 32  # bytes
 REQUEST, REPLY = b"footfall request ", b"footfall reply "  # a reply cannot be sent back as a request

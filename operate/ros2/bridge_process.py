@@ -4,11 +4,13 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import footfall
@@ -16,12 +18,14 @@ from footfall.common.child_process import end_by_input
 from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 from footfall.operate.ros2.arguments import READY
+from footfall.operate.udp_client import TOKEN
 
 RCLPY, CYCLONE = "footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"
 PROBE_S, START_S, END_S = 20.0, 30.0, 3.0  # patience
 SYSTEM_PYTHON = "/usr/bin/python3"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-OPEN_NETWORK = "other computers can see and steer this robot: DDS asks nobody for a password"
+OPEN_NETWORK = "{} is {}: other computers can {}: DDS asks nobody for a password"
+STEER = "see and steer this robot"
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,10 @@ def _has_rclpy(python: str) -> bool:
         return False
 
 
-def network_note(environment: Mapping[str, str] = os.environ) -> str:
-    """A warning if the environment opens ROS to the network; empty if it does not."""
+def network_note(what: str = STEER, environment: Mapping[str, str] = os.environ) -> str:
+    """A warning of what others can do if the environment opens ROS to the network; empty if it does not."""
     asked = environment.get(RANGE, "LOCALHOST").upper()
-    return "" if asked in ("LOCALHOST", "OFF") else f"{RANGE} is {asked}: {OPEN_NETWORK}"
+    return "" if asked in ("LOCALHOST", "OFF") else OPEN_NETWORK.format(RANGE, asked, what)
 
 
 @contextmanager
@@ -93,18 +97,56 @@ def bridge(backend: Backend, feed: Path, steer: Path | None, config: Ros2Config)
     Raises:
         UserError: it does not start.
     """
-    command = [backend.python, "-m", backend.module, "--feed", str(feed), "--child"]
-    command += [] if steer is None else ["--steer", str(steer)]
-    command += ["--cmd-vel", config.cmd_vel]
+    arguments = ["--feed", str(feed), "--child", "--cmd-vel", config.cmd_vel]
+    arguments += [] if steer is None else ["--steer", str(steer)]
+    with _running(backend, backend.module, arguments, config):
+        yield
+
+
+@contextmanager
+def scan_bridge(backend: Backend, port: int, token: str, config: Ros2Config) -> Iterator[None]:
+    """Run a bridge of its own for height scans for a while: it sends them on by UDP.
+
+    Args:
+        backend: see `find_backend`.
+        port: of this computer, where `height_scan_udp.UdpScans` listens.
+        token: that it knows.
+        config: of the run's part in ROS 2.
+
+    Raises:
+        UserError: it does not start.
+    """
+    with _running(backend, f"{backend.module}.height_scans", [str(port)], config, {TOKEN: token}):
+        yield
+
+
+@contextmanager
+def _running(
+    backend: Backend,
+    module: str,
+    arguments: Sequence[str],
+    config: Ros2Config,
+    secrets: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[None]:
+    """Run a module of the back end's Python until the context ends.
+
+    Raises:
+        UserError: it does not start.
+    """
+    command = [backend.python, "-m", module, *arguments]
     command += ["--ros-args", *config.arguments] if config.arguments else []
     with ExitStack() as resources:
         folder = Path(resources.enter_context(tempfile.TemporaryDirectory(prefix="footfall-ros2-")))
         errors = resources.enter_context((folder / "errors").open("w+b"))
-        pipe, environment = subprocess.PIPE, _environment(folder)
+        pipe, environment = subprocess.PIPE, {**_environment(folder), **secrets}
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=environment)
         resources.callback(end_by_input, process, END_S)
         assert process.stdout is not None
-        if process.stdout.readline().strip() != READY.encode():
+        patience = threading.Timer(START_S, process.kill)
+        patience.start()
+        answer = process.stdout.readline().strip()
+        patience.cancel()
+        if answer != READY.encode():
             process.wait(END_S)
             errors.seek(0)
             last = errors.read().decode(errors="replace").strip().splitlines()

@@ -10,6 +10,18 @@ from footfall.operate.ros2.arguments import READY, BridgeArguments
 RETRY_S = 0.1
 
 
+def ready(end: Callable[[], object]) -> None:
+    """Tell whoever started this process that it works; `end` is called once the standard input ends."""
+
+    def wait() -> None:
+        while sys.stdin.buffer.read(4096):
+            pass
+        end()
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+    print(READY, flush=True)
+
+
 class Reading:
     """Passes on each message of the feed from a thread of its own."""
 
@@ -27,8 +39,9 @@ class Reading:
         self._ended = threading.Event()
         threading.Thread(target=self._read, args=(arguments.feed,), name="feed", daemon=True).start()
         if arguments.child:
-            threading.Thread(target=self._wait_for_parent, name="parent", daemon=True).start()
-        print(READY, flush=True)
+            ready(self._end_now)
+        else:
+            print(READY, flush=True)
 
     def _read(self, path: str) -> None:
         try:
@@ -43,8 +56,6 @@ class Reading:
         finally:
             self._end()
 
-    def _wait_for_parent(self) -> None:
-        while sys.stdin.buffer.read(4096):
-            pass
+    def _end_now(self) -> None:
         self._ended.set()
         self._end()

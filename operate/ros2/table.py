@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 NODE = "footfall"
+SCAN_NODE = f"{NODE}_height_scan"  # of a bridge process of its own
 ODOM, BASE = "odom", "base_link"  # REP 105
 
 
@@ -69,7 +70,14 @@ CHOSEN = (
     Subscribed("~/policy", _TEXT, "policy", "name of a policy of this run"),
 )
 SETTING = Subscribed("~/setting/{}", _NUMBER, "settings", "a live setting by its name")
-SUBSCRIBED = (CMD_VEL, STOP, *CHOSEN, SETTING)
+HEIGHT_SCAN = Subscribed(
+    "height_scan",
+    "std_msgs/msg/Float32MultiArray",
+    "heights",
+    "with `--height-scan ros2`: m above the base's origin, in the order of the policy's grid; NaN is unknown",
+    False,
+)
+SUBSCRIBED = (CMD_VEL, STOP, *CHOSEN, SETTING, HEIGHT_SCAN)
 
 
 def velocity_kinds(stamped: bool) -> tuple[str, str]:

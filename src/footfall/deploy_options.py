@@ -66,7 +66,7 @@ class DeployOptions:
     file (see docs/terrain.md). Flat if none is given."""
     height_scan: Annotated[str, AS_TYPED] = "auto"
     """For policies that read height scans: auto takes those of the simulated robot, and none on a real bus;
-    udp or udp:HOST:PORT receives them; off walks without (see docs/height_scan.md)."""
+    udp, udp:HOST:PORT, ros2 or ros2:FILE.yaml receives them; off walks without (see docs/height_scan.md)."""
     ground_truth: bool = False
     """Hand the policy the simulator's base velocity instead of an estimate, for study."""
     config: OptionalPath = None

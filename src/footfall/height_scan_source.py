@@ -9,7 +9,12 @@ from footfall.common.errors import UserError
 if TYPE_CHECKING:
     from footfall.deploy.height_scan import HeightScanSource
 
-AUTO, OFF, UDP = "auto", "off", "udp"
+AUTO, OFF, UDP, ROS2 = "auto", "off", "udp", "ros2"
+
+
+def arrive_by_the_clock(chosen: str) -> bool:
+    """Whether scans of this source come from another program, which keeps to the wall clock."""
+    return chosen.partition(":")[0] in (UDP, ROS2)
 
 
 @contextmanager
@@ -31,5 +36,14 @@ def height_scan_source(chosen: str) -> "Iterator[HeightScanSource | None]":
 
         with scans_by_udp(argument) as scans:
             yield scans
+    elif kind == ROS2:
+        from footfall.operate.ros2.height_scans import scans_by_ros2
+
+        with scans_by_ros2(argument) as (scans, warning):
+            if warning:
+                print(warning, flush=True)
+            yield scans
     else:
-        raise UserError(f"--height-scan {chosen}: give {AUTO}, {OFF}, {UDP} or {UDP}:HOST:PORT")
+        raise UserError(
+            f"--height-scan {chosen}: give {AUTO}, {OFF}, {UDP}, {UDP}:HOST:PORT, {ROS2} or {ROS2}:FILE.yaml"
+        )

@@ -13,6 +13,8 @@ if __name__ == "__main__":
     if "fail" in rest:
         sys.exit("first line\nthe last line says why")
     ended = threading.Event()
+    if "hang" in rest:
+        ended.wait()
     link = Link(str(options.steer), lambda _: None, lambda _: None)
     Reading(options, lambda message: link.tell(note=message.channel.topic), ended.set)
     link.tell(velocity=[0.25, 0.0, 0.0])

@@ -3,14 +3,14 @@
 import struct
 from typing import Any
 
-from footfall.operate.ros2.table import TWIST, TWIST_STAMPED
+from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED
 
 HEAD = 4  # bytes before the message, from which alignment counts
 STAMP = 8
 
 
 def decode(kind: str, message: bytes) -> Any:
-    """The value of a message: a velocity (3,), a text, a number, or None for one without content.
+    """The value of a message: a velocity (3,), a text, a number, numbers, or None for one without content.
 
     Raises:
         ValueError: its bytes are no message of that kind.
@@ -27,6 +27,8 @@ def decode(kind: str, message: bytes) -> Any:
             return content[4 : 4 + size].rstrip(b"\0").decode()
         if kind == "std_msgs/msg/Float64":
             return struct.unpack_from(f"{order}d", content)[0]
+        if kind == HEIGHT_SCAN.kind:
+            return _array(order, content)
     except struct.error:
         raise ValueError(f"no message of {kind}") from None
     return None
@@ -37,3 +39,15 @@ def _after_header(order: str, content: bytes) -> int:
     (size,) = struct.unpack_from(f"{order}I", content, STAMP)
     end = STAMP + 4 + int(size)
     return end + -end % 8
+
+
+def _array(order: str, content: bytes) -> list[float]:
+    """Numbers of a std_msgs/Float32MultiArray from its `data_offset` on."""
+    (dimensions,) = struct.unpack_from(f"{order}I", content)
+    at = 4
+    for _ in range(dimensions):  # label, size, stride
+        (size,) = struct.unpack_from(f"{order}I", content, at)
+        at += 4 + int(size)
+        at += -at % 4 + 8
+    first, count = struct.unpack_from(f"{order}2I", content, at)
+    return list(struct.unpack_from(f"{order}{count}f", content, at + 8)[first:])

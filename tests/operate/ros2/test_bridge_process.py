@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from import_apart import ROOT
 from walking_run import WALKING, abilities, eventually
@@ -13,11 +14,12 @@ from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.feed import Feed, listen
 from footfall.operate.inbox import Inbox
 from footfall.operate.ros2.bridge_process import Backend, Ros2Config, bridge, find_backend, network_note
+from footfall.operate.ros2.height_scans import scans_by_ros2
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
 
 FAKE = Backend(sys.executable, "fake_bridge", "no ROS")
-NEEDS_NO_PACKAGES = ("table", "link", "arguments", "reading", "throttle")
+NEEDS_NO_PACKAGES = ("table", "link", "arguments", "reading", "throttle", "scan_sender")
 
 
 @pytest.fixture(autouse=True)
@@ -48,14 +50,31 @@ def test_a_bridge_that_fails_says_why_in_one_line(tmp_path: Path) -> None:
         pass
 
 
+def test_a_bridge_that_never_gets_ready_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("footfall.operate.ros2.bridge_process.START_S", 0.1)
+    hanging = Ros2Config(arguments=("hang",))
+    with pytest.raises(UserError, match="does not start"), bridge(FAKE, tmp_path, None, hanging):
+        pass
+
+
+def test_height_scans_come_by_a_bridge_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_scans = Backend(sys.executable, "fake_scan_bridge", "no ROS")
+    monkeypatch.setattr("footfall.operate.ros2.height_scans.find_backend", lambda config: of_scans)
+    with scans_by_ros2() as (scans, warning):
+        found = eventually(lambda: scans.newest(0))
+    np.testing.assert_array_equal(found.heights, [-0.3, np.nan, 0.25])
+    assert warning == ""
+
+
 def test_a_python_without_ros_is_refused() -> None:
     with pytest.raises(UserError, match="rclpy"):
         find_backend(Ros2Config(python="/bin/false"))
 
 
 def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
-    assert network_note({}) == network_note({"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"}) == ""
-    assert "steer" in network_note({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"})
+    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    assert network_note(environment={}) == network_note(environment={variable: "localhost"}) == ""
+    assert "steer" in network_note(environment={variable: "SUBNET"})
 
 
 def test_what_the_ros_python_runs_needs_no_packages_of_ours() -> None:

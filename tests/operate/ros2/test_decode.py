@@ -4,12 +4,13 @@ import struct
 
 import pytest
 
-from footfall.deploy.telemetry.messages import Template
+from footfall.deploy.telemetry.messages import Template, multi_array
 from footfall.operate.ros2.cyclone_bridge.decode import decode
-from footfall.operate.ros2.table import TWIST, TWIST_STAMPED
+from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED
 
 SIX = struct.pack("<6d", 0.5, -0.2, 9.0, 9.0, 9.0, 0.3)
 TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Float64"
+NUMBERS = HEIGHT_SCAN.kind
 
 
 @pytest.mark.parametrize("frame", ["", "a", "base_link", "base_link_"])
@@ -25,7 +26,19 @@ def test_texts_and_numbers_of_either_byte_order() -> None:
     assert decode("std_msgs/msg/Empty", b"\0\1\0\0\0") is None
 
 
-@pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER])
+@pytest.mark.parametrize("label", ["", "row", "points"])
+def test_numbers_stand_behind_labels_of_any_length(label: str) -> None:
+    three = struct.pack("<3f", 0.5, -0.25, 1.0)
+    assert decode(NUMBERS, multi_array(label, 3, 4).fill(0, three)) == [0.5, -0.25, 1.0]
+
+
+def test_numbers_before_the_offset_and_without_dimensions() -> None:
+    little = struct.pack("<3I3f", 0, 1, 3, 9.0, 0.5, -0.25)
+    big = struct.pack(">3I3f", 0, 1, 3, 9.0, 0.5, -0.25)
+    assert decode(NUMBERS, b"\0\1\0\0" + little) == decode(NUMBERS, b"\0\0\0\0" + big) == [0.5, -0.25]
+
+
+@pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER, NUMBERS])
 @pytest.mark.parametrize("message", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff", b"\0\1\0\0" + b"\xff" * 7])
 def test_bytes_that_are_no_message_are_refused(kind: str, message: bytes) -> None:
     with pytest.raises(ValueError, match=r"no message|decode"):

@@ -1,0 +1,105 @@
+"""Feeds a policy with height scans by true rclpy, and looks into the run's log for what it read; 1 if wrong.
+
+    python benchmarks/ros2/scans.py jazzy/bin/python [--backend cyclonedds]
+
+The first argument is a Python with rclpy; docs/ros2.md tells how to have one from PyPI.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from footfall.common.config import unstructure
+from footfall.deploy.log_file import read_log
+from footfall.deploy.log_numbers import unflatten
+from footfall.deploy.replay import INPUTS
+from footfall.policies.height_scan import height_scan_of
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from relaxed_limits import RELAXED
+
+DOMAIN = "88"  # of these checks alone
+POLICY, WALKING_S, SENDING_S, START_S = "go1-rough", 10.0, 6.0, 60.0
+PUBLISHER = """
+import sys, time, rclpy
+from std_msgs.msg import Float32MultiArray
+rclpy.init()
+node = rclpy.create_node("mapper")
+publisher = node.create_publisher(Float32MultiArray, "/height_scan", 1)
+size = int(sys.argv[1])
+while not publisher.get_subscription_count():
+    time.sleep(0.02)
+print("heard", flush=True)
+end_s = time.monotonic() + float(sys.argv[2])
+while time.monotonic() < end_s:
+    few = time.monotonic() > end_s - 1.0
+    publisher.publish(Float32MultiArray(data=[-0.3 + 0.001 * i for i in range(3 if few else size)]))
+    time.sleep(0.04)
+"""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("python", type=Path, help="a Python that has rclpy")
+    parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
+    parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
+    options = parser.parse_args()
+    robot = load_robot("go1")
+    scan = height_scan_of(load_policy(POLICY, robot).contract)
+    assert scan is not None
+    environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        config, ros, log, result = (
+            folder / each for each in ("config.yaml", "ros2.yaml", "run.mcap", "r.json")
+        )
+        config.write_text(json.dumps(unstructure(replace(RELAXED, realtime_priority=options.priority))))
+        ros.write_text(json.dumps({"python": str(options.python)} if options.backend == "rclpy" else {}))
+        command = [sys.executable, "-m", "footfall", "deploy", POLICY, "--command", "0.2,0,0"]
+        command += ["--duration", str(WALKING_S), "--config", str(config), "--log", str(log)]
+        command += ["--height-scan", f"ros2:{ros}", "--json", str(result)]
+        publisher = [str(options.python), "-c", PUBLISHER, str(scan.size), str(SENDING_S)]
+        with (
+            subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as run,
+            subprocess.Popen(publisher, env=environment, stdout=subprocess.PIPE, text=True) as mapper,
+        ):
+            assert mapper.stdout is not None
+            heard = mapper.stdout.readline().strip() == "heard"
+            run.wait(START_S + WALKING_S)
+            mapper.kill()
+        notes, fell = (json.loads(result.read_text())[key] for key in ("notes", "fell"))
+        kept = read_log(log, (INPUTS,))
+        inputs = [
+            unflatten(np.array(entry.message.data), len(kept.joints), scan.size, kept.foot_sensors)
+            for entry in kept.entries
+        ]
+    sent = -0.3 + 0.001 * np.arange(scan.size)
+    read = [each.height_scan for each in inputs if each.height_scan is not None]
+    right = sum(np.allclose(each, sent, atol=1e-4) for each in read)
+    findings = [
+        ("the run listens", heard, "/height_scan"),
+        ("policy steps with a scan", 50 < len(read) < len(inputs), f"{len(read)} of {len(inputs)}"),
+        ("scans as they were sent", right == len(read), f"{right} of {len(read)}"),
+        ("a scan of another grid is noted", any("3 heights" in each for each in notes), notes),
+        ("the last scan grows old", inputs[-1].height_scan is None, f"{scan.max_age_s} s at most"),
+        ("no fall", not fell, ""),
+    ]
+    for name, ok, seen in findings:
+        print("ok   " if ok else "WRONG", name, "-", seen)
+    return 0 if all(ok for _, ok, _ in findings) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

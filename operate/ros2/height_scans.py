@@ -1,0 +1,40 @@
+"""Height scans from a topic of ROS 2."""
+
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from footfall.common.config import load
+from footfall.operate.datagrams import answered
+from footfall.operate.height_scan_udp import UdpScans
+from footfall.operate.ros2.bridge_process import Ros2Config, find_backend, network_note, scan_bridge
+from footfall.operate.udp_client import LARGEST
+
+OPTION = "--height-scan ros2"
+SEND = "send it height scans"
+
+
+@contextmanager
+def scans_by_ros2(settings: str = "") -> Iterator[tuple[UdpScans, str]]:
+    """Receives height scans for as long as the context lasts. A scan's age counts from its arrival.
+
+    A bridge process of its own sends them on to this process, by UDP within this computer.
+
+    Args:
+        settings: YAML file of `Ros2Config`; by default all are as declared there.
+
+    Yields:
+        The source, and a warning; empty if there is none.
+
+    Raises:
+        UserError: this computer has no ROS 2, or the bridge to it does not start.
+    """
+    config = load(Path(settings), Ros2Config) if settings else Ros2Config()
+    backend, token = find_backend(config), secrets.token_hex(16)
+    scans = UdpScans(token)
+    with (
+        answered(("127.0.0.1", 0), LARGEST, scans.answer, OPTION) as port,
+        scan_bridge(backend, port, token, config),
+    ):
+        yield scans, network_note(SEND)
