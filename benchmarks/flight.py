@@ -1,7 +1,9 @@
 """How controllers leave the ground: on robots drawn from the declared family, by the simulation's truth.
 
-    python benchmarks/flight.py jump --robots 100 --workers 2 [--json FILE]
+    python benchmarks/flight.py jump --robots 100 --workers 2 [--out FILE.jsonl]
     python benchmarks/flight.py pronk --robots 20
+
+Robots that FILE holds already are not simulated again, so an interrupted run goes on.
 
 `jump` gets a forward command for 1.2 s, which makes one jump, and is watched for 2 s more. It has jumped if
 it rose by 0.15 m, stands 0.4 m ahead of where it began, and neither fell nor had a fault. Gaits are commanded
@@ -11,6 +13,7 @@ motor's peak.
 
 import argparse
 import json
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -85,6 +88,21 @@ def one(robot_name: str, controller: str, seed: int) -> Result:
     )
 
 
+def measured(
+    measure: Callable[[int], Result], seeds: Iterable[int], workers: int, path: Path | None
+) -> list[Result]:
+    """Results of all seeds; those that the file at `path` holds are read, the others are appended to it."""
+    known = [] if path is None or not path.exists() else path.read_text().splitlines()
+    results = {result.seed: result for result in (Result(**json.loads(line)) for line in known)}
+    with ProcessPoolExecutor(workers) as pool:
+        for result in pool.map(measure, [seed for seed in seeds if seed not in results]):
+            results[result.seed] = result
+            if path is not None:
+                with path.open("a") as lines:
+                    lines.write(json.dumps(asdict(result)) + "\n")
+    return [results[seed] for seed in seeds]
+
+
 def main() -> None:
     """Measure, and print medians with the least and the most."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -93,13 +111,14 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=20, help="how many are drawn")
     parser.add_argument("--seed", type=int, default=4711)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--out", type=Path, help="keeps a line of JSON for each robot, as soon as it is done")
     options = parser.parse_args()
-    seeds = range(options.seed, options.seed + options.robots)
-    with ProcessPoolExecutor(options.workers) as pool:
-        results = list(pool.map(partial(one, options.robot, options.controller), seeds))
-    if options.json is not None:
-        options.json.write_text(json.dumps([asdict(each) for each in results], indent=1))
+    results = measured(
+        partial(one, options.robot, options.controller),
+        range(options.seed, options.seed + options.robots),
+        options.workers,
+        options.out,
+    )
     for name in ("fell", "stopped", *(["jumped"] if options.controller.startswith("jump") else [])):
         print(f"{name:10} {sum(getattr(each, name) for each in results)} of {len(results)}")
     for name in ("flight", "rise_m", "ahead_m", "feet_m", "force_n", "torque"):

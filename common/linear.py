@@ -15,6 +15,11 @@ except (ImportError, AttributeError):  # a NumPy that has it elsewhere
     _solve = np.linalg.solve
 
 
+def solve_regular(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """As `solve`, of matrices none of which is singular: not to look out for them saves half the time."""
+    return _solve(matrices, right)
+
+
 @np.errstate(invalid="ignore")
 def solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The x (..., m, k) of matrices (..., m, m) x = right (..., m, k), all of them floats.

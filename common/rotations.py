@@ -37,6 +37,15 @@ def projected_gravity(quaternion: Array) -> Array:
     return _stacked(quaternion, _gravity(_components(quaternion)))
 
 
+def vertical_in_body(quaternion: np.ndarray) -> tuple[float, float, float]:
+    """The world's z axis in the frame of a body with one unit quaternion (4,), in plain numbers.
+
+    The last row of `rotation_matrix`: a control loop needs it more often than the whole matrix.
+    """
+    x, y, z = _gravity(quaternion.tolist())
+    return -x, -y, -z
+
+
 def multiply(a: Array, b: Array) -> Array:
     """Product of two quaternions (..., 4): the rotation b, then a."""
     return _stacked(a, _product(_components(a), _components(b)))

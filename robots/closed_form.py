@@ -53,17 +53,23 @@ class ClosedForm(NamedTuple):
 
         Always within the limits. For a position out of reach the limb points at it, stretched or folded.
         """
+        # Asked for each limb in each tick: the products are written out, since calls double their time.
         (x, y, z), (x0, y0, z0) = tip, self.anchor
         x, y, z = x - x0, y - y0, z - z0
         # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
         # Kahan's fourth subproblem): across cos(q1) + turned sin(q1) = offset - along.
-        across = _dot(x, y, z, self.across)
-        along = x * self.along[0] + y * self.along[1] + z * self.along[2]
+        a, b, c = self.across
+        across = x * a + y * b + z * c
+        u, v, w = self.along
+        along = x * u + y * v + z * w
         turn = self.side * _arccos((self.offset - along) / max(abs(across), 1e-9))
         first = _within(cmath.phase(across) + turn, self.middle[0], self.half[0])
         # Law of cosines for the knee, then the hip turns the whole two-link arm onto the reach's place.
-        place = _dot(x, y, z, self.still) - self.origin
-        place += math.cos(first) * _dot(x, y, z, self.cosine) + math.sin(first) * _dot(x, y, z, self.sine)
+        a, b, c = self.still
+        place = x * a + y * b + z * c - self.origin
+        a, b, c = self.cosine
+        d, e, f = self.sine
+        place += math.cos(first) * (x * a + y * b + z * c) + math.sin(first) * (x * d + y * e + z * f)
         square = place.real * place.real + place.imag * place.imag
         knee = self.bend * _arccos((square - self.square_sum) / self.twice_product)
         third = _within(knee - self.knee_offset, self.middle[2], self.half[2])
@@ -121,11 +127,6 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     left = right._replace(side=-1.0)
     place = default_tip.tolist()
     return min((right, left), key=lambda side: np.abs(side.angles(place) - limb.default).max())
-
-
-def _dot(x: float, y: float, z: float, row: Sequence[complex]) -> complex:
-    a, b, c = row
-    return x * a + y * b + z * c
 
 
 def _arccos(cosine: float) -> float:

@@ -12,7 +12,7 @@ heavy stance leg would look like a swing leg.
 
 import numpy as np
 
-from footfall.common.linear import solve
+from footfall.common.linear import solve_regular
 from footfall.robots.kinematics import Legs
 from footfall.robots.readings import Sensed
 
@@ -41,7 +41,7 @@ def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np
         up: (3,) vertical, base frame.
     """
     regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-    force: np.ndarray = up @ solve(regular, jacobian @ torque)
+    force: np.ndarray = up @ solve_regular(regular, jacobian @ torque)
     return force
 
 

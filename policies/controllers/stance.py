@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.common.rotations import rotation_matrix
+from footfall.common.rotations import vertical_in_body
 from footfall.policies.policy import PolicyInput
 from footfall.robots.kinematics import Legs
 
@@ -35,7 +35,7 @@ def tilt_correction(
     The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
     `wanted` is the roll and pitch (2,) that it turns back to; None for level.
     """
-    up_x, up_y, _ = rotation_matrix(inputs.sensed.quaternion)[2].tolist()
+    up_x, up_y, _ = vertical_in_body(inputs.sensed.quaternion)
     rates = inputs.sensed.gyro[:2].tolist()
     roll, pitch = (0.0, 0.0) if wanted is None else wanted.tolist()
     errors = (up_y - roll, -up_x - pitch)
@@ -48,6 +48,6 @@ def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:
 
     On the side that has sunk the legs push down, so the base turns back to level.
     """
-    moved = feet.copy()
-    moved[:, 2] += tilt[0] * feet[:, 1] - tilt[1] * feet[:, 0]
+    moved, (roll, pitch) = feet.copy(), tilt.tolist()
+    moved[:, 2] += roll * feet[:, 1] - pitch * feet[:, 0]
     return moved

@@ -170,15 +170,15 @@ class TestCycle:
         assert cycle.clock == np.argmin(worst) / 24
 
     def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:
-        cycle.lower(np.array([True, False]), 0.004, -0.01)
+        cycle.lower([True, False], 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.004, 0.0])
         for _ in range(3):
-            cycle.lower(np.array([True, False]), 0.004, -0.01)
+            cycle.lower([True, False], 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
         lift_feet(cycle, 1)
-        cycle.lower(np.array([True, True]), 0.004, -0.01)
+        cycle.lower([True, True], 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-        cycle.lower(np.array([True, True]), 0.004, -0.002)  # none is raised to a higher bound
+        cycle.lower([True, True], 0.004, -0.002)  # none is raised to a higher bound
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
 
     @pytest.mark.parametrize(
@@ -242,7 +242,8 @@ class TestWalk:
         for foot, progress in zip(cycle.each_foot, [0.999, 0.999, config.from_progress / 2], strict=False):
             foot.progress = progress
         pushed = np.array([1.1 * enough, 0.9 * enough, 1.1 * enough, 0.9 * least, 1.1 * least, enough])
-        TouchDown(walk.robot, nominal_body(walk.robot), config).apply(cycle, pushed, cycle.feet[:, 2], 0.01)
+        touch_down = TouchDown(walk.robot, nominal_body(walk.robot), config)
+        touch_down.apply(cycle, pushed, cycle.feet, (0.0, 0.0, 1.0), 0.01)
         assert cycle.swings.tolist() == [False, True, True, False, False, False]
         lowered = min(config.probe_m_s * 0.01, config.probe_m)
         np.testing.assert_allclose(cycle.feet[3:, 2], [-lowered, 0.0, 0.0])

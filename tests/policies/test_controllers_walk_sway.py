@@ -115,4 +115,4 @@ class TestSway:
         sway = Sway()
         sway.approach(self.GOAL, 0.1)
         sway.reset()
-        assert not sway.at(0.3).any()
+        assert sway.at(0.3) == (0.0, 0.0)

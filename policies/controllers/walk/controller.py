@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from footfall.common.rotations import rotation_matrix, yaw_of
+from footfall.common.rotations import vertical_in_body, yaw_of
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import Slope, downhill
@@ -101,8 +101,8 @@ class Walk:
         if self._touch_down is not None:
             pushed = self._touch_down.sense(sensed, pose.jacobian, dt_s)
             if settled:
-                height = pose.foot @ rotation_matrix(sensed.quaternion)[2]
-                self._touch_down.apply(stepping.cycle, pushed, height, dt_s)
+                normal = vertical_in_body(sensed.quaternion)
+                self._touch_down.apply(stepping.cycle, pushed, pose.foot, normal, dt_s)
         stepping.approach_height(dt_s)
         up = self._slope.up(yaw)
         feet = stepping.tips(downhill(up, stepping.height_m))

@@ -82,9 +82,9 @@ class FootCycle:
         """How far each swing has come, (feet,), in [0, 1]; 0 in stance."""
         return np.array([foot.progress for foot in self.each_foot])
 
-    def footholds(self, body: np.ndarray, height_m: float) -> np.ndarray:
-        """Where feet that swing land, (feet, 3) m, from a base above `body` (2,) m; NaN for the others."""
-        x, y = body.tolist()
+    def footholds(self, body: tuple[float, float], height_m: float) -> np.ndarray:
+        """Where feet that swing land, (feet, 3) m, from a base above `body`, m; NaN for the others."""
+        x, y = body
         return np.array(
             [
                 (foot.lands[0] - x, foot.lands[1] - y, -height_m) if foot.swings else (math.nan,) * 3
@@ -153,9 +153,9 @@ class FootCycle:
             if down:
                 foot.land(ground_m)
 
-    def lower(self, feet: np.ndarray, by_m: float, least_m: float) -> None:
-        """Lower standing feet (feet,) boolean, not below a height."""
-        for foot, lowers in zip(self.each_foot, feet.tolist(), strict=True):
+    def lower(self, feet: Sequence[bool], by_m: float, least_m: float) -> None:
+        """Lower those feet that stand, not below a height."""
+        for foot, lowers in zip(self.each_foot, feet, strict=True):
             if lowers:
                 foot.lower(by_m, least_m)
 

@@ -30,19 +30,28 @@ class TouchDown:
         """Take in one set of readings (see `GroundForce.update`); returns the share of each foot, (feet,)."""
         return self._force.update(sensed, jacobian, dt_s)
 
-    def apply(self, cycle: FootCycle, pushed: np.ndarray, height: np.ndarray, dt_s: float) -> None:
+    def apply(
+        self, cycle: FootCycle, pushed: np.ndarray, tips: np.ndarray, up: tuple[float, ...], dt_s: float
+    ) -> None:
         """Let feet of a gait stand, or lower them.
 
         Args:
             cycle: the feet.
             pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
-            height: (feet,) m, of the tips along the ground's normal, from wherever.
+            tips: (feet, 3) m, base frame.
+            up: (3,) the ground's normal, base frame.
             dt_s: how long feet that find no ground are lowered.
         """
         config = self._config
         least, enough = config.force_share
-        cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress), height)
-        cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
+        shares = pushed.tolist()
+        met = [
+            share > enough and foot.progress > config.from_progress
+            for share, foot in zip(shares, cycle.each_foot, strict=True)
+        ]
+        if any(met):
+            cycle.touch_down(np.array(met), tips.dot(up))
+        cycle.lower([share < least for share in shares], config.probe_m_s * dt_s, -config.probe_m)
 
 
 class GroundForce:

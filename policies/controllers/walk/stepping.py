@@ -73,11 +73,13 @@ class Stepping:
 
     def tips(self, shift: complex) -> np.ndarray:
         """Where the tips should be, (feet, 3) m, from a level base; `shift` moves all of them, m, x + i y."""
-        feet = self.cycle.feet
-        feet[:, :2] -= self._sway.at(self.cycle.clock)
-        feet[:, :2] += shift.real, shift.imag
-        feet[:, 2] -= self.below()
-        return feet
+        (sway_x, sway_y), below = self._sway.at(self.cycle.clock), self.below().tolist()
+        return np.array(
+            [
+                (foot.x - sway_x + shift.real, foot.y - sway_y + shift.imag, foot.z - below_m)
+                for foot, below_m in zip(self.cycle.each_foot, below, strict=True)
+            ]
+        )
 
     def approach_height(self, dt_s: float) -> None:
         """Raise or lower the body towards the height that was asked for."""

@@ -79,10 +79,10 @@ class Sway:
         """How far it is at most from a body's sine, m."""
         return max(abs(now - wanted) for now, wanted in zip(self._now, goal.tolist(), strict=True))
 
-    def at(self, clock: float) -> np.ndarray:
-        """Of the body, (2,) m."""
-        turn = cmath.exp(2j * math.pi * clock)  # as in `sine_at`
-        return np.array([(turn * part).real for part in self._now])
+    def at(self, clock: float) -> tuple[float, float]:
+        """Of the body, forward and leftward, m."""
+        turn, (forward, leftward) = cmath.exp(2j * math.pi * clock), self._now  # as in `sine_at`
+        return (turn * forward).real, (turn * leftward).real
 
 
 def _nearer(now: list[complex], goal: list[complex], share: float) -> list[complex]:
