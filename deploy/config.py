@@ -9,6 +9,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.handover import HandoverConfig
+from footfall.deploy.levelling import LevellingConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.robots.description import Robot
 
@@ -40,6 +41,7 @@ class DeployConfig:
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     logs_most_mb: float = 2000.0  # disk space of the logs that runs on real buses write unasked
+    levelling: LevellingConfig = field(default_factory=LevellingConfig)
     handover: HandoverConfig = field(default_factory=HandoverConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 

@@ -1,5 +1,7 @@
 """Whether policy, robot and buses of a run fit together."""
 
+import math
+
 import numpy as np
 
 from footfall.common.errors import UserError
@@ -31,7 +33,11 @@ def check_get_up(policy: Policy, robot: Robot) -> None:
 
 
 def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
-    """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
+    """Raise UserError for a rate at which a command and an answer of each motor may not fit on their bus.
+
+    How many stuff bits a frame needs depends on its content: the most possible count, as on simulated wires.
+    What an IMU and force sensors send comes on top, at rates of their own.
+    """
     bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
     fullest = int(bits.argmax())
     fastest_hz = BITRATE / bits[fullest]
@@ -39,5 +45,6 @@ def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
         motors = np.count_nonzero(wiring.channel == fullest)
         raise UserError(
             f"joint_rate_hz is {rate_hz:g}: {motors} motors on {wiring.buses[fullest]}"
-            f" can be asked {fastest_hz:.0f} times a second at most"
+            f" can be asked {math.floor(fastest_hz)} times a second at most: lower joint_rate_hz (--config),"
+            " or give some of them another bus (robot.yaml)"
         )

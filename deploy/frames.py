@@ -87,20 +87,18 @@ def _widened(data: np.ndarray) -> np.ndarray:
     return np.pad(data, ((0, 0), (0, LONGEST - data.shape[1])))
 
 
-def frame_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
-    """Bits that a data frame occupies on the wire, the three bits of interframe space included.
+def frame_bits(length: int, extended: bool = False) -> int:
+    """Most bits that a data frame occupies on the wire, the three bits of interframe space included.
 
     Args:
         length: data bytes, 0..8.
         extended: 29-bit identifier instead of 11-bit.
-        stuffed: with the largest possible number of stuff bits; otherwise with none.
 
     A frame has 47 bits of overhead with an 11-bit identifier, 67 with a 29-bit one. A stuff bit can follow
     each four bits from the start of frame to the end of the checksum, after the first.
     """
     overhead, stuffable = (67, 54) if extended else (47, 34)
-    stuff = (stuffable + 8 * length - 1) // 4 if stuffed else 0
-    return overhead + 8 * length + stuff
+    return overhead + 8 * length + (stuffable + 8 * length - 1) // 4
 
 
 def takes_fd(filters: Sequence[Mapping[str, Any]]) -> bool:
@@ -108,8 +106,8 @@ def takes_fd(filters: Sequence[Mapping[str, Any]]) -> bool:
     return any(each.get("fd", False) for each in filters)
 
 
-def fd_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
-    """Bits at 1 Mbit/s in whose time a CAN FD frame passes, whose data phase runs at 5 Mbit/s.
+def fd_bits(length: int, extended: bool = False) -> int:
+    """Most bits at 1 Mbit/s in whose time a CAN FD frame passes, whose data phase runs at 5 Mbit/s.
 
     Before the switch of the bit rate there are 17 bits with an 11-bit identifier and 36 with a 29-bit one,
     after it 13 with the interframe space. The fast part has 5 bits of control, the data, 4 bits that count
@@ -117,9 +115,8 @@ def fd_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
     """
     slow = 36 if extended else 17
     stuffable, checksum = 5 + 8 * length, 17 + 6 if length <= 16 else 21 + 7
-    slow_stuff, fast_stuff = ((slow - 1) // 4, stuffable // 4) if stuffed else (0, 0)
-    fast = stuffable + fast_stuff + 4 + checksum
-    return slow + slow_stuff + 13 + -(-fast * BITRATE // FD_BITRATE)
+    fast = stuffable + stuffable // 4 + 4 + checksum
+    return slow + (slow - 1) // 4 + 13 + -(-fast * BITRATE // FD_BITRATE)
 
 
 _FD_BITS = np.array(

@@ -83,7 +83,7 @@ class ModeActions:
         if mode is Mode.CHECKING and self._wiring_check is not None:
             return self._joints.command(self._wiring_check.command(time_s))
         if mode in HELD:
-            return self._joints.command(self._postures.command(time_s))
+            return self._joints.command(self._postures.command(time_s, self._joints.sensed()))
         if mode in DAMPED:
             return self._joints.damping(self._damping_kd)
         return self._driver.query_settings() if self._driver.not_ready() else self._driver.enable()

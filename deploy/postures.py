@@ -6,10 +6,12 @@ import numpy as np
 
 from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.levelling import Levelling
 from footfall.deploy.modes import DECIDING, MOVING, Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
+from footfall.robots.readings import Sensed
 
 SOFT = 0.3  # share of the stiffness with which limbs push each other aside; all of it hits the ground harder
 MOVING_SHARE = 0.7  # of the time to stand up, at least; the robot settles in the rest
@@ -39,6 +41,7 @@ class Postures:
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
+        self._levelling, self._levels = Levelling(robot, config.levelling), False
         most = robot.description.target_rate_rad_s
         self._rate = min(config.pose_rate_rad_s, most)
         # Share of the path from standing (0) to lying (1) that comes first, and its rate in rad/s. After
@@ -65,7 +68,7 @@ class Postures:
             here: joint positions, rad, (n,).
             quaternion: of the base, w x y z.
         """
-        self._gains = self._stiff
+        self._gains, self._levels = self._stiff, self._stands
         if not self._stands:
             self._path = PosePath([here, here], [self._rate], self._least_s)
             return
@@ -85,7 +88,7 @@ class Postures:
         """
         if self._lying is None:
             return
-        self._gains = self._stiff
+        self._gains, self._levels = self._stiff, False
         poses, rates = [target, self._lying], [self._rate]
         if ending in self._first:
             share, rate = self._first[ending]
@@ -102,16 +105,19 @@ class Postures:
         Args:
             here: joint positions, rad, (n,).
         """
-        self._gains = self._soft
+        self._gains, self._levels = self._soft, False
         self._path = PosePath([here, self._standing], [self._fastest], MOVING_SHARE * self._unfold_s)
 
     def unfolded(self, time_s: float) -> bool:
         """Whether the time to unfold is over."""
         return time_s >= self._unfold_s - 1e-9
 
-    def command(self, time_s: float) -> JointCommand:
-        """The joint command at this time."""
-        return JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
+    def command(self, time_s: float, sensed: Sensed | None = None) -> JointCommand:
+        """The joint command at this time; with readings, that of a biped which stands up is levelled."""
+        command = JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
+        if sensed is None or not self._levels:
+            return command
+        return self._levelling.applied(command, time_s - self._carried_s, sensed)
 
     def done(self, time_s: float) -> bool:
         """Whether the pose is reached, and the robot has settled in it."""

@@ -42,7 +42,7 @@ class Driver(Protocol):
     """The controller's end of a protocol, for n motors."""
 
     filters: tuple[CanFilter, ...]  # which frames motors send
-    exchange_bits: np.ndarray  # (n,) least bits of a command and its answer on the wire, without stuff bits
+    exchange_bits: np.ndarray  # (n,) most bits of a command and its answer on the wire, stuff bits included
 
     @property
     def lowest(self) -> np.ndarray:

@@ -50,9 +50,7 @@ class MoteusDriver(PolledDriver):
         self.lowest = -self.highest
         self.lowest[2:4] = 0.0
         self.gain_rounding = 1e-7 * gains
-        self.exchange_bits = np.full(
-            n, fd_bits(length, True, stuffed=False) + fd_bits(moteus.REPLY_LENGTH, stuffed=False)
-        )
+        self.exchange_bits = np.full(n, fd_bits(length, True) + fd_bits(moteus.REPLY_LENGTH))
         self._mode, self._was_on = np.full(n, -1), np.zeros(n, bool)
 
     def _fixed(self, wiring: Wiring, content: bytes) -> Frames:

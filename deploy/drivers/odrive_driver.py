@@ -67,7 +67,7 @@ class OdriveDriver:
         self.lowest = -self.highest
         self.lowest[2:4] = 0.0
         self.gain_rounding = np.zeros((2, n))  # gains stay on the host
-        self.exchange_bits = np.full(n, frame_bits(4, stuffed=False) + 2 * frame_bits(8, stuffed=False))
+        self.exchange_bits = np.full(n, frame_bits(4) + 2 * frame_bits(8))
         self._axes = _Axes(n)
         self._enable_ticks = 0  # calls of `enable` since the last `disable`
         self._torque = self._frames(odrive.TORQUE, 4, np.zeros((n, 8), np.uint8))

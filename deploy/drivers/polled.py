@@ -40,7 +40,7 @@ class PolledDriver:
         self._wiring, self._orders = wiring, orders
         self._lookup = motor_lookup(wiring)
         self._no_voltage = np.full(n, np.nan)  # replies have none
-        self.exchange_bits = np.full(n, 2 * frame_bits(8, extended, stuffed=False))
+        self.exchange_bits = np.full(n, 2 * frame_bits(8, extended))
 
     @staticmethod
     def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:

@@ -184,8 +184,8 @@ class TestMotors:
 
 class TestBuses:
     def test_the_time_of_a_frame(self) -> None:
-        """8 bytes, 11 bits: 17 + 13 at 1 Mbit/s; 5 + 64 + 4 + 17 + 6 at 5 Mbit/s are 19.2 us."""
-        assert fd_bits(8, stuffed=False) == 17 + 13 + 20
+        """8 bytes, 11 bits: 17 + 4 + 13 at 1 Mbit/s; 5 + 64 + 17 + 4 + 17 + 6 at 5 Mbit/s are 22.6 us."""
+        assert fd_bits(8) == 17 + 4 + 13 + 23
         assert fd_bits(64, True) == 36 + 8 + 13 + -(-(517 + 129 + 4 + 28) // 5)
         both = joined(
             [

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
 from frame_robot import TICK_US, FrameRobot, Notebook
+from odrives import with_odrives
 from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
@@ -30,7 +31,7 @@ from footfall.deploy.session import Session, run_on_interface, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract
-from footfall.robots.description import Robot
+from footfall.robots.description import Robot, load_robot
 
 
 class TestSignals:
@@ -260,25 +261,33 @@ class TestSession:
             run_session(go1, Hold(go1), FrameRobot(go1), session_of(duration_s=duration_s))  # type: ignore[arg-type]
 
     def test_joints_are_asked_no_faster_than_their_fullest_bus_allows(self, go1: Robot) -> None:
-        """Three motors on a bus, 111 bits there and as many back without stuffing: 1501.5 times a second."""
+        """Three motors on a bus, at most 135 bits there and as many back: 1234.6 times a second."""
         wiring = wire(go1)
         driver = open_driver(wiring)
-        check_joint_rate(wiring, driver, 1501.0)
+        check_joint_rate(wiring, driver, 1234.0)
         crowded = wiring.__class__(
             **{**vars(wiring), "channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1])}
         )
-        check_joint_rate(crowded, driver, 1126.0)
-        with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
-            check_joint_rate(crowded, driver, 1127.0)
+        check_joint_rate(crowded, driver, 925.0)
+        with pytest.raises(UserError, match=r"is 926: 4 motors on can2 .* 925 times"):
+            check_joint_rate(crowded, driver, 926.0)
 
-    @pytest.mark.parametrize(("model", "fastest_hz"), [("RS03", 1272), ("ODrive", 1107)])
+    @pytest.mark.parametrize(("model", "fastest_hz"), [("RS03", 1041), ("ODrive", 913)])
     def test_what_motors_of_a_maker_send_counts(self, go1: Robot, model: str, fastest_hz: int) -> None:
-        """Three motors: 131 bits there and back; an ODrive has 79 there (4 bytes) and twice 111 back."""
+        """Three motors: 160 bits there and back; an ODrive has 95 there (4 bytes) and twice 135 back."""
         wiring = replace(wire(go1), models=(model,) * 12)
         driver = open_driver(wiring)
         check_joint_rate(wiring, driver, fastest_hz)
         with pytest.raises(UserError, match=f"3 motors on can0 can be asked {fastest_hz} times"):
             check_joint_rate(wiring, driver, fastest_hz + 1)
+
+    def test_six_odrives_on_a_bus_are_refused_before_it_overflows(self) -> None:
+        """At 500 Hz they fit without stuff bits alone; the hexapod's own motors do in any case."""
+        hexapod = load_robot("hexapod")
+        check_joint_rate(wire(hexapod), open_driver(wire(hexapod)), 500.0)
+        wiring = wire(with_odrives(hexapod, "servo"))
+        with pytest.raises(UserError, match=r"6 motors on can0 .* 456 times .* joint_rate_hz .* another bus"):
+            check_joint_rate(wiring, open_driver(wiring), 500.0)
 
     def test_how_a_run_ended_is_told_as_it_was(self, go1: Robot) -> None:
         body = FrameRobot(go1)

@@ -1,0 +1,68 @@
+"""A biped whose weight is not where its model has it stands up without tipping over."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.levelling import LevellingConfig
+from footfall.deploy.postures import Postures
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.readings import Sensed
+
+SAMPLE = {"com_offset_m": np.array([0.03, 0.0, 0.01]), "payload_kg": 4.0}
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1")
+
+
+def pitched(robot: Robot, pitch_rad: float) -> Sensed:
+    """The readings of a robot at rest whose base leans forward."""
+    still, half = np.zeros_like(robot.default_pose), 0.5 * pitch_rad
+    quaternion = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
+    return Sensed(np.zeros(3), np.zeros(3), quaternion, robot.default_pose, still, still)
+
+
+class TestABipedThatStandsUp:
+    @pytest.mark.parametrize("gain", [None, 0.0])
+    def test_does_not_tip_over_its_toes(self, g1: Robot, gain: float | None) -> None:
+        """Without levelling it does: that is what this test guards against."""
+        levelling = LevellingConfig() if gain is None else LevellingConfig(gain=gain, rate_gain_s=0.0)
+        config = replace(deploy_config(g1), levelling=levelling)
+        episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE, config=config)
+        assert run_episode(g1, load_policy("step", g1), episode).fell == (gain is not None)
+
+    def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
+        """The soles turn down by the pitch of the base, about a place under it."""
+        turned = standing(g1).command(0.5, pitched(g1, 0.1)).position
+        level, leant = (g1.legs.turn(pose) for pose in (g1.default_pose, turned))
+        toe = (leant @ np.array([1.0, 0.0, 0.0]))[:, 2] - (level @ np.array([1.0, 0.0, 0.0]))[:, 2]
+        np.testing.assert_allclose(toe, -0.1, atol=0.01)
+        np.testing.assert_allclose(turned[:6], turned[6:], atol=1e-6)
+
+    def test_moves_no_target_at_once_nor_far(self, g1: Robot) -> None:
+        postures, fallen = standing(g1), pitched(g1, 1.0)
+        targets = np.array([postures.command(time_s, fallen).position for time_s in np.arange(0, 1, 0.002)])
+        assert np.abs(np.diff(targets, axis=0)).max() < 0.01
+        np.testing.assert_allclose(targets[0], g1.default_pose)
+        assert np.abs(targets - g1.default_pose).max() < 0.2
+        assert np.abs(targets[-1] - g1.default_pose).max() > 0.1
+
+    @pytest.mark.parametrize("hangs", [True, False])
+    def test_holds_its_pose_when_it_hangs_or_is_a_quadruped(self, hangs: bool) -> None:
+        robot = load_robot("g1" if hangs else "go1")
+        postures = Postures(robot, DeployConfig(), lie_down=True, stand_up=not hangs)
+        postures.stand_up(robot.default_pose, np.array([1.0, 0.0, 0.0, 0.0]))
+        np.testing.assert_array_equal(postures.command(0.5, pitched(robot, 0.2)).position, robot.default_pose)
+
+
+def standing(robot: Robot) -> Postures:
+    postures = Postures(robot, DeployConfig(), lie_down=False)
+    postures.stand_up(robot.default_pose, np.array([1.0, 0.0, 0.0, 0.0]))
+    return postures
