@@ -36,6 +36,7 @@ class Actuation:
         self._motor: Motor = jax.tree.map(single, robot.motor)
         self._winding: Winding | None = jax.tree.map(single, robot.winding)
         self._kp, self._kd = single(robot.kp), single(robot.kd)
+        self._net = robot.actuator_net
         self._rate_rad_s = robot.description.target_rate_rad_s
         self.soft_lower, self.soft_upper = map(single, robot.soft_limits)
 
@@ -108,6 +109,11 @@ class Actuation:
         """
         winding, squared = randomised_winding(self._winding, sample), jnp.mean(torque**2, axis=0)
         return warmed(winding_c, squared, winding, self._period_s)
+
+    @property
+    def no_memory(self) -> jax.Array | None:
+        """Memory of the actuator net before an episode, (n, m, inputs); None for a robot without one."""
+        return None if self._net is None else jnp.asarray(single(self._net.rest()))
 
     def no_torque(self, sample: Sample) -> jax.Array | None:
         """Torque of motors with lag before an episode, N m, (n,); None for motors without."""

@@ -150,6 +150,7 @@ class LocomotionEnv:
             frames=self.observer.no_frames(),
             terms={},
             lagged_torque=self.actuation.no_torque(sample),
+            net_memory=self.actuation.no_memory,
             winding_c=self.actuation.winding_at_first(sample),
             lateness_s=self.lateness.before(sample),
             supply=self.supply.at_rest(sample),
@@ -207,7 +208,7 @@ class LocomotionEnv:
     def simulate(self, state: State) -> tuple[State, Trace]:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample, state.lateness_s)
-        start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque)
+        start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque, state.net_memory)
         drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
         drive = drive._replace(kp=stiffness(state, drive.kp))
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))

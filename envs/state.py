@@ -29,6 +29,7 @@ class State(NamedTuple):
     frames: jax.Array  # (history, frame)
     terms: dict[str, dict[str, Any]]  # states of the terms that have one, by kind and name
     lagged_torque: jax.Array | None = None  # (n,) N m, of motors with lag
+    net_memory: jax.Array | None = None  # (n, m, inputs) of the actuator net, of a robot that has one
     winding_c: jax.Array | None = None  # (n,) degrees Celsius, of motors with a thermal model
     lateness_s: jax.Array | None = None  # (KEPT_GOALS, n) s of each goal on its way, where it changes
     supply: jax.Array | None = None  # () battery's voltage over its nominal one, where a charge is drawn

@@ -34,6 +34,7 @@ class FitConfig:
     hold_out_every: int = 4  # each such window judges, where no recording is held out
     effects: tuple[str, ...] = ()  # of `EFFECTS`, fitted as well
     profile: bool = False  # over the delay
+    explain: bool = True  # look for an effect that explains a misfit
     seed: int = 0
 
 
@@ -110,14 +111,7 @@ def fit_leg(
     config = config or FitConfig()
     for each in (*recordings, *held_out):
         _check_still(each)
-    windows = _windows(leg, recordings, config)
-    if held_out:
-        judging = _windows(leg, held_out, config)
-    else:
-        chosen = np.arange(windows.width) % config.hold_out_every == config.hold_out_every - 1
-        if not chosen.any():
-            raise UserError(f"{windows.width} windows are too few to hold one out: record for longer")
-        windows, judging = windows.take(~chosen), windows.take(chosen)
+    windows, judging = _split(leg, recordings, held_out, config)
     problem = _problem(leg, recordings, windows, config.effects)
     noise, torque = problem.position_sigma, problem.torque_sigma
     nominal_x = np.zeros(len(problem.parameters))
@@ -137,9 +131,48 @@ def fit_leg(
         noise,
         fitted,
         _track(Problem(leg, judging, problem.parameters, {}, noise, torque), x),
-        explained(problem, x) if (fitted > MISFIT * noise).any() else None,
+        explained(problem, x) if config.explain and (fitted > MISFIT * noise).any() else None,
         delay_profile(problem, x) if config.profile else None,
     )
+
+
+def _split(
+    leg: FixedLeg, recordings: Sequence[Recording], held_out: Sequence[Recording], config: FitConfig
+) -> tuple[Windows, Windows]:
+    """Windows that are fitted, and those that judge."""
+    windows = _windows(leg, recordings, config)
+    if held_out:
+        return windows, _windows(leg, held_out, config)
+    chosen = np.arange(windows.width) % config.hold_out_every == config.hold_out_every - 1
+    if not chosen.any():
+        raise UserError(f"{windows.width} windows are too few to hold one out: record for longer")
+    return windows.take(~chosen), windows.take(chosen)
+
+
+def held_out_error(
+    leg: FixedLeg,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    values: dict[Parameter, float],
+    config: FitConfig,
+) -> np.ndarray:
+    """Rms of a leg's positions over the windows that judge, each from its best start, rad, (n,).
+
+    Torque readings do not count, so that legs can be compared whose motors report alike and move differently.
+
+    Args:
+        leg: with its motors, and their net if they have one.
+        recordings: as in `fit_leg`.
+        held_out: likewise.
+        values: of parameters that are not nominal.
+        config: of the fit.
+    """
+    windows, judging = _split(leg, recordings, held_out, config)
+    noise = _problem(leg, recordings, windows).position_sigma
+    problem = Problem(leg, judging, (), values, noise, np.full(leg.count, np.inf))
+    for _ in range(2):
+        problem.refine_starts(np.zeros(0))
+    return _rms(problem.errors(np.zeros((0, 1)))[0][0])
 
 
 def problem_of(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) -> Problem:

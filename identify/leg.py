@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from footfall.robots.actuator import Motor
+from footfall.robots.actuator_net import ActuatorNet
 from footfall.robots.description import Robot
 from footfall.robots.model import training_spec
 from footfall.robots.stability import PLANT_TIMESTEP_S
@@ -30,6 +31,7 @@ class FixedLeg:
     body_names: tuple[str, ...]  # of its moving bodies, in the model's order
     armature: np.ndarray  # nominal, kg m^2, (n,)
     motor: Motor  # nominal, fields (n,)
+    net: ActuatorNet | None = None  # the learned part of their joint law
 
     @property
     def count(self) -> int:
@@ -64,7 +66,8 @@ def _fixed_leg(robot: Robot, leg: int) -> FixedLeg:
         for name, value in robot.motor._asdict().items()
         if value is not None
     })  # fmt: skip
-    return FixedLeg(foot.name, model, joints, foot.joints, bodies, robot.armature[joints], motor)
+    net = None if robot.actuator_net is None else robot.actuator_net.of(joints)
+    return FixedLeg(foot.name, model, joints, foot.joints, bodies, robot.armature[joints], motor, net)
 
 
 def joint_addresses_of(model: mujoco.MjModel, names: tuple[str, ...]) -> tuple[list[int], list[int]]:

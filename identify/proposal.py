@@ -21,9 +21,12 @@ RANGED = (  # as identified
     *("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s"),
     *("stribeck_friction", "load_friction", "backlash_rad", "gear_compliance"),
 )
+LEARNED = ("motor_strength", "kp", "kd", "torque_lag_s")  # are in an actuator net: ranges about nominal
 
 
-def propose(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder: Path) -> Path:
+def propose(
+    robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder: Path, with_net: bool = False
+) -> Path:
     """Write a robot folder with what was identified.
 
     Args:
@@ -31,6 +34,8 @@ def propose(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder
         fits: of its legs.
         sources: the recordings, for the provenance.
         folder: must not exist.
+        with_net: a net will be added, which learns from this folder's motors: ranges of what it learns lie
+            about nominal.
 
     Raises:
         UserError: it exists, or cannot be written.
@@ -42,7 +47,7 @@ def propose(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder
     except (OSError, shutil.Error) as error:
         raise UserError(f"cannot write {folder}: {error}") from None
     write_text(folder / robot.description.model, _mjcf(robot, fits))
-    write_text(folder / OWN_FILE, _ranges(robot, fits, sources, folder / OWN_FILE))
+    write_text(folder / OWN_FILE, _ranges(robot, fits, sources, folder / OWN_FILE, with_net))
     return folder
 
 
@@ -80,7 +85,7 @@ def _set_damping(joint: mujoco.MjsJoint, damping: float) -> None:
     joint.damping = values if np.ndim(joint.damping) else damping
 
 
-def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: Path) -> str:
+def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: Path, with_net: bool) -> str:
     """The content of randomisation.yaml: the robot's own lines that were not identified, then new ones."""
     lines = [
         "# Identified from the robot's own motion by `footfall identify fit`. Ground friction,",
@@ -90,7 +95,7 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
     ]
     found = {}
     for name in (*IN_FOLDER, *RANGED):
-        limits = _range(name, fits)
+        limits = _range(name, fits, name in IN_FOLDER or (with_net and name in LEARNED))
         if limits is not None:
             found[name] = limits
     delays = [each.value for fit in fits for each in fit.estimates if each.parameter.quantity == "delay_s"]
@@ -104,14 +109,14 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
     return "\n".join(lines) + "\n"
 
 
-def _range(name: str, fits: Sequence[LegFit]) -> tuple[float, float] | None:
+def _range(name: str, fits: Sequence[LegFit], about_nominal: bool) -> tuple[float, float] | None:
     """A quantity's range; None where it was not identified."""
     quantity = KINDS[name]
     told = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
     if not told:
         return None
     half = max(quantity.floor, *((each.high - each.low) / 2.0 for each in told))
-    if name in IN_FOLDER:
+    if about_nominal:
         middle = quantity.nominal
         return max(0.0, middle - half) if quantity.low >= 0.0 else middle - half, middle + half
     low, high = min(each.value for each in told) - half, max(each.value for each in told) + half

@@ -11,6 +11,7 @@ from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import Values
 from footfall.identify.windows import Windows
 from footfall.robots.actuator import JointCommand, friction_torque, lag_over, lagged, motor_torque
+from footfall.robots.actuator_net import inputs_of, learned_torque
 
 
 class Prediction(NamedTuple):
@@ -48,31 +49,35 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     spec = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
     lag = None if values.motor.lag_s is None else lag_over(values.motor.lag_s, windows.step_s)
     before: np.ndarray | None = None  # torque at the end of the last step
+    memory: np.ndarray | None = None  # of the learned part of the joint law
     path, torques = np.empty((steps + 1, count, width, n)), np.empty((steps + 1, count, width, n))
     with rollout.Rollout(nthread=0) as runner:
         for step in range(steps):
             now = state.reshape(count, width, -1)
             at, speed = now[:, :, 1 : 1 + n], now[:, :, 1 + n :]
             path[step] = at
-            command = _command(windows.command, windows.margin + step - whole)
-            demand = motor_torque(
-                JointCommand(
-                    command[:, :, 0],
-                    command[:, :, 1],
-                    command[:, :, 2] * values.kp,
-                    command[:, :, 3] * values.kd,
-                    command[:, :, 4],
-                ),
-                at + values.encoder_bias,
-                speed,
-                values.motor,
+            sent = _command(windows.command, windows.margin + step - whole)
+            command = JointCommand(
+                sent[:, :, 0],
+                sent[:, :, 1],
+                sent[:, :, 2] * values.kp,
+                sent[:, :, 3] * values.kd,
+                sent[:, :, 4],
             )
+            demand = motor_torque(command, at + values.encoder_bias, speed, values.motor)
             if lag is None:
                 torque = demand
             else:
                 torque, before = lagged(demand, demand if before is None else before, lag)
             torques[step + 1] = torque
-            force[:, 0] = (torque + friction_torque(speed, values.motor, torque)).reshape(-1, n)
+            at_joint = torque + friction_torque(speed, values.motor, torque)
+            if leg.net is not None:
+                inputs = inputs_of(leg.net, command, at + values.encoder_bias, speed, torque)
+                if memory is None:
+                    memory = np.repeat(inputs[..., None, :], len(leg.net.memory_s), axis=-2)
+                learned = learned_torque(leg.net, inputs, memory, windows.step_s)
+                at_joint, memory = at_joint + learned.torque, learned.memory
+            force[:, 0] = at_joint.reshape(-1, n)
             runner.rollout(
                 models, datas, state, force, control_spec=spec, skip_checks=True, nstep=1, state=after,
                 sensordata=sensors,

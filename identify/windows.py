@@ -57,6 +57,11 @@ def joined(parts: list[Windows]) -> Windows:
     )
 
 
+def first_window_s(recording: Recording) -> float:
+    """When the first window of a recording begins."""
+    return float(recording.time_s[0] + MARGIN_S + FIT_POINTS * recording.period_s)
+
+
 def cut(
     recording: Recording, joints: np.ndarray, length_s: float, step_s: float, most_hz: float = 250.0
 ) -> Windows:
@@ -72,7 +77,7 @@ def cut(
     Raises:
         UserError: it is shorter than one window.
     """
-    begin = recording.time_s[0] + MARGIN_S + FIT_POINTS * recording.period_s
+    begin = first_window_s(recording)
     end = recording.time_s[-1] - FIT_POINTS * recording.period_s
     count = int((end - begin) / length_s)
     if count < 1:

@@ -27,6 +27,7 @@ from footfall.robots.actuator import (
     lagged,
     motor_torque,
 )
+from footfall.robots.actuator_net import ActuatorNet, inputs_of, learned_torque
 from footfall.robots.winding import Winding, at_temperature, warmed
 
 TEMPERATURE_C = 30
@@ -56,6 +57,7 @@ class SimulatedMotors:
         timeout_s: float | np.ndarray = MOTOR_TIMEOUT_S,
         winding: Winding | None = None,
         seed: int = 0,
+        net: ActuatorNet | None = None,
     ) -> None:
         """Motors start disabled.
 
@@ -69,6 +71,7 @@ class SimulatedMotors:
                 all, or of each, (joints,).
             winding: their thermal parameters; None for motors that stay at 30 degrees Celsius.
             seed: of the delay's jitter.
+            net: the learned part of their joint law.
         """
         n = joints
         self._end = end
@@ -78,6 +81,7 @@ class SimulatedMotors:
         self._winding, self._step_s = randomised_winding(winding, sample), step_s
         self.winding_c = None if self._winding is None else np.array(self._winding.start_c)
         self._lagged = np.zeros(n)  # torque at the end of the last step, of motors with lag
+        self._net, self._memory = net, None if net is None else net.rest()
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
         if bias is not None:
@@ -164,6 +168,26 @@ class SimulatedMotors:
     def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,), of gearboxes that transmit a torque (n,)."""
         return friction_torque(velocity, self._motor, torque)
+
+    def at_joint(self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Torque at the joint behind gearboxes that transmit a torque (n,), N m, (n,).
+
+        The learned part of the joint law acts there; its memory advances by a physics step.
+
+        Args:
+            position: true joint positions, rad.
+            velocity: true joint velocities, rad/s.
+            torque: of the motors, as `torque` gives it.
+        """
+        behind = torque + self.friction(velocity, torque)
+        if self._net is None:
+            return behind
+        command = self._command._replace(kp=self.enabled * self._command.kp)
+        inputs = inputs_of(self._net, command, position + self.encoder_bias, velocity, torque)
+        learned = learned_torque(self._net, inputs, self._memory, self._step_s)
+        self._memory = learned.memory
+        result: np.ndarray = behind + learned.torque
+        return result
 
     def answer(self, step: int, frames: Frames, readings: np.ndarray) -> Frames | None:
         """Process frames; returns the replies of the addressed motors.

@@ -110,8 +110,9 @@ class SimulatedRobot:
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
         self._motors = SimulatedMotors(
-            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding, seed
-        )
+            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding, seed,
+            robot.actuator_net,
+        )  # fmt: skip
         self._command_losses = Losses(sample, "actions", seed)
         self._reply_losses = Losses(sample, "readings", seed)
         self._sensors = SimulatedSensors(
@@ -228,7 +229,7 @@ class SimulatedRobot:
             self._report_imu(now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
-        self._applied[joints] = torque + motors.friction(velocity, torque)
+        self._applied[joints] = motors.at_joint(position, velocity, torque)
         self._held = self._held and not motors.commanded
         if self._frame is not None:
             self._hold_up(self._frame)

@@ -11,6 +11,7 @@ from footfall.common.config import load
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
 from footfall.robots.actuator import STRIBECK_RAMPS, Motor
+from footfall.robots.actuator_net import ActuatorNet, load_net
 from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
 from footfall.robots.kinematics import Legs
@@ -36,6 +37,7 @@ class Robot:
     motor: Motor
     foot_places: np.ndarray  # (feet, 3) m, centre of each foot in the default pose, base frame
     digest: str  # fingerprint of everything that a policy relies on (robots/digest.py)
+    actuator_net: ActuatorNet | None = None  # the learned part of the joint law
 
     @property
     def name(self) -> str:
@@ -179,6 +181,8 @@ def _assemble(description: Description, folder: Path) -> Robot:
     motors = [description.motors[joint.motor] for joint in description.joints]
     dofs = model.jnt_dofadr[ids]
     optional = _optional_effects(motors)
+    named = description.actuator_net
+    net = None if named is None else load_net(folder / named, description.joint_names)
     motor = Motor(
         peak_torque=np.array([m.peak_torque_nm for m in motors]),
         stall_torque=np.array([m.stall_torque_nm for m in motors]),
@@ -197,7 +201,8 @@ def _assemble(description: Description, folder: Path) -> Robot:
         armature=model.dof_armature[dofs].copy(),
         motor=motor,
         foot_places=foot_places(description, model),
-        digest=digest(description, model),
+        digest=digest(description, model, net),
+        actuator_net=net,
     )
     _refuse(source, instabilities(description, model, robot.kp, robot.kd, motor))
     _refuse(source, overreach(description, robot.action_scale, robot.upper_rad - robot.lower_rad))

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.config import unstructure
+from footfall.robots.actuator_net import ActuatorNet
 from footfall.robots.robot_yaml import Description, MotorType
 
 # Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
@@ -40,7 +41,7 @@ NOMINALLY_ABSENT = (
 OPTIONS = ("gravity", "cone", "impratio")
 
 
-def digest(description: Description, model: mujoco.MjModel) -> str:
+def digest(description: Description, model: mujoco.MjModel, net: ActuatorNet | None = None) -> str:
     """The fingerprint of a robot, 16 hexadecimal digits.
 
     Args:
@@ -49,9 +50,10 @@ def digest(description: Description, model: mujoco.MjModel) -> str:
             of geoms and the commands of scenarios.
         model: the compiled MJCF with all included files. Left out: layout, comments, names that `robot.yaml`
             does not use, visuals, sensors and actuators.
+        net: the learned part of the joint law; the name of its file does not count.
     """
     sha = hashlib.sha256(json.dumps(_counted(description), sort_keys=True).encode())
-    for name, values in _figures(description, model):
+    for name, values in (*_figures(description, model), *_learned(net)):
         sha.update(f"\n{name} {' '.join(map(_text, np.ravel(values).tolist()))}".encode())
     return sha.hexdigest()[:16]
 
@@ -61,6 +63,7 @@ def _counted(description: Description) -> Any:
     for name in (
         "imu_bus",
         "imu_protocol",
+        "actuator_net",
         "model",
         "commands",
         "safety",
@@ -129,6 +132,13 @@ def _figures(description: Description, model: mujoco.MjModel) -> Iterator[tuple[
         yield field, getattr(model, field)
     for field in OPTIONS:
         yield field, getattr(model.opt, field)
+
+
+def _learned(net: ActuatorNet | None) -> Iterator[tuple[str, Any]]:
+    """The arrays of the learned part of the joint law."""
+    if net is not None:
+        yield from ((f"actuator_net layer {place}", layer) for place, layer in enumerate(net.layers))
+        yield from (("memory_s", net.memory_s), ("scale", net.scale), ("limit", net.limit))
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:

@@ -139,6 +139,7 @@ class Description:
     commands: CommandRange  # of the scenarios
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
+    actuator_net: str | None = None  # NPZ beside this file, of `footfall identify net`; None for none
     battery: Battery | None = None  # None: nothing is claimed about its charge
     stop_inputs: StopInputs = field(default_factory=StopInputs)
     held_start: bool = False  # it cannot stand still (point feet): it is held up until it steps in place

@@ -11,7 +11,7 @@ import numpy as np
 from jax.experimental.buffer_callback import buffer_callback
 from mujoco.batch import Batch, SimulationError
 
-from footfall.common.arrays import as_slice
+from footfall.common.arrays import as_slice, single
 from footfall.common.processors import usable_cores
 from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, bodies, joint_effort
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
@@ -53,6 +53,7 @@ class _Simulations:
         points = np.concatenate(foot_geoms(model, robot.description))
         self._points = as_slice(points)
         self._joints, self._point_count = len(robot.joint_names), len(points)
+        self._net = None if robot.actuator_net is None else jax.tree.map(single, robot.actuator_net)
         self._pools: dict[int, Batch] = {}  # by number of robots
         self._checked: set[tuple] = set()  # shapes of results that were seen to be views
         self._lock = threading.Lock()
@@ -103,12 +104,15 @@ class _Simulations:
         timestep_s = self._model.opt.timestep
         for name, values in bodies(start).items():
             getattr(state, name)[:] = values
-        before = start.lagged_torque
+        before, memory = start.lagged_torque, start.net_memory
         for k in range(substeps):
             position = state.qpos[:, self._positions].astype(np.float32)
             velocity = state.qvel[:, self._dofs].astype(np.float32)
-            effort = joint_effort(drive, drive.target[:, k], position, velocity, timestep_s, before)
-            before = effort.lagged_torque
+            effort = joint_effort(
+                *(drive, drive.target[:, k], position, velocity, timestep_s, before),
+                *(self._net, memory),
+            )
+            before, memory = effort.lagged_torque, effort.net_memory
             force[:, self._dofs] = effort.torque
             inertia[:, self._dofs] = own_inertia + effort.inertia
             _step(pool, state)
@@ -118,6 +122,8 @@ class _Simulations:
             getattr(end, name)[:] = values
         if end.lagged_torque is not None:
             end.lagged_torque[:] = before
+        if end.net_memory is not None:
+            end.net_memory[:] = memory
 
     def _pool(self, robots: int) -> Batch:
         if robots not in self._pools:

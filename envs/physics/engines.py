@@ -38,6 +38,13 @@ class Engine(NamedTuple):
         return self.name == "c" or (self.name == "generated" and jax.default_backend() == "cpu")
 
 
+def _not_generated(model: mujoco.MjModel, robot: Robot) -> str:
+    """Why the generated physics does not serve here; empty if it does."""
+    if robot.actuator_net is not None:
+        return "the generated physics does not support actuator_net"
+    return not_generated(model)
+
+
 def make_engine(name: str, model: mujoco.MjModel, robot: Robot) -> Engine:
     """The engine of this name, or the next best one for a model that cannot be generated.
 
@@ -46,7 +53,7 @@ def make_engine(name: str, model: mujoco.MjModel, robot: Robot) -> Engine:
         model: the robot's training model, nominal.
         robot: the robot.
     """
-    reason = not_generated(model) if name == "generated" else ""
+    reason = _not_generated(model, robot) if name == "generated" else ""
     if not reason:
         return Engine(name, ENGINES[name](model, robot))
     instead = "c" if jax.default_backend() == "cpu" else "mjx"

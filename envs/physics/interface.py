@@ -15,6 +15,7 @@ from footfall.robots.actuator import (
     lagged,
     motor_torque,
 )
+from footfall.robots.actuator_net import ActuatorNet, inputs_of, learned_torque
 
 Array = Any  # a NumPy or a JAX array
 
@@ -26,6 +27,7 @@ class Motion(NamedTuple):
     qvel: Array  # (nv,)
     qacc_warmstart: Array  # (nv,)
     lagged_torque: Array | None = None  # (n,) N m, of the motors; None for motors without lag
+    net_memory: Array | None = None  # (n, m, inputs) of the actuator net; None for robots without one
 
 
 def bodies(motion: Motion) -> dict[str, Array]:
@@ -75,6 +77,7 @@ class JointEffort(NamedTuple):
     torque: Array  # N m, at the joints
     inertia: Array  # kg m^2, to be added to the joints' own during this step
     lagged_torque: Array | None  # N m, motor torque at the end of the step; None without lag
+    net_memory: Array | None = None  # of the actuator net at the end of the step; None without one
 
 
 def joint_effort(
@@ -84,6 +87,8 @@ def joint_effort(
     velocity: Array,
     timestep_s: float,
     before: Array | None = None,
+    net: ActuatorNet | None = None,
+    memory: Array | None = None,
 ) -> JointEffort:
     """The joint law at the beginning of a physics step, with the terms that keep long steps stable.
 
@@ -104,6 +109,8 @@ def joint_effort(
         velocity: joint velocities, rad/s.
         timestep_s: length h of the physics step.
         before: motor torque at the beginning of the step, N m, of motors with lag.
+        net: the learned part of the joint law; its slope in the velocity counts as damping.
+        memory: of the net at the beginning of the step.
     """
     command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
     measured = position + drive.encoder_bias
@@ -112,5 +119,9 @@ def joint_effort(
     after = None
     if drive.lag is not None:
         torque, after = lagged(torque, before, drive.lag)
-    friction = friction_torque(velocity, drive.motor, torque)
-    return JointEffort(torque, torque + friction, 0.5 * timestep_s * damping, after)
+    at_joint = torque + friction_torque(velocity, drive.motor, torque)
+    if net is not None:
+        inputs = inputs_of(net, command, measured, velocity, torque)
+        learned = learned_torque(net, inputs, memory, timestep_s)
+        at_joint, damping, memory = at_joint + learned.torque, damping + learned.damping, learned.memory
+    return JointEffort(torque, at_joint, 0.5 * timestep_s * damping, after, memory)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from footfall.common.arrays import single
 from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, bodies, joint_effort
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.envs.workarounds.quiet_mjx import mjx
@@ -21,6 +22,7 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
+    net = None if robot.actuator_net is None else jax.tree.map(single, robot.actuator_net)
     # Which joint moves each degree of freedom; of the base's, the one after the last, which is none.
     joint_of = np.full(model.nv, len(dofs))
     joint_of[dofs] = np.arange(len(dofs))
@@ -31,14 +33,18 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
 
         def substep(motion: Motion, target: jax.Array) -> tuple[Motion, Trace]:
             position, velocity = motion.qpos[positions], motion.qvel[dofs]
-            effort = joint_effort(drive, target, position, velocity, model.opt.timestep, motion.lagged_torque)
+            effort = joint_effort(
+                *(drive, target, position, velocity, model.opt.timestep, motion.lagged_torque),
+                *(net, motion.net_memory),
+            )
             of_joints = jnp.pad(jnp.stack([effort.torque, effort.inertia]), ((0, 0), (0, 1)))
             force, inertia = of_joints[:, joint_of]
             stepped = sampled.replace(dof_armature=sampled.dof_armature + inertia)
             with fewer_kernels():
                 data = mjx.step(stepped, template.replace(**bodies(motion), qfrc_applied=force))
             trace = Trace(data.qpos, data.qvel, data.geom_xpos[points], effort.motor_torque)
-            return Motion(data.qpos, data.qvel, data.qacc_warmstart, effort.lagged_torque), trace
+            carried = effort.lagged_torque, effort.net_memory
+            return Motion(data.qpos, data.qvel, data.qacc_warmstart, *carried), trace
 
         return jax.lax.scan(substep, motion, drive.target)
 

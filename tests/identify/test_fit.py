@@ -18,7 +18,9 @@ from footfall.identify.proposal import propose
 from footfall.identify.record import record
 from footfall.identify.recording import Recording, read_recording
 from footfall.identify.simulated import simulated_bus
+from footfall.learned_law import learn
 from footfall.robots.description import load_robot
+from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
@@ -82,6 +84,20 @@ def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path:
     assert ranges.armature.high - ranges.armature.low < 0.3  # the default's: 0.9 to 1.2
     with pytest.raises(UserError):
         propose(ROBOT, [fit], ["log.mcap"], folder)
+
+
+def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recording, tmp_path: Path) -> None:
+    quick = NetConfig(hidden=(4,), window_s=0.1, windows=16, steps=50, seeds=1)
+    (found,) = learn(ROBOT, [fit], [recording], [], tmp_path / "learned", quick)
+    made = load_robot(tmp_path / "learned")
+    assert made.actuator_net is not None
+    assert np.flatnonzero(made.actuator_net.limit).tolist() == LEG.joints.tolist()
+    np.testing.assert_allclose(made.armature[LEG.joints], 1.2 * ROBOT.armature[LEG.joints], rtol=0.03)
+    assert (found.net_rad < 0.8 * found.nominal_rad).all()
+    np.testing.assert_allclose(found.law_rad, fit.held_out_rad, rtol=0.3)
+    ranges = load_randomisation(made.folder / "randomisation.yaml")
+    assert ranges.kp is not None
+    assert ranges.kp.low + ranges.kp.high == pytest.approx(2.0)  # what the net has learned counts once
 
 
 def test_a_base_that_moves_is_refused(recording: Recording) -> None:

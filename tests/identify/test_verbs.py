@@ -13,11 +13,15 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     log.write_text("mine")
     assert main(["identify", "record", str(log)]) == 2
     assert main(["identify", "fit", str(log), "--out", str(tmp_path)]) == 2
+    assert main(["identify", "net", str(log), "--out", str(tmp_path)]) == 2
     assert log.read_text() == "mine"
-    assert capsys.readouterr().err.count("\n") == 2
+    assert capsys.readouterr().err.count("\n") == 3
 
 
-@pytest.mark.parametrize("arguments", [["fit"], ["fit", "absent.mcap"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["fit"], ["fit", "absent.mcap"], ["net"], ["net", "absent.mcap"], ["net", "x", "--steps", "0"]],
+)
 def test_a_fit_without_a_log_is_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", *arguments]) == 2
     assert capsys.readouterr().err.count("\n") == 1

@@ -2,15 +2,19 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
+from some_net import some_net
 
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample
+from footfall.envs.physics.interface import Drive, joint_effort
 from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 from footfall.plant.motors import SimulatedMotors
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
+from footfall.robots.actuator_net import ActuatorNet
 
 MOTOR = Motor(
     peak_torque=np.array([20.0, 30.0, 40.0]),
@@ -61,9 +65,9 @@ class End:
 class Stand:
     """Three motors on a test stand, stepped by hand."""
 
-    def __init__(self, **sample: Any) -> None:
+    def __init__(self, net: ActuatorNet | None = None, **sample: Any) -> None:
         self.end = End()
-        self.motors = SimulatedMotors(self.end, MOTOR, 3, Sample(**sample), 0.001, timeout_s=0.02)
+        self.motors = SimulatedMotors(self.end, MOTOR, 3, Sample(**sample), 0.001, timeout_s=0.02, net=net)
 
     def ask(
         self,
@@ -103,6 +107,27 @@ class TestMotors:
         np.testing.assert_allclose(
             stand.motors.friction(VELOCITY, np.zeros(3)), friction_torque(VELOCITY, MOTOR)
         )
+
+    def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
+        """Over steps in which its memory counts."""
+        net = some_net(3)
+        values = np.array([[1.0], [0.0], [1.0], [1.0], [0.0]]) * VALUES
+        stand = Stand(net)
+        stand.motors.encoder_bias[:] = 0.01
+        stand.on()
+        stand.ask(0, slice(None), None, values)
+        drive = Drive(values[:1], values[2], values[3], MOTOR, stand.motors.encoder_bias)
+        effort = jax.jit(lambda *now: joint_effort(drive, values[0], *now[:2], 0.001, None, net, now[2]))
+        memory, learned = net.rest(), np.zeros(3)
+        for step in range(4):
+            position, velocity = POSITION + 0.01 * step, (1.0 - 0.5 * step) * VELOCITY
+            torque = stand.motors.torque(step, position, velocity)
+            ours = stand.motors.at_joint(position, velocity, torque)
+            theirs = effort(position, velocity, memory)
+            np.testing.assert_allclose(ours, theirs.torque, rtol=1e-4, atol=1e-4)
+            memory = theirs.net_memory
+            learned = ours - torque - stand.motors.friction(velocity, torque)
+        assert (np.abs(learned) > 0.01).all()
 
     def test_a_latched_error_keeps_a_motor_off_until_it_is_cleared(self) -> None:
         stand = Stand()

@@ -3,7 +3,9 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from shutil import copytree
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from cyclopts import App, Parameter
 
@@ -16,6 +18,9 @@ from footfall.robots.default import DEFAULT_ROBOT
 if TYPE_CHECKING:
     from footfall.deploy.bus import Bus
     from footfall.identify.fit import LegFit
+    from footfall.identify.leg import FixedLeg
+    from footfall.identify.recording import Recording
+    from footfall.learned_law import Comparison
     from footfall.robots.description import Robot
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
@@ -127,17 +132,10 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     logs
         The logs.
     """
-    from footfall.deploy.log_analysis.robot import logged_robot
-    from footfall.deploy.log_file import read_log
     from footfall.identify.fit import MISFIT, FitConfig, fit_leg
-    from footfall.identify.leg import fixed_legs
     from footfall.identify.parameters import EFFECTS
     from footfall.identify.proposal import propose
-    from footfall.identify.recording import read_recording
-    from footfall.robots.description import load_robot
 
-    if not logs:
-        raise UserError("no log: record one with 'footfall identify record LOG'")
     check_outputs(options.json, options.report)
     if options.report is not None:
         from footfall.evaluate.report.extra import check_installed
@@ -146,6 +144,37 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     for name in options.effects:
         if name not in EFFECTS:
             raise UserError(f"no effect '{name}': there are {', '.join(EFFECTS)}")
+    given = _read(logs, options)
+    fits, config = [], FitConfig(effects=tuple(options.effects), profile=options.profile)
+    for leg in given.legs:
+        fits.append(fit_leg(leg, given.recordings, given.held_out, config))
+        _show(fits[-1])
+    _write(options, given.robot, fits, logs)
+    if options.out is not None:
+        folder = propose(given.robot, fits, [str(log) for log in logs], options.out)
+        print(f"wrote {folder}: look it over with: footfall robot check {folder}")
+    return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
+
+
+class _Given(NamedTuple):
+    """What a fit or a training starts from."""
+
+    robot: "Robot"
+    recordings: "list[Recording]"
+    held_out: "list[Recording]"
+    legs: "list[FixedLeg]"
+
+
+def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
+    """The robot, its legs and the logs. Raises UserError where they do not fit, or the folder exists."""
+    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.deploy.log_file import read_log
+    from footfall.identify.leg import fixed_legs
+    from footfall.identify.recording import read_recording
+    from footfall.robots.description import load_robot
+
+    if not logs:
+        raise UserError("no log: record one with 'footfall identify record LOG'")
     if options.out is not None and options.out.exists():
         raise UserError(f"{options.out} exists: give another --out, nothing is overwritten")
     robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
@@ -155,16 +184,76 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     for name in options.legs:
         if name not in [leg.name for leg in legs]:
             raise UserError(f"no leg '{name}': there are {', '.join(leg.name for leg in legs)}")
-    fits, config = [], FitConfig(effects=tuple(options.effects), profile=options.profile)
-    for leg in legs:
-        if not options.legs or leg.name in options.legs:
-            fits.append(fit_leg(leg, recordings, held_out, config))
-            _show(fits[-1])
-    _write(options, robot, fits, logs)
-    if options.out is not None:
-        folder = propose(robot, fits, [str(log) for log in logs], options.out)
-        print(f"wrote {folder}: look it over with: footfall robot check {folder}")
-    return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
+    chosen = [leg for leg in legs if not options.legs or leg.name in options.legs]
+    return _Given(robot, recordings, held_out, chosen)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class NetOptions:
+    """What judges, how long the training looks, and where the result goes."""
+
+    robot: Annotated[str | None, AS_TYPED] = None
+    """Name of a robot, or a folder with its robot.yaml (default: the one that the first log names)."""
+    held_out: OptionalPath = None
+    """Log that judges and enters neither fit nor training (default: every fourth second of each log)."""
+    legs: Names = ()
+    """These legs alone, by the names of their feet; joints of others get no net."""
+    steps: int = 600
+    """Steps of gradient descent, at most, of each training."""
+    seeds: int = 2
+    """Trainings of each leg; the one that does best on seconds that it has not seen is kept."""
+    seed: Seed = 0
+    out: OptionalPath = None
+    """Folder for the proposed robot. It must not exist."""
+    json: JsonFile = None
+
+
+@identify.command
+def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
+    """Fit logs, then train a net for what the joint law lacks; exit 1 if it predicts no better.
+
+    Parameters
+    ----------
+    logs
+        The logs. The last of several decides when a training stops.
+    """
+    from footfall.identify.fit import FitConfig, fit_leg
+    from footfall.train.entry import learning_libraries
+
+    with learning_libraries():
+        from footfall.learned_law import learn
+        from footfall.train.actuator_net import NetConfig
+    check_outputs(options.json)
+    try:
+        config = NetConfig(steps=options.steps, seeds=options.seeds, seed=options.seed)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    given = _read(logs, options)
+    how = FitConfig(explain=False)
+    fits = [fit_leg(leg, given.recordings, given.held_out, how) for leg in given.legs]
+    with TemporaryDirectory() as place:
+        folder = Path(place) / "robot"
+        compared = learn(given.robot, fits, given.recordings, given.held_out, folder, config)
+        _show_errors(compared)
+        write_json(options.json, [each.figures() for each in compared])
+        if options.out is not None:
+            copytree(folder, options.out)
+            print(f"wrote {options.out}: look it over with: footfall robot check {options.out}")
+    worse = [each.leg.name for each in compared if not each.better]
+    if worse:
+        print(f"the net is no better than the fitted law: {', '.join(worse)}")
+    return 1 if worse else 0
+
+
+def _show_errors(compared: "list[Comparison]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("held out, mrad rms", "nominal", "fitted law", "net", box=None)
+    for row in (row for each in compared for row in each.rows()):
+        table.add_row(*row)
+    Console().print(table, highlight=False)
 
 
 def _write(options: FitOptions, robot: "Robot", fits: "list[LegFit]", logs: tuple[Path, ...]) -> None:

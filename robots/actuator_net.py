@@ -1,0 +1,143 @@
+"""A learned part of the joint law: torque that the physical law lacks (`footfall identify net`).
+
+A small network of each joint reads the position error, the joint velocity and the torque of the physical law:
+now, and as a short memory of each. Written once, for NumPy and JAX arrays alike, as the joint law is.
+
+After Hwangbo et al., Science Robotics 4 (2019), eaau5872, whose network reads a history of position errors
+and velocities. Here first-order low-passes stand for the history, so that the length of a physics step does
+not matter, and the network adds to the physical law, so that limits, gains and friction keep their meaning.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.arrays import library
+from footfall.common.errors import UserError
+from footfall.robots.actuator import JointCommand
+
+Array = Any  # a NumPy or a JAX array
+
+INPUTS = 3  # position error, velocity, torque
+KERNEL = "kernel_"  # begins the names of the layers' arrays in a file
+
+
+class ActuatorNet(NamedTuple):
+    """Networks of n joints. Layers have no biases, so that both directions are alike, and rest stays rest."""
+
+    layers: tuple[Array, ...]  # kernels (n, inputs, outputs); the last one has 1 output
+    memory_s: np.ndarray  # (m,) time constants of the low-passes, s
+    scale: Array  # (n, INPUTS) rad, rad/s, N m: typical sizes of the inputs
+    limit: Array  # (n,) N m, the largest torque that is added; 0 for a joint without network
+
+    @property
+    def joints(self) -> int:
+        """n."""
+        return int(self.limit.shape[0])
+
+    def of(self, joints: np.ndarray) -> "ActuatorNet":
+        """The networks of some joints, by their places."""
+        layers = tuple(layer[joints] for layer in self.layers)
+        return self._replace(layers=layers, scale=self.scale[joints], limit=self.limit[joints])
+
+    def rest(self, lead: tuple[int, ...] = ()) -> np.ndarray:
+        """The memory of motors at rest, (*lead, n, m, INPUTS)."""
+        return np.zeros((*lead, self.joints, len(self.memory_s), INPUTS))
+
+
+class Learned(NamedTuple):
+    """What the networks give in one physics step."""
+
+    torque: Array  # (..., n) N m, to be added at the joints
+    damping: Array  # (..., n) N m s/rad, at least 0: minus its slope in the present velocity
+    memory: Array  # (..., n, m, INPUTS) at the end of the step
+
+
+def inputs_of(
+    net: ActuatorNet, command: JointCommand, position: Array, velocity: Array, torque: Array
+) -> Array:
+    """What the networks read now, in units of their scales, (..., n, INPUTS).
+
+    Args:
+        net: the networks.
+        command: that the motors follow. A command without stiffness has no position error.
+        position: joint positions as the encoders measure them, rad, (..., n).
+        velocity: joint velocities, rad/s.
+        torque: of the physical law, N m, before friction.
+    """
+    xp = library(velocity)
+    error = xp.where(command.kp > 0.0, command.position - position, 0.0)
+    return xp.stack([error, velocity, torque], axis=-1) / net.scale
+
+
+def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float) -> Learned:
+    """The torque that the physical law lacks in one physics step.
+
+    Args:
+        net: the networks.
+        inputs: see `inputs_of`, (..., n, INPUTS).
+        memory: low-passed inputs at the beginning of the step, (..., n, m, INPUTS).
+        step_s: length of the step. The low-passes are exact for inputs that are constant over it.
+    """
+    xp = library(inputs)
+    read = xp.concatenate([inputs[..., None, :], memory], axis=-2)
+    signal = read.reshape(*read.shape[:-2], 1, -1)  # (..., n, 1, inputs)
+    slope = net.layers[0][:, 1:2, :]  # in the present velocity
+    for place, layer in enumerate(net.layers):
+        signal = xp.tanh(xp.matmul(signal, layer))
+        slope = (1.0 - signal * signal) * (slope if place == 0 else xp.matmul(slope, layer))
+    damping = -net.limit * slope[..., 0, 0] / net.scale[:, 1]
+    kept = np.exp(-float(step_s) / net.memory_s)[:, None]
+    now = inputs[..., None, :]
+    return Learned(net.limit * signal[..., 0, 0], xp.maximum(damping, 0.0), now + kept * (memory - now))
+
+
+def save_net(path: Path, net: ActuatorNet, joints: tuple[str, ...]) -> None:
+    """Write networks as plain arrays (NPZ). The file must not exist."""
+    arrays = {f"{KERNEL}{place}": np.asarray(layer) for place, layer in enumerate(net.layers)}
+    arrays |= {"memory_s": net.memory_s, "scale": np.asarray(net.scale), "limit_nm": np.asarray(net.limit)}
+    with path.open("xb") as file:
+        np.savez(file, allow_pickle=False, joints=np.array(joints), **arrays)
+
+
+def load_net(path: Path, joints: tuple[str, ...]) -> ActuatorNet:
+    """Read networks.
+
+    Args:
+        path: NPZ of `save_net`.
+        joints: the robot's, in joint order.
+
+    Raises:
+        UserError: there is no such file, or it does not fit the robot.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files}
+        count = sum(name.startswith(KERNEL) for name in found)
+        layers = tuple(found[f"{KERNEL}{place}"].astype(float) for place in range(count))
+        net = ActuatorNet(layers, *(found[name].astype(float) for name in ("memory_s", "scale", "limit_nm")))
+        names = tuple(found["joints"].tolist())
+    except (OSError, KeyError, ValueError) as error:
+        raise UserError(f"{path} is no file of 'footfall identify net': {error}") from None
+    if names != joints:
+        raise UserError(f"{path} is of other joints than the robot's: {', '.join(map(str, names))}")
+    if reason := _wrong(net, len(joints)):
+        raise UserError(f"{path}: {reason}")
+    return net
+
+
+def _wrong(net: ActuatorNet, joints: int) -> str:
+    """Why arrays are no networks of this many joints; empty if they are."""
+    sizes = [INPUTS * (1 + net.memory_s.size), *(layer.shape[-1] for layer in net.layers)]
+    shapes = [(joints, *pair) for pair in pairwise(sizes)]
+    if [layer.shape for layer in net.layers] != shapes or sizes[-1] != 1 or net.memory_s.ndim != 1:
+        return "the shapes of its layers do not fit each other"
+    if net.scale.shape != (joints, INPUTS) or net.limit.shape != (joints,):
+        return "scale or limit_nm has another shape than its joints"
+    if not all(np.isfinite(each).all() for each in (*net.layers, *net[1:])):
+        return "it has values that are not finite"
+    if (net.memory_s <= 0.0).any() or (net.scale <= 0.0).any() or (net.limit < 0.0).any():
+        return "memory_s and scale must be positive, limit_nm not negative"
+    return ""

@@ -1,0 +1,143 @@
+"""Adds an actuator net to identified legs, and judges it beside the physical law on held-out motion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.identify.driven import driven_motion
+from footfall.identify.fit import FitConfig, LegFit, held_out_error
+from footfall.identify.leg import FixedLeg, fixed_legs
+from footfall.identify.parameters import Parameter
+from footfall.identify.proposal import propose
+from footfall.identify.recording import Recording
+from footfall.robots.actuator_net import INPUTS, ActuatorNet, save_net
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.driven_motion import DrivenMotion, joined_motion
+from footfall.train.actuator_net import NetConfig, Trained, train_net
+
+FILE = "actuator_net.npz"
+DECIDES, JUDGES = 1, 3  # of every four windows of a fit, from 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A leg's rms position errors over held-out windows, rad, (n,) each."""
+
+    leg: FixedLeg
+    nominal_rad: np.ndarray
+    law_rad: np.ndarray  # of the fitted physical law
+    net_rad: np.ndarray  # of the proposed folder's law with its net
+
+    def rows(self) -> list[list[str]]:
+        """Joint, and each error in mrad."""
+        errors = 1e3 * np.stack([self.nominal_rad, self.law_rad, self.net_rad], axis=1)
+        names = self.leg.joint_names
+        return [[name, *map("{:.2f}".format, row)] for name, row in zip(names, errors.tolist(), strict=True)]
+
+    def figures(self) -> dict[str, Any]:
+        """For a file."""
+        errors = {"nominal": self.nominal_rad, "law": self.law_rad, "net": self.net_rad}
+        return {"leg": self.leg.name, "held_out_rad": {name: each.tolist() for name, each in errors.items()}}
+
+    @property
+    def better(self) -> bool:
+        """Whether the net predicts the leg better than the fitted law."""
+        return float((self.net_rad**2).mean()) < float((self.law_rad**2).mean())
+
+
+def learn(
+    robot: Robot,
+    fits: Sequence[LegFit],
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    folder: Path,
+    config: NetConfig,
+) -> list[Comparison]:
+    """Write a proposed robot folder whose motors have a net, and judge it.
+
+    The folder has the identified bodies and losses. The net learns what its law lacks, with strength, gains
+    and lag. Delay and encoder bias stay those of the fit.
+
+    Args:
+        robot: nominal.
+        fits: of its legs, to the same recordings.
+        recordings: of the robot. The last of several decides when a training stops; of one, some seconds do.
+        held_out: judge; without any, every fourth second of each recording does, as in the fit.
+        folder: must not exist.
+        config: of the training.
+    """
+    propose(robot, fits, [each.source for each in recordings], folder, with_net=True)
+    made = {leg.name: leg for leg in fixed_legs(load_robot(folder))}
+    trained = [
+        (made[fit.leg.name], _trained(made[fit.leg.name], fit, recordings, bool(held_out), config))
+        for fit in fits
+    ]
+    save_net(folder / FILE, _of_robot(robot, trained), robot.joint_names)
+    with (folder / "robot.yaml").open("a", encoding="utf-8") as file:
+        file.write("\n# Learned by `footfall identify net`; randomisation.yaml names the recordings.\n")
+        file.write(f"actuator_net: {FILE}\n")
+    learned = {leg.name: leg for leg in fixed_legs(load_robot(folder))}
+    return [_compared(fit, learned[fit.leg.name], recordings, held_out) for fit in fits]
+
+
+def _compared(
+    fit: LegFit, learned: FixedLeg, recordings: Sequence[Recording], held_out: Sequence[Recording]
+) -> Comparison:
+    fitted = {each.parameter: each.value for each in fit.estimates}
+
+    def error(leg: FixedLeg, values: dict[Parameter, float]) -> np.ndarray:
+        return held_out_error(leg, recordings, held_out, values, FitConfig())
+
+    return Comparison(fit.leg, error(fit.leg, {}), error(fit.leg, fitted), error(learned, _kept(fit)))
+
+
+def _kept(fit: LegFit) -> dict[Parameter, float]:
+    """What the wires and the encoders are identified to do: no part of a net."""
+    kinds = "delay_s", "encoder_bias"
+    return {each.parameter: each.value for each in fit.estimates if each.parameter.quantity in kinds}
+
+
+def _trained(
+    leg: FixedLeg, fit: LegFit, recordings: Sequence[Recording], judged_apart: bool, config: NetConfig
+) -> Trained:
+    kept = _kept(fit)
+
+    def of_joints(quantity: str) -> np.ndarray:
+        parameters = [Parameter(quantity, joint) for joint in leg.joint_names]
+        return np.array([kept.get(each, each.kind.nominal) for each in parameters])
+
+    bias, delay_s = of_joints("encoder_bias"), of_joints("delay_s")
+    fit_config = FitConfig()
+    motions = [
+        driven_motion(leg, each, bias, delay_s, config.window_s, fit_config.window_s) for each in recordings
+    ]
+    seen = [block for block in range(fit_config.hold_out_every) if judged_apart or block != JUDGES]
+    if len(motions) > 1:
+        *motions, deciding = (_of_blocks(each, seen) for each in motions)
+        return train_net(joined_motion(motions), deciding, leg.motor, config)
+    learning = [block for block in seen if block != DECIDES]
+    return train_net(_of_blocks(motions[0], learning), _of_blocks(motions[0], [DECIDES]), leg.motor, config)
+
+
+def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
+    """The motion with windows in some of every four blocks."""
+    every = FitConfig().hold_out_every
+    if len(blocks) == every:
+        return motion
+    return motion.only((motion.block >= 0) & np.isin(motion.block % every, blocks))
+
+
+def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, Trained]]) -> ActuatorNet:
+    """Nets of all joints; those that were not trained add no torque."""
+    n, like = len(robot.joint_names), trained[0][1].net
+    sizes = [(layer.shape[1:]) for layer in like.layers]
+    layers = [np.zeros((n, *size)) for size in sizes]
+    scale, limit = np.ones((n, INPUTS)), np.zeros(n)
+    for leg, found in trained:
+        for layer, mine in zip(layers, found.net.layers, strict=True):
+            layer[leg.joints] = mine
+        scale[leg.joints], limit[leg.joints] = found.net.scale, found.net.limit
+    return ActuatorNet(tuple(layers), like.memory_s, scale, limit)
