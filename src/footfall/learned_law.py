@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from footfall.identify.recording import Recording
 from footfall.robots.actuator_net import INPUTS, ActuatorNet, save_net
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.driven_motion import DrivenMotion, joined_motion
-from footfall.train.actuator_net import NetConfig, Trained, train_net
+
+if TYPE_CHECKING:
+    from footfall.train.actuator_net import NetConfig, Trained
 
 FILE = "actuator_net.npz"
 DECIDES, JUDGES = 1, 3  # of every four windows of a fit, from 0
@@ -54,7 +56,7 @@ def learn(
     recordings: Sequence[Recording],
     held_out: Sequence[Recording],
     folder: Path,
-    config: NetConfig,
+    config: "NetConfig",
 ) -> list[Comparison]:
     """Write a proposed robot folder whose motors have a net, and judge it.
 
@@ -101,8 +103,10 @@ def _kept(fit: LegFit) -> dict[Parameter, float]:
 
 
 def _trained(
-    leg: FixedLeg, fit: LegFit, recordings: Sequence[Recording], judged_apart: bool, config: NetConfig
-) -> Trained:
+    leg: FixedLeg, fit: LegFit, recordings: Sequence[Recording], judged_apart: bool, config: "NetConfig"
+) -> "Trained":
+    from footfall.train.actuator_net import train_net
+
     kept = _kept(fit)
 
     def of_joints(quantity: str) -> np.ndarray:
@@ -130,7 +134,7 @@ def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
     return motion.only((motion.block >= 0) & np.isin(motion.block % every, blocks))
 
 
-def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, Trained]]) -> ActuatorNet:
+def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> ActuatorNet:
     """Nets of all joints; those that were not trained add no torque."""
     n, like = len(robot.joint_names), trained[0][1].net
     sizes = [(layer.shape[1:]) for layer in like.layers]
