@@ -20,9 +20,10 @@ class BringUpLimits:
     carries: tuple[float, float] = (0.6, 1.5)  # weight from the legs' torques, over the robot's
     least_leg_share: float = 0.3  # of an even share of the weight, for each leg
     tilts: tuple[float, float] = (0.6, 1.4)  # tilt from the IMU over tilt from the joints
+    uneven_tilt_rad: float = 0.35  # largest of the base on uneven ground
 
     def __post_init__(self) -> None:
-        require_between(self, 0.001, 3.2, "lost_rad", "still_rad", "tilt_rad")
+        require_between(self, 0.001, 3.2, "lost_rad", "still_rad", "tilt_rad", "uneven_tilt_rad")
         require_between(self, 0.01, 10.0, "follows", "shaking_rad_s", "shaking_s", "carries", "tilts")
         require_between(self, 0.001, 1.0, "torque_share", "least_leg_share")
         require_between(self, 30.0, 150.0, "temperature_c")
@@ -38,9 +39,11 @@ class BringUpConfig:
     sway_rad: float = 0.08  # tilt of the base, to the side and to the front
     slew_s: float = 3.0  # fade from standing to the policy
     walk_s: float = 8.0
+    uneven_m: float = 0.02  # height of what lies in the way in the last step
     limits: BringUpLimits = field(default_factory=BringUpLimits)
 
     def __post_init__(self) -> None:
         require_between(self, 0.5, 60.0, "hold_s", "move_s", "walk_s")
         require_between(self, 0.0, 60.0, "slew_s")
         require_between(self, 0.01, 1.0, "move_rad", "sway_rad")
+        require_between(self, 0.0, 0.2, "uneven_m")

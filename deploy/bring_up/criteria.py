@@ -101,6 +101,13 @@ def level(case: Case) -> Iterator[str]:
             yield f"the base's {name} is {mean:+.2f} rad: a joint's zero is wrong, or the IMU is askew"
 
 
+def upright(case: Case) -> Iterator[str]:
+    """The base never tilts far."""
+    tilt = float(np.hypot(case.samples.roll, case.samples.pitch).max())
+    if tilt > case.limits.uneven_tilt_rad:
+        yield f"the base tilts by {tilt:.2f} rad: try lower obstacles, or another policy"
+
+
 def carry(case: Case) -> Iterator[str]:
     """The torques that the motors report carry the robot's weight, and every leg some of it.
 

@@ -17,6 +17,7 @@ from footfall.deploy.bring_up.criteria import (
     level,
     modest,
     sway,
+    upright,
 )
 from footfall.deploy.bring_up.motions import (
     SlewedIn,
@@ -44,8 +45,8 @@ class Setting(NamedTuple):
     """Robot, policy and settings of all steps."""
 
     robot: Robot
-    policy: Policy  # of the last step
-    command_source: CommandSource | VelocityFunction  # of the last step
+    policy: Policy  # of the last two steps
+    command_source: CommandSource | VelocityFunction  # of the last two steps
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
@@ -76,6 +77,7 @@ class Step(NamedTuple):
     least_feet: int = 1  # a robot with fewer skips the step
     stands_still: bool = False  # a robot that cannot (`held_start`) skips the step
     checks_wiring: bool = False
+    uneven: bool = False  # obstacles as high as `uneven_m` lie in its way
 
     def skipped_by(self, robot: Robot) -> str:
         """Why a robot skips the step; empty if it does not."""
@@ -152,6 +154,7 @@ STEPS = (
     Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS), stands_still=True),
     Step("shift", False, "it shifts its weight, and the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
     Step("walk", False, "the policy takes over slowly", _walk, (cool,)),
+    Step("uneven", False, "the policy walks over uneven ground", _walk, (upright, cool), uneven=True),
 )  # fmt: skip
 
 

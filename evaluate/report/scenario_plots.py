@@ -105,7 +105,8 @@ def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
             ]
     return Plot(
         "Harder conditions",
-        "How tracking, falls and successes change as one condition worsens, all else as the scenario says.",
+        "How tracking, falls and successes change as one condition worsens, all else as the scenario says."
+        " Bars: 95 % Wilson intervals.",
         panels,
         legend=range(len(scenarios[0][1])) if panels else (),
     )
@@ -130,15 +131,16 @@ class ConditionFigure(NamedTuple):
     unit: str
     measure: Callable[[Summary], float]  # of a row
     highest: float | None  # of the axis
+    interval: str = ""  # key of the row's interval, a share; empty without one
 
 
 CONDITION_FIGURES = (
     ConditionFigure("velocity error", "m/s", _error, None),
-    ConditionFigure("falls", "%", _falls, 105.0),
+    ConditionFigure("falls", "%", _falls, 105.0, "fall_rate_interval"),
 )
 
 
-SUCCESSES = ConditionFigure("successes", "%", _successes, 105.0)
+SUCCESSES = ConditionFigure("successes", "%", _successes, 105.0, "success_rate_interval")
 
 
 def _figures_of(rows: Mapping[str, list[Summary]]) -> tuple[ConditionFigure, ...]:
@@ -157,8 +159,13 @@ def _condition_panel(
         for place, (policy, each) in enumerate(rows.items()):
             x, y = [row[level] for row in each], [figure.measure(row) for row in each]
             ax.plot(x, y, **line(place), marker=marker(place), ms=4.5)
-            for at, number in zip(x, y, strict=True):
-                lines.setdefault(at, []).append(f"{policy} {number:.3g}")
+            for at, number, row in zip(x, y, each, strict=True):
+                within = ""
+                if figure.interval:
+                    low, high = (100.0 * edge for edge in row[figure.interval])
+                    ax.vlines(at, low, high, color=colour(place), lw=0.8, alpha=0.7)
+                    within = f" ({low:.0f} to {high:.0f})"
+                lines.setdefault(at, []).append(f"{policy} {number:.3g}{within}")
         ax.set(xlabel=label, ylabel=figure.unit, title=figure.name)
         ax.set_ylim(bottom=0.0 if figure.highest is None else -5.0, top=figure.highest)
         readings = [

@@ -13,7 +13,18 @@ from shell import Shell
 
 from footfall.common.config import load
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
-from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, follow, level, modest, sway
+from footfall.deploy.bring_up.criteria import (
+    Case,
+    Window,
+    calm,
+    carry,
+    cool,
+    follow,
+    level,
+    modest,
+    sway,
+    upright,
+)
 from footfall.deploy.bring_up.motions import (
     SlewedIn,
     StandingTrajectoryPolicy,
@@ -34,6 +45,7 @@ from footfall.plant.robot import PlantConfig
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import Robot
+from footfall.terrain.ground import Ground
 from footfall.verbs import bring_up
 
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
@@ -162,6 +174,13 @@ class TestCriteria:
         found = list(level(case_of(go1, samples(up=leaning))))
         assert found == [f"the base's {says} rad: a joint's zero is wrong, or the IMU is askew"]
         assert list(level(case_of(go1, samples()))) == []
+
+    @pytest.mark.parametrize(("tilt", "passes"), [(0.3, True), (0.4, False)])
+    def test_on_uneven_ground_the_base_may_tilt_so_far(self, go1: Robot, tilt: float, passes: bool) -> None:
+        """For a moment, forwards and to the side at once."""
+        up = np.tile([0.0, 0.0, 1.0], (101, 1))
+        up[50] = *(np.sin(tilt) * np.array([0.6, -0.8])), np.cos(tilt)
+        assert (list(upright(case_of(go1, samples(up=up)))) == []) is passes
 
     def test_torques_that_hold_the_weight_carry_it(self, go1: Robot) -> None:
         """An even share of 12.743 kg on each leg, by -J^T f; then of half of it; then on three legs."""
@@ -476,6 +495,26 @@ class TestCommand:
             PlantConfig(motor_timeout_s=0.5, lying=True, let_go_after_s=5.0),
         ]
 
+    def test_in_simulation_the_ground_of_the_last_step_is_uneven_from_half_a_metre_on(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        grounds: list[Ground | None] = []
+        monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *a: grounds.append(a[3].ground))
+        monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
+        monkeypatch.setattr(
+            "footfall.deploy.bring_up.steps.run_step", lambda step, *_: Verdict(step.name, (), RESULT)
+        )
+        (tmp_path / "limits.yaml").write_text("uneven_m: 0.03")
+        options = bring_up.BringUpOptions(steps=("walk", "uneven"), limits=tmp_path / "limits.yaml")
+        assert bring_up.bring_up("trot", options=options) == 0
+        level_ground, uneven = grounds
+        assert level_ground is None
+        assert uneven is not None
+        middle = uneven.heights.shape[1] // 2
+        beside = round(0.4 / uneven.cell_m)
+        assert not uneven.heights[0, middle - beside : middle + beside, middle].any()
+        assert 0.02 < uneven.heights.max() <= 0.03
+
     @pytest.fixture
     def settings(self) -> list[Setting]:
         """What each step was run with."""
@@ -545,7 +584,10 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("options", "says"),
         [
-            (["--steps", "jump"], "no step 'jump': there are hold, joints, legs, wiring, stand, shift, walk"),
+            (
+                ["--steps", "jump"],
+                "no step 'jump': there are hold, joints, legs, wiring, stand, shift, walk, uneven",
+            ),
             (["--scale", "2"], "--scale"),
             (["--bus", "virtual"], "nobody is there to confirm: add --yes"),
         ],

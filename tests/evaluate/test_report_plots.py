@@ -144,14 +144,16 @@ class TestConditions:
         assert falls.axes.get_ylim() == (-5.0, 105.0)
 
     def test_on_uneven_ground_successes_are_shown_too(self, drawn: list[Drawn]) -> None:
-        shares = {0.1: 1.0, 0.2: 0.5}
+        shares = {0.1: (1.0, (0.68, 1.0)), 0.2: (0.5, (0.22, 0.78))}
         on_stairs = [
-            row(0, 8, (0, 1), lin_vel_rmse=0.1, step_m=step, success_rate=share)
-            for step, share in shares.items()
+            row(0, 8, (0, 1), lin_vel_rmse=0.1, step_m=step, success_rate=share, success_rate_interval=within)
+            for step, (share, within) in shares.items()
         ]
         scenario_plots.conditions([("step_m", {"a": {"rows": on_stairs}})])
         assert len(drawn) == 3
         assert drawn[2].points(svg.colour(0))[1] == [100.0, 50.0]
+        bars = [bar.get_segments()[0][:, 1].tolist() for bar in drawn[2].axes.collections]
+        np.testing.assert_allclose(bars, [[68.0, 100.0], [22.0, 78.0]])
 
 
 class TestSweep:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 FAILED = 1
+UNEVEN_FROM_M = 0.5  # of the robot's place at first: in simulation, uneven ground begins there
 HANGS = "The robot hangs in a frame, its feet in the air"
 HELD = "Somebody holds the robot up, its feet just on the ground, and lets go once it steps in place"
 GROUND = "The robot lies or stands on the ground, nobody within its reach"
@@ -38,11 +39,11 @@ class BringUpOptions:
     bus: str = "sim"
     """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
     steps: Names = ()
-    """These steps alone: hold, joints, legs, wiring, stand, shift, walk."""
+    """These steps alone: hold, joints, legs, wiring, stand, shift, walk, uneven."""
     scale: Annotated[float, Parameter(validator=Number(gte=0.01, lte=1.0))] = 0.5
     """Share of stiffness, damping and torque that reaches the motors."""
     command: VelocityCommand = (0.2, 0.0, 0.0)
-    """For the policy, in the last step."""
+    """For the policy, in the last two steps."""
     config: OptionalPath = None
     """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
     limits: OptionalPath = None
@@ -66,6 +67,8 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
             continue
         if options.bus != SIMULATED:
             place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
+            if step.uneven:
+                place += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
             confirm(f"{step.name}: {step.about}. {place}?", options.yes)
         verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
@@ -136,12 +139,15 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     with ExitStack() as resources:
         if kind in (SIMULATED, VIRTUAL):
             from footfall.plant.robot import PlantConfig, SimulatedRobot
+            from footfall.terrain.declaration import load_ground
 
+            uneven = f"rough,roughness_m={setting.config.uneven_m},start_m={UNEVEN_FROM_M}"
             lies = not step.hangs and robot.lying_pose is not None
             plant = PlantConfig(
                 motor_timeout_s=setting.deploy.motor_timeout_s,
                 lying=lies,
                 hanging=step.hangs,
+                ground=load_ground(uneven) if step.uneven else None,
                 let_go_after_s=setting.deploy.held_up_s,
             )
         if kind == SIMULATED:
