@@ -13,7 +13,7 @@ from physics_parity import compare, random_arguments
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.make import make_environment
 from footfall.envs.physics.engines import make_engine
-from footfall.envs.physics.generated import on_processor
+from footfall.envs.physics.generated import llvm, on_processor
 from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.physics import not_generated
 from footfall.envs.physics.generated.tree import refusals
@@ -26,6 +26,7 @@ from footfall.train.config import load_preset
 DOUBLE, SINGLE = 1e-12, 1e-5  # relative errors of the velocities
 COUNT = 60
 ROBOTS = ("go1", "hexapod", "g1")
+SHIPPED = llvm.OPTIMISATION  # as users have it; the other tests compile quickly
 
 
 def errors(
@@ -45,10 +46,13 @@ def test_four_steps_are_mujocos_in_double_precision(name: str) -> None:
     assert errors(robot, training_model(robot)).max() < DOUBLE
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_a_step_is_mujocos_to_rounding_in_single_precision(name: str) -> None:
+@pytest.mark.parametrize(("name", "optimisation"), [("go1", SHIPPED), ("hexapod", 0), ("g1", 0)])
+def test_a_step_is_mujocos_to_rounding_in_single_precision(
+    name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(llvm, "OPTIMISATION", optimisation)
     robot = load_robot(name)
-    found = errors(robot, training_model(robot), np.float32, 1000)
+    found = errors(robot, training_model(robot), np.float32, 400)
     assert np.quantile(found[:, 0], 0.99) < SINGLE
 
 

@@ -29,7 +29,7 @@ def walked(config: EnvConfig, **drawn: float) -> tuple[State, np.ndarray]:
     """The last state, and the observations (steps, environments, 2n), under fixed actions."""
     ranges = {name: Distribution(value, value) for name, value in drawn.items()}
     env = LocomotionEnv(ROBOT, replace(config, randomisation=Randomisation(**ranges)))
-    state, _ = jax.vmap(env.reset)(jax.random.split(jax.random.PRNGKey(4), ENVIRONMENTS))
+    state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(4), ENVIRONMENTS))
     step = jax.jit(jax.vmap(env.step))
     seen = []
     for k in range(STEPS):

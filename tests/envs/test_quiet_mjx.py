@@ -5,6 +5,7 @@ import sys
 from importlib.util import find_spec
 
 import pytest
+from long_tests import long_test
 
 pytest.importorskip("mujoco.mjx")
 
@@ -17,7 +18,6 @@ def said_by(code: str) -> str:
 @pytest.mark.parametrize(
     "code",
     [
-        "import footfall.envs.locomotion",
         "from footfall.train.entry import learning_libraries\n"
         "with learning_libraries(): import footfall.train.api",
         "import gymnasium; gymnasium.make('footfall.gym:footfall/Go1Velocity-v0')",
@@ -27,6 +27,7 @@ def test_nothing_is_said_on_import(code: str) -> None:
     assert said_by(code) == ""
 
 
+@long_test
 @pytest.mark.skipif(find_spec("warp") is not None, reason="Warp is installed: MJX finds it and says nothing")
 def test_mjx_still_speaks_by_itself() -> None:
     """When this fails, delete envs/workarounds/quiet_mjx.py."""

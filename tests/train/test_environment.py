@@ -93,7 +93,8 @@ class TestStep:
     def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
         env = make(curricula=(curriculum("randomisation", 0.0),), randomisation=load_randomisation())
         key = jax.random.PRNGKey(12)
-        nominal, half, full = (env.reset(key, level)[0] for level in (0.0, 0.5, 1.0))
+        reset = jax.jit(env.reset)
+        nominal, half, full = (reset(key, level)[0] for level in (0.0, 0.5, 1.0))
         assert np.allclose(nominal.sample["link_mass"], 1.0)
         assert np.allclose(nominal.fields["body_mass"], training_model(ROBOT).body_mass)
         assert float(nominal.sample["action_delay_s"]) == 0.0
@@ -103,7 +104,8 @@ class TestStep:
     def test_the_curriculum_slows_the_first_command_down_too(self) -> None:
         env = make(curricula=(curriculum("commands", 0.2),))
         key = jax.random.PRNGKey(12)
-        first, half, full = (env.reset(key, level)[0].command for level in (0.0, 0.5, 1.0))
+        reset = jax.jit(env.reset)
+        first, half, full = (reset(key, level)[0].command for level in (0.0, 0.5, 1.0))
         assert np.abs(full).max() > 0.1
         np.testing.assert_allclose(first, 0.2 * full, rtol=1e-6)
         np.testing.assert_allclose(half, 0.6 * full, rtol=1e-6)

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from long_tests import long_test
 
 pytest.importorskip("jax")
 
@@ -28,6 +29,7 @@ def test_training_imports_no_simulator_that_it_does_not_use() -> None:
     assert lean[-1] == "brax.base brax.base"  # and it is there when it is asked for
 
 
+@long_test
 def test_brax_still_imports_its_simulator_by_itself() -> None:
     """Where this fails, footfall/train/brax/lean_brax.py can go."""
     assert "True True" in run("import brax.training.types")
