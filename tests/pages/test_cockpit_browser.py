@@ -12,6 +12,7 @@ import pytest
 from browser import Tab, chromium, tab
 from walking_run import WALKING, eventually
 
+from footfall.deploy.modes import Mode
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.robots.description import Robot
 
@@ -104,3 +105,6 @@ def test_sliders_and_lists_show_what_acts_now_and_what_comes(opened: SimpleNames
     assert shown() == "0.250 → 0.220 m"
     inbox.poll(WALKING._replace(applied=WALKING.applied._replace(settings={"body_height_m": 0.22})))
     page.wait_for(lambda page: page.value(f"{slider}.nextElementSibling.textContent") == "0.220 m")
+    assert "Height" in page.text
+    inbox.poll(WALKING._replace(mode=Mode.ESTOP, walking_s=0.0))  # what is not known of a robot that lies
+    page.wait_for(lambda page: "ESTOP" in page.text and not {"Height", "Walked"} & set(page.text.split()))
