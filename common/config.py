@@ -56,7 +56,7 @@ def _structure_int(value: Any, _: type) -> int:
 
 def _structure_str(value: Any, _: type) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"{_shown(value)} is not text")
+        raise ValueError(f"{_shown(value)} is not text: put it in quotes")
     return value
 
 

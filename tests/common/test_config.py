@@ -236,7 +236,10 @@ class TestSettings:
             ({"count": 1, "inner": {"size": 10**400}}, "here: inner.size: not a finite number"),
             ({"count": 1, "inner": {"size": -float("inf")}}, "here: inner.size: not a finite number"),
             ({"count": 1, "inner": {"size": 1, "on": 1}}, "here: inner.on: 1 is not true or false"),
-            ({"count": 1, "inner": {"size": 1, "names": [7]}}, "here: inner.names[0]: 7 is not text"),
+            (
+                {"count": 1, "inner": {"size": 1, "names": [7]}},
+                "here: inner.names[0]: 7 is not text: put it in quotes",
+            ),
             (
                 {"count": 1, "inner": {"size": 1, "b": 2, "a": 3}},
                 "here: inner: no setting a, b (there are size, names, on)",

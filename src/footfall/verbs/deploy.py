@@ -240,7 +240,8 @@ def _config(robot: "Robot", options: DeployOptions, steering: "Steered") -> "Dep
     from footfall.deploy.config import deploy_config
 
     config = deploy_config(robot, options.config, simulated=options.bus == SIMULATED)
-    return replace(config, odometry=config.odometry or steering.odometry)
+    shown = options.log is not None and not options.ground_truth  # a log shows where the robot went
+    return replace(config, odometry=config.odometry or steering.odometry or shown)
 
 
 def _figures(outcome: "SessionResult", options: DeployOptions, steering: "Steered") -> dict[str, Any]:
