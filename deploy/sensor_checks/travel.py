@@ -13,6 +13,7 @@ from footfall.robots.description import Robot
 from footfall.robots.targets import within
 
 CREEP_RAD_S = 0.25  # fastest drift that creeps: a sudden error is for the other checks
+REST_S = 0.2  # without motion: a stance is shorter, and belongs to the stride around it
 IMPACT_S = 0.01  # duration of a foot's touchdown: readings farther apart miss how a velocity changes
 
 
@@ -119,12 +120,13 @@ class Wander(_SignedTravel):
 
 
 class Creep(_SignedTravel):
-    """The signed error of an encoder that drifts slowly, of the windows in which its joint moves.
+    """The signed error of an encoder that drifts slowly, until its joint has rested for a while.
 
-    The last digit of a velocity is an error that stays the same while a joint rests. Windows in which
-    readings come unevenly do not count. A velocity that jumps between two readings, as when a foot lands,
-    leaves the travel uncertain by half of the jump over that time. Chance cancels most of it, but not in a
-    gait whose strides keep step with the readings: `creep_share` of the sum is allowed.
+    The last digit of a velocity is an error that stays the same while a joint rests. A stride counts as a
+    whole: what an impact adds to one window is missing in its neighbour, which may be a slow one. Windows in
+    which readings come unevenly do not count. A velocity that jumps between two readings, as when a foot
+    lands, leaves the travel uncertain by half of the jump over that time. Chance cancels most of it, but not
+    in a gait whose strides keep step with the readings: `creep_share` of the sum is allowed.
     """
 
     memory = "creep_memory_s"
@@ -140,9 +142,11 @@ class Creep(_SignedTravel):
     def reset(self) -> None:
         super().reset()
         self._jolts = np.zeros(self._n)  # rad/s; fade
+        self._rest_s = np.full(self._n, np.inf)  # since the joint moved
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        moves = (window.speed > self._least_rad_s) & (window.late_s < 0.5 * IMPACT_S)
+        self._rest_s = np.where(window.speed > self._least_rad_s, 0.0, self._rest_s + window.elapsed_s)
+        moves = (self._rest_s < REST_S) & (window.late_s < 0.5 * IMPACT_S)
         kept = math.exp(-window.elapsed_s / self._memory_s)
         self._jolts = kept * self._jolts + moves * window.jolts
         error = self._updated(window, moves=moves) - self._uncertain_s * self._jolts
