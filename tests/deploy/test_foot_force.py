@@ -111,10 +111,10 @@ class TestDeclaration:
 
 
 def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:
-    """mpc, which walks on the estimate, with sensors that begin to lie 0.4 s later."""
+    """mpc, which walks on the estimate, with sensors that begin to lie 0.2 s later."""
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        if lie is not None and loop.walking and loop.walking_s > 0.4:
+        if lie is not None and loop.walking and loop.walking_s > 0.2:
             lie(body)
 
     episode = Episode(command_source=lambda _: FORWARD, duration_s=duration_s, **settings)  # type: ignore[arg-type]
@@ -137,7 +137,7 @@ def exchanged(body: SimulatedRobot) -> None:
 class TestWalk:
     @pytest.mark.parametrize("lie", [each_otherwise, exchanged])
     def test_no_sensor_fells_the_robot(self, sensing: Robot, lie: Lie) -> None:
-        trace = walk(sensing, lie, 1.6)
+        trace = walk(sensing, lie, 1.0)
         assert not trace.fell
         assert not trace.faults
         assert sum("force sensor" in note for note in trace.notes) == 4

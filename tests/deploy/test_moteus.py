@@ -214,7 +214,11 @@ class TestBuses:
 
     def test_a_log_has_them_as_candump_writes_them(self, go1: Robot, tmp_path: Path) -> None:
         robot: Any = with_motors(go1, hip="moteus", knee="moteus")
-        run_episode(robot, Hold(robot), replace(short_episode(), log=tmp_path / "a.mcap", log_frames=True))
+        run_episode(
+            robot,
+            Hold(robot),
+            replace(short_episode(duration_s=0.1), log=tmp_path / "a.mcap", log_frames=True),
+        )
         text = StringIO()
         count = write_candump(tmp_path / "a.mcap", text)
         lines = text.getvalue().splitlines()

@@ -43,7 +43,8 @@ class OnABus:
 
 
 @pytest.mark.parametrize(
-    ("maker", "late_us"), [*((maker, 5000) for maker in MAKERS), ("Damiao", 1000), ("Damiao", 2500)]
+    ("maker", "late_us"),
+    [("MIT mode", 5000), ("ODrive", 5000), ("moteus", 5000), ("mixed", 5000), ("Damiao", 1000)],
 )
 def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_us: int) -> None:
     simulated = OnABus(with_motors(go1, **MAKERS[maker]))

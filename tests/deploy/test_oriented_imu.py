@@ -40,7 +40,7 @@ def walk(
             errors.append(np.linalg.norm(up - rotation_matrix(body.truth().base_quaternion)[2]))
 
     episode = Episode(
-        command_source=lambda _: np.array([forward, 0.0, 0.3 * bool(forward)]),
+        command_source=lambda _: np.array([forward, 0.0, 0.3]),
         duration_s=seconds,
         sample={"gyro_bias": BIAS},
         noise=load_scenarios(robot).noise,
@@ -50,15 +50,14 @@ def walk(
     return trace, float(np.degrees(np.sqrt(np.mean(np.square(errors)))))
 
 
-PUSHES = (Push(1.0, (0.5, 0.0, 0.0)), Push(2.5, (0.0, -0.5, 0.0)))
+PUSHES = (Push(0.6, (0.5, 0.0, 0.0)), Push(1.4, (0.0, -0.5, 0.0)))
 
 
 @pytest.mark.parametrize(
     ("name", "policy", "forward", "pushes", "seconds"),
     [
-        ("go1", "stand", 0.0, PUSHES[:1], 2.5),
-        ("go1", "go1-flat", 0.8, PUSHES, 4.0),
-        ("g1", "g1-flat", 0.6, (), 4.0),
+        ("go1", "go1-flat", 0.8, PUSHES, 2.5),
+        ("g1", "g1-flat", 0.6, (), 2.0),
     ],
 )
 def test_its_tilt_is_right_within_a_degree(
@@ -68,8 +67,7 @@ def test_its_tilt_is_right_within_a_degree(
     assert not trace.fell
     assert trace.faults == ()
     assert error <= 1.0
-    if forward:
-        assert np.median(trace.base_velocity[100:, 0]) == pytest.approx(forward, abs=0.2)
+    assert np.median(trace.base_velocity[50:, 0]) == pytest.approx(forward, abs=0.2)
 
 
 def test_a_robot_that_does_not_keep_still_at_first_is_not_let_up(go1: Robot) -> None:

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ from footfall.common.errors import UserError
 from footfall.deploy.config import deploy_config
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
+from footfall.deploy.wiring_check import check
 from footfall.deploy.wiring_check.causes import as_wired, causes
+from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.domain_rand.noise import Noise
@@ -49,7 +53,17 @@ def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
     return inject
 
 
-def test_right_wiring_passes_lying_and_standing(go1: Robot) -> None:
+@pytest.fixture
+def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Sets motions and limits of the check."""
+    return lambda **changes: monkeypatch.setattr(
+        check, "WiringCheckConfig", partial(WiringCheckConfig, **changes)
+    )
+
+
+def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..., None]) -> None:
+    """Without doubt: in doubt it takes ten seconds to find that no wrong wiring explains the errors."""
+    motions(doubtful=0.125)
     proven: list[Verdict] = []
     outcome = checked(go1, lambda _: None, lying=True, proven=proven)
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())
@@ -58,17 +72,23 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inject", "lying", "names"),
+    ("inject", "lying", "limits", "names"),
     [
-        (exchanged("can0", "can2"), True, ["can0", "can2", "exchanged"]),
-        (geared(-1.0), True, ["other way"]),
-        (geared(1.25), False, ["gear ratio", "0.8 times"]),
-        (imu_turned(2, 90.0), False, ["IMU is turned", "about z"]),
+        (exchanged("can0", "can2"), True, {}, ["can0", "can2", "exchanged"]),
+        (geared(-1.0), False, {}, ["other way"]),
+        (geared(1.25), False, {"alike": 1.0}, ["gear ratio", "0.8 times"]),  # errors that would pass
+        (imu_turned(2, 90.0), False, {}, ["IMU is turned", "about z"]),
     ],
 )
 def test_wrong_wiring_is_named_before_the_robot_walks(
-    go1: Robot, inject: Callable[[FaultInjector], None], lying: bool, names: list[str]
+    go1: Robot,
+    motions: Callable[..., None],
+    inject: Callable[[FaultInjector], None],
+    lying: bool,
+    limits: dict[str, Any],
+    names: list[str],
 ) -> None:
+    motions(settle_s=0.8, move_s=0.3, **limits)
     outcome = checked(go1, inject, lying)
     assert outcome.final_state == "ESTOP"
     assert outcome.walked_s == 0.0

@@ -24,7 +24,7 @@ from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
-SHORT = ExcitationConfig(settle_s=0.5, triangle_s=1.2, chirp_s=2.5, burst_s=1.2)
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=1.0, chirp_s=1.5, burst_s=0.8)
 N = len(ROBOT.joint_names)
 TRUTH: Sample = {
     "armature": np.full(N, 1.2),
@@ -53,7 +53,7 @@ def recording(log: Path) -> Recording:
 
 @pytest.fixture(scope="module")
 def fit(recording: Recording) -> LegFit:
-    return fit_leg(LEG, [recording], config=FitConfig(rounds=6))
+    return fit_leg(LEG, [recording], config=FitConfig(rounds=4))
 
 
 def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:
