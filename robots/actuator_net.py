@@ -22,12 +22,14 @@ Array = Any  # a NumPy or a JAX array
 
 INPUTS = 3  # position error, velocity, torque
 KERNEL = "kernel_"  # begins the names of the layers' arrays in a file
+ARRAYS = ("linear", "memory_s", "scale", "limit_nm")  # the others
 
 
 class ActuatorNet(NamedTuple):
     """Networks of n joints. Layers have no biases, so that both directions are alike, and rest stays rest."""
 
-    layers: tuple[Array, ...]  # kernels (n, inputs, outputs); the last one has 1 output
+    layers: tuple[Array, ...]  # two kernels (n, inputs, outputs) at least; the last one has 1 output
+    linear: Array  # (n, inputs, 1) kernel from the first inputs to the last output
     memory_s: np.ndarray  # (m,) time constants of the low-passes, s
     scale: Array  # (n, INPUTS) rad, rad/s, N m: typical sizes of the inputs
     limit: Array  # (n,) N m, the largest torque that is added; 0 for a joint without network
@@ -40,7 +42,8 @@ class ActuatorNet(NamedTuple):
     def of(self, joints: np.ndarray) -> "ActuatorNet":
         """The networks of some joints, by their places."""
         layers = tuple(layer[joints] for layer in self.layers)
-        return self._replace(layers=layers, scale=self.scale[joints], limit=self.limit[joints])
+        rest = {name: getattr(self, name)[joints] for name in ("linear", "scale", "limit")}
+        return self._replace(layers=layers, **rest)
 
     def rest(self, lead: tuple[int, ...] = ()) -> np.ndarray:
         """The memory of motors at rest, (*lead, n, m, INPUTS)."""
@@ -83,21 +86,24 @@ def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float
     """
     xp = library(inputs)
     read = xp.concatenate([inputs[..., None, :], memory], axis=-2)
-    signal = read.reshape(*read.shape[:-2], 1, -1)  # (..., n, 1, inputs)
-    slope = net.layers[0][:, 1:2, :]  # in the present velocity
-    for place, layer in enumerate(net.layers):
-        signal = xp.tanh(xp.matmul(signal, layer))
-        slope = (1.0 - signal * signal) * (slope if place == 0 else xp.matmul(slope, layer))
+    signal = hidden = read.reshape(*read.shape[:-2], 1, -1)  # (..., n, 1, inputs)
+    *layers, last = net.layers
+    slope = None  # of a layer's outputs in the present velocity
+    for layer in layers:
+        hidden = xp.tanh(xp.matmul(hidden, layer))
+        slope = (1.0 - hidden * hidden) * (layer[:, 1:2] if slope is None else xp.matmul(slope, layer))
+    output = xp.tanh(xp.matmul(hidden, last) + xp.matmul(signal, net.linear))
+    slope = (1.0 - output * output) * (xp.matmul(slope, last) + net.linear[:, 1:2])
     damping = -net.limit * slope[..., 0, 0] / net.scale[:, 1]
     kept = np.exp(-float(step_s) / net.memory_s)[:, None]
     now = inputs[..., None, :]
-    return Learned(net.limit * signal[..., 0, 0], xp.maximum(damping, 0.0), now + kept * (memory - now))
+    return Learned(net.limit * output[..., 0, 0], xp.maximum(damping, 0.0), now + kept * (memory - now))
 
 
 def save_net(path: Path, net: ActuatorNet, joints: tuple[str, ...]) -> None:
     """Write networks as plain arrays (NPZ). The file must not exist."""
     arrays = {f"{KERNEL}{place}": np.asarray(layer) for place, layer in enumerate(net.layers)}
-    arrays |= {"memory_s": net.memory_s, "scale": np.asarray(net.scale), "limit_nm": np.asarray(net.limit)}
+    arrays |= {name: np.asarray(values) for name, values in zip(ARRAYS, net[1:], strict=True)}
     with path.open("xb") as file:
         np.savez(file, allow_pickle=False, joints=np.array(joints), **arrays)
 
@@ -117,7 +123,7 @@ def load_net(path: Path, joints: tuple[str, ...]) -> ActuatorNet:
             found = {name: file[name] for name in file.files}
         count = sum(name.startswith(KERNEL) for name in found)
         layers = tuple(found[f"{KERNEL}{place}"].astype(float) for place in range(count))
-        net = ActuatorNet(layers, *(found[name].astype(float) for name in ("memory_s", "scale", "limit_nm")))
+        net = ActuatorNet(layers, *(found[name].astype(float) for name in ARRAYS))
         names = tuple(found["joints"].tolist())
     except (OSError, KeyError, ValueError) as error:
         raise UserError(f"{path} is no file of 'footfall identify net': {error}") from None
@@ -132,7 +138,8 @@ def _wrong(net: ActuatorNet, joints: int) -> str:
     """Why arrays are no networks of this many joints; empty if they are."""
     sizes = [INPUTS * (1 + net.memory_s.size), *(layer.shape[-1] for layer in net.layers)]
     shapes = [(joints, *pair) for pair in pairwise(sizes)]
-    if [layer.shape for layer in net.layers] != shapes or sizes[-1] != 1 or net.memory_s.ndim != 1:
+    fits = net.linear.shape == (joints, sizes[0], 1) and sizes[-1] == 1 and net.memory_s.ndim == 1
+    if len(shapes) < 2 or [layer.shape for layer in net.layers] != shapes or not fits:
         return "the shapes of its layers do not fit each other"
     if net.scale.shape != (joints, INPUTS) or net.limit.shape != (joints,):
         return "scale or limit_nm has another shape than its joints"

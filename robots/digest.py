@@ -138,7 +138,7 @@ def _learned(net: ActuatorNet | None) -> Iterator[tuple[str, Any]]:
     """The arrays of the learned part of the joint law."""
     if net is not None:
         yield from ((f"actuator_net layer {place}", layer) for place, layer in enumerate(net.layers))
-        yield from (("memory_s", net.memory_s), ("scale", net.scale), ("limit", net.limit))
+        yield from (item for item in net._asdict().items() if item[0] != "layers")
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:

@@ -24,7 +24,8 @@ from footfall.robots.driven_motion import DrivenMotion
 MEMORY_S = np.array([0.004, 0.016])  # time constants of the low-passes
 LIMIT_SHARE, LIMIT_FACTOR = 99.5, 1.5  # percentile of the missing torque, and times that
 LEAST_NM = 1e-3
-FIRST_OUTPUT = 0.1  # share of the usual size of the last layer's first weights: training begins at the law
+MOST_OF_LIMIT, RIDGE = 0.9, 1e-3  # of the linear part's least squares; the inputs' mean square is 1
+FIRST_OUTPUT = 0.1  # share of the usual size of the last layer's first weights: training begins as linear
 WORST = 5.0  # of a position error, in errors of the law, beyond which it counts linearly
 CHECKED_WINDOWS = 128  # that decide when to stop
 
@@ -36,16 +37,15 @@ class NetConfig:
     hidden: tuple[int, ...] = (16, 16)
     window_s: float = 0.2  # of motion that is simulated
     windows: int = 64  # in a step
-    steps: int = 600  # of gradient descent at most
-    check_every: int = 25  # steps
-    patience: int = 6  # checks without a better net, then the training ends
+    steps: int = 300  # of gradient descent; the step length falls to 0 by a cosine
+    check_every: int = 25  # steps; the best net of all checks is kept
     learning_rate: float = 5e-3
     seeds: int = 2  # trainings; the one that does best on the windows that decide is kept
     seed: int = 0
 
     def __post_init__(self) -> None:
         require_between(self, 0.02, 2.0, "window_s")
-        require_between(self, 1, 100_000, "windows", "steps", "check_every", "patience", "seeds")
+        require_between(self, 1, 100_000, "windows", "steps", "check_every", "seeds")
 
 
 class Trained(NamedTuple):
@@ -62,7 +62,7 @@ def train_net(motion: DrivenMotion, deciding: DrivenMotion, motor: Motor, config
 
     Args:
         motion: that is learned from.
-        deciding: other motion, which decides when to stop and which training is kept.
+        deciding: other motion, which decides which net of which training is kept.
         motor: of its joints, fields (n,).
         config: of the training.
     """
@@ -73,6 +73,7 @@ def train_net(motion: DrivenMotion, deciding: DrivenMotion, motor: Motor, config
     windows = np.linspace(0, len(deciding.starts) - 1, min(CHECKED_WINDOWS, len(deciding.starts)))
     chosen = jnp.asarray(deciding.starts[windows.astype(int)])
     law = _rms(start, motor, judge, chosen, length)
+    start = start._replace(linear=_first_linear(start, motion))
     best: Trained | None = None
     for number in range(config.seeds):
         found = _trained(start, motor, data, judge, chosen, law, length, config, config.seed + number)
@@ -87,15 +88,39 @@ def _score(found: Trained) -> float:
 
 
 def _begin(motion: DrivenMotion, motor: Motor) -> ActuatorNet:
-    """Nets without layers: the sizes of their inputs, and how much torque may be missing."""
+    """The law alone: nets without layers, with the sizes of their inputs and of the missing torque."""
     command = JointCommand.of(np.moveaxis(motion.command, 1, 0))
     joints = motion.position.shape[1]
-    plain = ActuatorNet((), MEMORY_S, np.ones((joints, INPUTS)), np.ones(joints))
+    linear = np.zeros((joints, INPUTS * (1 + len(MEMORY_S)), 1))
+    plain = ActuatorNet((), linear, MEMORY_S, np.ones((joints, INPUTS)), np.ones(joints))
     inputs = inputs_of(plain, command, motion.position, motion.velocity, motion.torque)
     limit = LIMIT_FACTOR * np.percentile(np.abs(motion.missing), LIMIT_SHARE, axis=0)
     return plain._replace(
         scale=np.maximum(np.sqrt((inputs**2).mean(axis=0)), LEAST_NM), limit=np.maximum(limit, LEAST_NM)
     )
+
+
+def _along(net: ActuatorNet, motion: DrivenMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs (T, n, INPUTS) along a motion, and the memory before each step (T, n, m, INPUTS)."""
+    command = JointCommand.of(np.moveaxis(motion.command, 1, 0))
+    inputs = np.asarray(inputs_of(net, command, motion.position, motion.velocity, motion.torque))
+    kept = np.exp(-motion.step_s / net.memory_s)[:, None]
+    memory = np.empty((*motion.position.shape, len(net.memory_s), INPUTS))
+    now = np.repeat(inputs[0, :, None], len(net.memory_s), axis=1)
+    for row, read in enumerate(inputs[:, :, None]):
+        memory[row] = now
+        now = read + kept * (now - read)
+    return inputs, memory
+
+
+def _first_linear(net: ActuatorNet, motion: DrivenMotion) -> np.ndarray:
+    """The missing torque as a linear function of the inputs, by least squares, (n, inputs, 1)."""
+    inputs, memory = _along(net, motion)
+    read = np.concatenate([inputs[:, :, None], memory], axis=2).reshape(*inputs.shape[:2], -1)
+    wanted = np.arctanh((motion.missing / net.limit).clip(-MOST_OF_LIMIT, MOST_OF_LIMIT))
+    normal = np.einsum("tni,tnj->nij", read, read) + RIDGE * len(read) * np.eye(read.shape[2])
+    found: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", read, wanted)[..., None])
+    return found
 
 
 class _Data(NamedTuple):
@@ -114,14 +139,7 @@ class _Data(NamedTuple):
 
 def _data(net: ActuatorNet, motion: DrivenMotion) -> _Data:
     """A motion with its inverse inertia and the memory of the net along it."""
-    command = JointCommand.of(np.moveaxis(motion.command, 1, 0))
-    inputs = inputs_of(net, command, motion.position, motion.velocity, motion.torque)[:, :, None]
-    kept = np.exp(-motion.step_s / net.memory_s)[:, None]
-    memory = np.empty((*motion.position.shape, len(net.memory_s), INPUTS))
-    now = np.repeat(inputs[0], len(net.memory_s), axis=1)
-    for row, read in enumerate(inputs):
-        memory[row] = now
-        now = read + kept * (now - read)
+    _, memory = _along(net, motion)
     single = partial(jnp.asarray, dtype=jnp.float32)
     return _Data(
         command=single(motion.command),
@@ -191,39 +209,42 @@ def _trained(
     """One training: the net that was best on the chosen windows."""
     key, first = jax.random.split(jax.random.PRNGKey(seed))
     layers = _first_layers(first, len(law_rad), config)
+    weights = layers, jnp.asarray(start.linear, dtype=jnp.float32)
     optimiser = optax.chain(
         optax.clip_by_global_norm(1.0),
         optax.adam(optax.cosine_decay_schedule(config.learning_rate, config.steps)),
     )
-    state, unit = optimiser.init(layers), jnp.asarray(law_rad, dtype=jnp.float32)
+    state, unit = optimiser.init(weights), jnp.asarray(law_rad, dtype=jnp.float32)
 
-    def loss(layers: tuple[jax.Array, ...], starts: jax.Array) -> jax.Array:
-        error = _windows(start._replace(layers=layers), motor, data, starts, length) / unit
+    def with_weights(weights: Any) -> ActuatorNet:
+        return start._replace(layers=weights[0], linear=weights[1])
+
+    def loss(weights: Any, starts: jax.Array) -> jax.Array:
+        error = _windows(with_weights(weights), motor, data, starts, length) / unit
         return optax.losses.huber_loss(error, delta=WORST).mean()
 
     @jax.jit
-    def several(layers: Any, state: Any, key: jax.Array) -> tuple[Any, Any]:
+    def several(weights: Any, state: Any, key: jax.Array) -> tuple[Any, Any]:
         def one(carried: Any, key: jax.Array) -> tuple[Any, None]:
-            layers, state = carried
+            weights, state = carried
             starts = data.starts[jax.random.randint(key, (config.windows,), 0, len(data.starts))]
-            change, state = optimiser.update(jax.grad(loss)(layers, starts), state, layers)
-            return (optax.apply_updates(layers, change), state), None
+            change, state = optimiser.update(jax.grad(loss)(weights, starts), state, weights)
+            return (optax.apply_updates(weights, change), state), None
 
         keys = jax.random.split(key, config.check_every)
-        return jax.lax.scan(one, (layers, state), keys)[0]
+        return jax.lax.scan(one, (weights, state), keys)[0]
 
     judged: Callable[[Any], jax.Array] = jax.jit(
-        lambda layers: _windows(start._replace(layers=layers), motor, judge, chosen, length)
+        lambda weights: _windows(with_weights(weights), motor, judge, chosen, length)
     )
     none = tuple(np.zeros(layer.shape) for layer in layers)
-    best, waited = Trained(start._replace(layers=none), law_rad, law_rad, 0), 0
+    nothing = start._replace(layers=none, linear=np.zeros(start.linear.shape))
+    best = Trained(nothing, law_rad, law_rad, 0)
     for number in range(1, config.steps // config.check_every + 1):
         key, now = jax.random.split(key)
-        layers, state = several(layers, state, now)
-        error = np.sqrt(np.asarray((judged(layers) ** 2).mean(axis=(0, 1)), dtype=float)) + 1e-9
-        kept = tuple(np.asarray(each, dtype=float) for each in layers)
-        found = Trained(start._replace(layers=kept), law_rad, error, number * config.check_every)
-        best, waited = (found, 0) if _score(found) < _score(best) else (best, waited + 1)
-        if waited >= config.patience:
-            break
+        weights, state = several(weights, state, now)
+        error = np.sqrt(np.asarray((judged(weights) ** 2).mean(axis=(0, 1)), dtype=float)) + 1e-9
+        kept = with_weights(jax.tree.map(partial(np.asarray, dtype=float), weights))
+        found = Trained(kept, law_rad, error, number * config.check_every)
+        best = min(best, found, key=_score)
     return best

@@ -13,7 +13,7 @@ from footfall.identify.leg import FixedLeg, fixed_legs
 from footfall.identify.parameters import Parameter
 from footfall.identify.proposal import propose
 from footfall.identify.recording import Recording
-from footfall.robots.actuator_net import INPUTS, ActuatorNet, save_net
+from footfall.robots.actuator_net import ActuatorNet, save_net
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.driven_motion import DrivenMotion, joined_motion
 
@@ -66,7 +66,7 @@ def learn(
     Args:
         robot: nominal.
         fits: of its legs, to the same recordings.
-        recordings: of the robot. The last of several decides when a training stops; of one, some seconds do.
+        recordings: of the robot. The last of several decides which net is kept; of one, some seconds do.
         held_out: judge; without any, every fourth second of each recording does, as in the fit.
         folder: must not exist.
         config: of the training.
@@ -136,12 +136,19 @@ def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
 
 def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> ActuatorNet:
     """Nets of all joints; those that were not trained add no torque."""
-    n, like = len(robot.joint_names), trained[0][1].net
-    sizes = [(layer.shape[1:]) for layer in like.layers]
-    layers = [np.zeros((n, *size)) for size in sizes]
-    scale, limit = np.ones((n, INPUTS)), np.zeros(n)
+    like = trained[0][1].net
+
+    def empty(array: np.ndarray) -> np.ndarray:
+        return np.zeros((len(robot.joint_names), *array.shape[1:]))
+
+    net = like._replace(
+        layers=tuple(empty(layer) for layer in like.layers),
+        linear=empty(like.linear),
+        scale=1.0 + empty(like.scale),
+        limit=empty(like.limit),
+    )
     for leg, found in trained:
-        for layer, mine in zip(layers, found.net.layers, strict=True):
-            layer[leg.joints] = mine
-        scale[leg.joints], limit[leg.joints] = found.net.scale, found.net.limit
-    return ActuatorNet(tuple(layers), like.memory_s, scale, limit)
+        for ours, theirs in zip((*net.layers, *net[1:]), (*found.net.layers, *found.net[1:]), strict=True):
+            if ours is not net.memory_s:
+                ours[leg.joints] = theirs
+    return net

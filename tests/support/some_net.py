@@ -18,7 +18,8 @@ def some_net(joints: int, seed: int = 0) -> ActuatorNet:
     sizes = (INPUTS * (1 + len(MEMORY_S)), HIDDEN, HIDDEN, 1)
     layers = tuple(rng.normal(0.0, 1.0 / np.sqrt(a), (joints, a, b)) for a, b in pairwise(sizes))
     scale = rng.uniform(0.5, 1.5, (joints, INPUTS)) * [0.05, 2.0, 5.0]
-    return ActuatorNet(layers, MEMORY_S, scale, rng.uniform(0.5, 1.0, joints))
+    linear = rng.normal(0.0, 0.1, (joints, sizes[0], 1))
+    return ActuatorNet(layers, linear, MEMORY_S, scale, rng.uniform(0.5, 1.0, joints))
 
 
 def with_net(robot: Robot, folder: Path, seed: int = 0) -> Robot:

@@ -199,8 +199,8 @@ class NetOptions:
     """Log that judges and enters neither fit nor training (default: every fourth second of each log)."""
     legs: Names = ()
     """These legs alone, by the names of their feet; joints of others get no net."""
-    steps: int = 600
-    """Steps of gradient descent, at most, of each training."""
+    steps: int = 300
+    """Steps of gradient descent of each training."""
     seeds: int = 2
     """Trainings of each leg; the one that does best on seconds that it has not seen is kept."""
     seed: Seed = 0
@@ -216,7 +216,7 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
     Parameters
     ----------
     logs
-        The logs. The last of several decides when a training stops.
+        The logs. The last of several decides which net is kept.
     """
     from footfall.identify.fit import FitConfig, fit_leg
     from footfall.train.entry import learning_libraries

@@ -1,0 +1,132 @@
+"""Actuator nets beside the fitted physical law, on motion that neither has seen.
+
+    python benchmarks/actuator_net.py planted
+    python benchmarks/actuator_net.py xl330 --data FOLDER
+
+planted: a hidden go1 of `identification.py`'s family, with Stribeck friction, load friction and backlash.
+It is recorded three times, as `footfall identify record` does. One leg is fitted without these effects (with
+--effects also with them); nets are trained beside the fit without them. The third recording, of other
+amplitude and gains, judges.
+
+xl330: FOLDER holds JSON files of github.com/Rhoban/bam, commit af22604 (Apache-2.0). A Dynamixel XL330 moves
+a pendulum, with three gains; each is held out in turn. The joint law is fitted to the others by least
+squares, as in `servos.py`. The net is trained beside it on the same recordings, of which the last one
+decides which net is kept. Recordings in which the torque is released are left out.
+"""
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from identification import drawn, recorded
+from recordings.servo_leg import delay_of, servo_leg, servo_recording
+from recordings.servo_logs import SERVOS, Log, logs, problem
+from recordings.tables import table
+
+from footfall.common.outputs import write_json
+from footfall.identify.driven import driven_motion
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.fit import FitConfig, fit_leg, held_out_error
+from footfall.identify.leg import fixed_legs
+from footfall.learned_law import learn
+from footfall.robots.description import load_robot
+from footfall.robots.driven_motion import joined_motion
+from footfall.train.actuator_net import NetConfig, train_net
+
+EFFECTS = ("stribeck_friction", "load_friction", "backlash_rad")
+SHORTER = ExcitationConfig(triangle_s=2.0, chirp_s=5.0, burst_s=2.0)
+MOTIONS = (
+    SHORTER,
+    replace(SHORTER, seed=1, amplitude_rad=0.25),
+    replace(SHORTER, seed=2, amplitude_rad=0.2, highest_hz=6.0, stiffness=(0.7, 0.7), damping=(0.9, 0.9)),
+)
+MODEL = "joint law"
+
+
+def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
+    """Joint, and rms errors in mrad: nominal, law, net, and law with the effects if asked for."""
+    robot = load_robot("go1")
+    sample = drawn(robot, number)
+    joints = len(robot.joint_names)
+    sample |= {
+        "stribeck_friction": 0.3 * robot.motor.friction,
+        "load_friction": np.full(joints, 0.05),
+        "backlash_rad": np.full(joints, np.deg2rad(0.2)),
+    }
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        *fitted, judging = (
+            recorded(robot, sample, motion, seed, folder) for seed, motion in enumerate(MOTIONS)
+        )
+        leg, how = fixed_legs(robot)[0], FitConfig(explain=False)
+        plain = fit_leg(leg, fitted, [judging], how)
+        (found,) = learn(robot, [plain], fitted, [judging], folder / "learned", config)
+        print(table(["joint", "nominal", "law", "net"], found.rows()), flush=True)
+        if not effects:
+            return found.rows()
+        with_effects = fit_leg(leg, fitted, [judging], replace(how, effects=EFFECTS))
+    values = {each.parameter: each.value for each in with_effects.estimates}
+    known = 1e3 * held_out_error(leg, fitted, [judging], values, how)
+    return [[*row, f"{each:.2f}"] for row, each in zip(found.rows(), known.tolist(), strict=True)]
+
+
+def xl330(folder: str, gain: float, config: NetConfig) -> list[str]:
+    """Gain, and rms errors in mrad over windows of 1 s: law, net; and the steps of the net that was kept."""
+    found = [log for log in logs(folder, "xl330") if _driven(log)]
+    every = problem(folder, "xl330", MODEL)
+    used = [place for place, log in enumerate(logs(folder, "xl330")) if log.gain != gain and _driven(log)]
+    numbers = every.of(used).fit()
+    value = dict(zip((each.name for each in every.numbers), numbers.tolist(), strict=True))
+    leg = servo_leg(value, found[0])
+    stall, duty = float(leg.motor.stall_torque[0]), SERVOS["xl330"].duty_per_rad
+    learning = [servo_recording(log, duty * stall) for log in found if log.gain != gain]
+    judging = [servo_recording(log, duty * stall) for log in found if log.gain == gain]
+    bias, delay_s = np.array([-value["offset"]]), np.array([value["delay"]])
+    motions = [driven_motion(leg, each, bias, delay_s, config.window_s, 1.0) for each in learning]
+    trained = train_net(joined_motion(motions[:-1]), motions[-1], leg.motor, config)
+    values = delay_of(leg, value)
+    errors = [
+        held_out_error(each, judging, judging, values, FitConfig(rate_hz=100.0))
+        for each in (leg, replace(leg, net=trained.net))
+    ]
+    return [f"kp {gain:g}", *(f"{1e3 * each[0]:.1f}" for each in errors), f"{trained.steps}"]
+
+
+def _driven(log: Log) -> bool:
+    """Whether the torque is on throughout."""
+    return bool((log.given[:, 1] > 0.5).all())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("case", choices=("planted", "xl330"))
+    parser.add_argument("--data", type=Path, help="folder of the JSON files")
+    parser.add_argument("--draw", type=int, default=200, help="number of the hidden robot")
+    parser.add_argument("--gains", type=float, nargs="+", default=[100.0, 200.0, 800.0], help="to hold out")
+    parser.add_argument("--effects", action="store_true", help="fit the law with the planted effects, too")
+    parser.add_argument("--steps", type=int, default=300, help="of gradient descent")
+    parser.add_argument("--seeds", type=int, default=2, help="trainings of each net")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    config = NetConfig(steps=options.steps, seeds=options.seeds)
+    if options.case == "planted":
+        head = ["held out, mrad rms", "nominal", "law", "net", *["law with the effects"] * options.effects]
+        rows = planted(options.draw, options.effects, config)
+    elif options.data is None:
+        parser.error("xl330 needs --data")
+    else:
+        head = ["held out, mrad rms", "law", "net", "steps"]
+        rows = []
+        for gain in options.gains:
+            rows.append(xl330(str(options.data.resolve()), gain, config))
+            print(table(head, rows[-1:]), flush=True)
+    print(table(head, rows))
+    write_json(options.json, [dict(zip(head, row, strict=True)) for row in rows])
+
+
+if __name__ == "__main__":
+    main()
