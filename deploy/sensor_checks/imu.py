@@ -26,7 +26,9 @@ class ImuLimits(Memory):
     resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
     resting_s: float = 0.3
     rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's gravity
-    lean_error: float = 0.35  # of gravity: the same in motion, on average, sideways
+    lean_error: float = (
+        0.45  # of gravity: the same in motion, on average, sideways; a slide from 6 m/s has 0.4
+    )
     long_lean_error: float = 0.12  # of gravity: sideways over `long_lean_memory_s`
     long_lean_memory_s: float = 3.0
     lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it

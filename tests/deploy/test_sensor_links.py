@@ -242,10 +242,19 @@ def test_an_attitude_that_leans_with_its_gyro_is_told_by_the_acceleration(go1: R
 
 
 def test_a_robot_that_slides_after_a_hard_push_has_no_faulty_imu(go1: Robot) -> None:
-    """Friction stops it: 0.7 of gravity for 1.6 s, from 11 m/s."""
-    windows = BodyWindows(go1, LongLean)
+    """Friction stops it: 0.7 of gravity for 1.6 s, from 11 m/s; for 0.84 s, from 6 m/s."""
     slides = Inertial((0.0, 0.0, 0.0), (-0.7 * 9.81, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
-    assert max(windows.look(slides, speed_rad_s=1.0) for _ in range(40)) <= LIMITS.long_lean_error
+    for check, most, count in (
+        (LongLean, LIMITS.long_lean_error, 40),
+        (Lean, LIMITS.lean_error, 21),
+    ):
+        windows = BodyWindows(go1, check)
+        assert max(windows.look(slides, speed_rad_s=1.0) for _ in range(count)) <= most
+
+
+def test_an_attitude_that_lies_by_a_right_angle_is_told_in_less_than_a_second(go1: Robot) -> None:
+    windows, lies = BodyWindows(go1, Lean), Inertial((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    assert max(windows.look(lies, speed_rad_s=1.0) for _ in range(18)) > LIMITS.lean_error
 
 
 def test_a_robot_that_hits_the_ground_at_speed_has_no_faulty_imu(go1: Robot) -> None:
