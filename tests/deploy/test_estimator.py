@@ -237,7 +237,7 @@ class TestPose:
         """0.5 m/s ahead and 0.2 m/s left for two seconds, whatever the IMU calls north."""
         velocity = np.array([0.5, 0.2, 0.0])
         estimator, sensed = self.moving(2.5, velocity)
-        glide(estimator, sensed, velocity, np.full(501, 2.5))
+        glide(estimator, sensed, velocity, np.full(251, 2.5), 0.008)
         found = estimator.odometry()
         np.testing.assert_allclose(found.position, [1.0, 0.4, 0.0], atol=2e-3)
         np.testing.assert_allclose(found.velocity, velocity, atol=1e-3)
@@ -247,9 +247,9 @@ class TestPose:
     def test_a_circle_comes_round(self) -> None:
         """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is where trigonometry says."""
         velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
-        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.004) + 1)
+        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.008) + 1)
         estimator, sensed = self.moving(2.5, velocity)
-        glide(estimator, sensed, velocity, yaws)
+        glide(estimator, sensed, velocity, yaws, 0.008)
         found = estimator.odometry()
         radius = 0.5 / 0.8
         expected = [radius * np.sin(turned), radius * (1 - np.cos(turned)), 0.0]
@@ -261,7 +261,7 @@ class TestPose:
     def test_turning_on_the_spot_the_base_stays_though_the_imu_goes_round(self) -> None:
         assert np.linalg.norm(imu_position(ROBOT)[:2]) > 0.05
         estimator, sensed = self.moving(0.0, np.zeros(3))
-        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 501))
+        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 251), 0.008)
         np.testing.assert_allclose(estimator.odometry().position, 0.0, atol=5e-3)
 
     def test_the_start_is_certain_and_keeps_the_motion(self) -> None:
@@ -339,7 +339,7 @@ class TestPose:
         estimator.reset(sensed._replace(quaternion=yawed(1.2)))
         glide(estimator, sensed, velocity, np.full(250, 1.2))
         estimator.start()
-        glide(estimator, sensed, velocity, np.full(1001, 1.2))
+        glide(estimator, sensed, velocity, np.full(501, 1.2), 0.008)
         found = estimator.odometry().covariance
         assert found[0, 0] == pytest.approx((0.1 * 2.0) ** 2, rel=0.02)
         assert found[1, 1] == pytest.approx(0.25 * 0.0025 * 4**3 / 3, rel=0.02)
@@ -385,7 +385,7 @@ class TestHeight:
         estimator.reset(sensed)
         glide(estimator, sensed, climbing, np.zeros(250))
         estimator.start()
-        glide(estimator, sensed, climbing, np.zeros(501))
+        glide(estimator, sensed, climbing, np.zeros(251), 0.008)
         assert estimator.odometry().position[2] == pytest.approx(0.0 if level else 0.4, abs=5e-3)
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
 
