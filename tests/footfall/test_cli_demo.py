@@ -77,8 +77,8 @@ def test_what_any_step_needs_is_known_before_the_first(
 
 
 def test_a_failed_step_ends_it() -> None:
-    with pytest.raises(UserError, match="footfall train failed with status 2"):
-        demo_module._step("train", "--preset", "huge")
+    with pytest.raises(UserError, match="footfall list failed with status 2"):
+        demo_module._step("list", "--no-such-option")
 
 
 def test_a_policy_that_falls_over_the_bus_is_still_compared(

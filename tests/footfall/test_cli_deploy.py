@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from quick_relaxed import written
 from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
@@ -33,8 +34,9 @@ class Made(NamedTuple):
 
 
 def made(folder: Path, *tokens: str) -> Made:
+    quick = ("--config", written(folder))
     log, figures = folder / "run.mcap", folder / "run.json"
-    assert main(["deploy", *tokens, *SHORT, "--log", str(log), "--json", str(figures)]) == 0
+    assert main(["deploy", *tokens, *SHORT, *quick, "--log", str(log), "--json", str(figures)]) == 0
     return Made(log, json.loads(figures.read_text()))
 
 
@@ -95,9 +97,13 @@ def test_a_robot_that_tips_over_has_fallen_with_status_1(shell: Shell, tmp_path:
     assert figures["faults"]
 
 
-def test_a_walk_too_short_to_measure_has_no_nan_in_it_and_a_device_is_written_to(shell: Shell) -> None:
+def test_a_walk_too_short_to_measure_has_no_nan_in_it_and_a_device_is_written_to(
+    shell: Shell, tmp_path: Path
+) -> None:
     """It is not replaced by a file of its name."""
-    outcome = shell("deploy", "stand", "--duration", "0.001", "--json", "/dev/null")
+    outcome = shell(
+        "deploy", "stand", "--duration", "0.001", "--config", written(tmp_path), "--json", "/dev/null"
+    )
     assert (outcome.status, outcome.err) == (0, "")
     assert "nan" not in outcome.out
     assert not Path("/dev/null").is_file()
@@ -105,7 +111,18 @@ def test_a_walk_too_short_to_measure_has_no_nan_in_it_and_a_device_is_written_to
 
 def test_a_command_beyond_the_training_is_clipped_with_a_note(shell: Shell, tmp_path: Path) -> None:
     path = tmp_path / "run.json"
-    outcome = shell("deploy", "go1-flat", *SHORT, "--command", "5,0,0", "--json", path)
+    outcome = shell(
+        "deploy",
+        "go1-flat",
+        "--duration",
+        "0.1",
+        "--config",
+        written(tmp_path),
+        "--command",
+        "5,0,0",
+        "--json",
+        path,
+    )
     assert outcome.status == 0
     (note,) = json.loads(path.read_text())["notes"]
     assert note == "the policy was trained on forward commands from -1.2 to 1.8 m/s: 5 became 1.8"
@@ -128,7 +145,7 @@ def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: 
     declaration = own_folder / "robot.yaml"
     declaration.write_text(declaration.read_text().replace("name: go1", "name: mine"))
     walk = write_policy(onnx, tmp_path / "walk.onnx", own_folder)
-    assert shell("deploy", walk, "--robot", own_folder, *SHORT).status == 0
+    assert shell("deploy", walk, "--robot", own_folder, *SHORT, "--config", written(tmp_path)).status == 0
     assert "robot: policy has mine, robot has go1" in shell.refuses("deploy", walk, *SHORT)
     assert own_folder != ROBOTS / "go1"
 

@@ -10,6 +10,7 @@ import pytest
 from can import CanutilsLogReader
 from deploy_policies import FailingPolicy, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
+from quick_relaxed import QUICK
 from shell import Shell
 
 from footfall.deploy.log_analysis.continuity import continuity
@@ -23,9 +24,9 @@ FIRST_NS = 10**18
 
 @pytest.fixture(scope="module")
 def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A second of swaying, with its CAN frames."""
+    """0.4 s of swaying, with its CAN frames."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
-    run_episode(go1, Sway(go1), short_episode(log=path, log_frames=True))
+    run_episode(go1, Sway(go1), short_episode(duration_s=0.4, config=QUICK, log=path, log_frames=True))
     return path
 
 
@@ -42,7 +43,9 @@ def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path
 
 
 def test_info_and_page_of_a_fault(shell: Shell, go1: Robot, tmp_path: Path) -> None:
-    run_episode(go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(log=tmp_path / "bad.mcap"))
+    run_episode(
+        go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=tmp_path / "bad.mcap")
+    )
     told = shell("log", "info", "bad.mcap")
     assert told.status == 1
     assert "the policy's command is not finite" in told.out
@@ -81,7 +84,7 @@ def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Pat
     assert shell("log", "frames", logged, "--out", "can.log").status == 0
     frames = list(CanutilsLogReader(tmp_path / "can.log"))
     logged_frames = read_log(logged, ["/from_can_bus", "/to_can_bus"]).entries
-    assert len(frames) == len(logged_frames) > 10_000
+    assert len(frames) == len(logged_frames) > 1000
     assert [frame.timestamp for frame in frames] == sorted(frame.timestamp for frame in frames)
     assert {frame.channel for frame in frames} == {"can0", "can1", "can2", "can3"}
     first = min(logged_frames, key=lambda entry: entry.time_ns).message

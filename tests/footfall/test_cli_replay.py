@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from quick_relaxed import written
 from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
@@ -15,14 +16,18 @@ from footfall.cli import main
 from footfall.common.errors import UserError
 from footfall.robots.description import ROBOTS, Robot
 
-SHORT = ("--duration", "0.6")
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
+    """Options of a brief run that stands up and lies down quickly."""
+    return "--duration", "0.6", "--config", written(tmp_path_factory.mktemp("quick"))
 
 
 @pytest.fixture(scope="module")
-def trotted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trotted(short: tuple[str, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The log of a robot that trotted for a moment."""
     log = tmp_path_factory.mktemp("trotted") / "run.mcap"
-    assert main(["deploy", "trot", "--seed", "5", *SHORT, "--log", str(log)]) == 0
+    assert main(["deploy", "trot", "--seed", "5", *short, "--log", str(log)]) == 0
     return log
 
 
@@ -32,12 +37,14 @@ def test_a_log_replays_to_the_same_decisions(shell: Shell, trotted: Path) -> Non
     assert "the same decisions" in outcome.out
 
 
-def test_a_log_replays_with_the_settings_that_made_it(shell: Shell, tmp_path: Path) -> None:
+def test_a_log_replays_with_the_settings_that_made_it(
+    shell: Shell, short: tuple[str, ...], tmp_path: Path
+) -> None:
     """Also when the file that they came from has changed."""
     log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
     mine.write_text("kp: 45.0")
     spec = f"stand@{mine}"
-    assert shell("deploy", spec, "--set", "stand.kd=2.5", *SHORT, "--log", log, "--json", figures).status == 0
+    assert shell("deploy", spec, "--set", "stand.kd=2.5", *short, "--log", log, "--json", figures).status == 0
     told = json.loads(figures.read_text())
     assert told["policy"] == f"{spec}@kd=2.5"
     assert (told["settings"]["kp"], told["settings"]["kd"], told["settings"]["tilt_gain"]) == (45.0, 2.5, 0.3)
@@ -48,13 +55,13 @@ def test_a_log_replays_with_the_settings_that_made_it(shell: Shell, tmp_path: Pa
 
 
 def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
-    shell: Shell, own_folder: Path, tmp_path: Path
+    shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "run.mcap"
     declaration = own_folder / "robot.yaml"
     for name in ("go1", "mine"):  # the first is also a robot of ours
         declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
-        assert shell("deploy", "stand", "--robot", own_folder, *SHORT, "--log", log).status == 0
+        assert shell("deploy", "stand", "--robot", own_folder, *short, "--log", log).status == 0
         assert shell("replay", log).status == 0
     height = re.compile("^standing_height_m: .*", re.MULTILINE)
     declaration.write_text(height.sub("standing_height_m: 0.29", declaration.read_text()))
@@ -70,11 +77,13 @@ def test_another_policy_differs_and_says_where(shell: Shell, trotted: Path) -> N
     assert shell("replay", trotted, "--policy", "stand", "--tolerance", "100").status == 0
 
 
-def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -> None:
+def test_a_log_whose_policy_is_gone_asks_for_one(
+    shell: Shell, short: tuple[str, ...], tmp_path: Path
+) -> None:
     onnx = pytest.importorskip("onnx")
     walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
     log = tmp_path / "run.mcap"
-    assert shell("deploy", walk, *SHORT, "--log", log).status == 0
+    assert shell("deploy", walk, *short, "--log", log).status == 0
     walk.rename(tmp_path / "moved.onnx")
     assert "--policy" in shell.refuses("replay", log)
     assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0

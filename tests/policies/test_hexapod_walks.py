@@ -42,7 +42,7 @@ class Landings:
         self.touched.append(touches)
 
 
-@pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.14), ("ripple", 0.13), ("wave", 0.05)])
+@pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.14), ("wave", 0.05)])
 def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str, least_m: float) -> None:
     policy = load_policy(gait, ROBOT)
     assert isinstance(policy, Walk)

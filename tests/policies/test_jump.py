@@ -51,8 +51,8 @@ def test_a_command_makes_it_jump_up_and_ahead_and_it_stands_again() -> None:
 
 
 def test_it_jumps_again_while_the_command_lasts_and_not_without_one() -> None:
-    assert jumps(run(3.0, 4.0)) == 2
-    assert jumps(run(0.0, 2.0)) == 0
+    assert jumps(run(3.0, 3.5)) == 2
+    assert jumps(run(0.0, 1.7)) == 0
 
 
 def test_a_mission_has_it_jump_twice_and_another_policy_decides_again() -> None:

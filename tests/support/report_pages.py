@@ -81,9 +81,6 @@ def page_of(go1: Robot, *results: PolicyResult) -> str:
     return render(comparison(go1, *results), films)
 
 
-REFERRING = {"src", "href", "poster", "xlink:href"}
-
-
 class Page(HTMLParser):
     """What a page refers to and says; checks that its elements close."""
 
