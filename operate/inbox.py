@@ -10,7 +10,7 @@ the owner is silent, its last request counts as old: first the velocity is zero,
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,6 +66,10 @@ class Inbox:
         self._status: Status | None = None
         self._walks_since_s = clock()
         self._end: Request | None = None  # the run ends, also if the owner comes back
+
+    def bear_silence(self, longest_s: float) -> None:
+        """Let the run end after this much silence instead of the configuration's; before the run begins."""
+        self._config = replace(self._config, lie_down_after_s=longest_s)
 
     # -- called by operators, from any thread --------------------------------------------------------
 

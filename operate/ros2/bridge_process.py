@@ -15,6 +15,7 @@ from typing import Literal
 
 import footfall
 from footfall.common.child_process import end_by_input
+from footfall.common.config import require_between
 from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 from footfall.operate.ros2.arguments import READY
@@ -35,6 +36,10 @@ class Ros2Config:
     cmd_vel: Literal["twist", "stamped"] = "twist"  # its type: Twist or TwistStamped
     python: str = ""  # that has rclpy; empty finds one
     arguments: tuple[str, ...] = ()  # of ROS, such as -r __ns:=/robot
+    lie_down_after_s: float = 10.0  # without any message; Nav2 is silent between two goals
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.5, 3600.0, "lie_down_after_s")
 
 
 @dataclass(frozen=True)

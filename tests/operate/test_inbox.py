@@ -35,6 +35,17 @@ def inbox(watch: Watch) -> Inbox:
     return inbox
 
 
+def test_an_operator_who_is_silent_between_two_goals_is_waited_for(inbox: Inbox, watch: Watch) -> None:
+    inbox.bear_silence(100.0)
+    assert inbox.put("nav2", velocity=[0.1, 0, 0]) == ""
+    inbox.poll(WALKING)
+    watch.now_s += 99.0
+    assert inbox.poll(WALKING).wish is Wish.WALK
+    assert not inbox.poll(WALKING).velocity.any()
+    watch.now_s += 1.0
+    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
+
+
 def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> None:
     assert inbox.put("page", velocity=[0.1, 0, 0], settings={"step_height_m": 0.03}) == ""
     assert inbox.put("page", velocity=(0.5, 0.1, -0.2), policy="stand") == ""
