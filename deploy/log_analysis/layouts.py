@@ -22,12 +22,12 @@ def foxglove_layout(joints: Sequence[str]) -> str:
             _foxglove_series(f"/joint_states.{quantity}[{place}]", joint)
             for place, joint in enumerate(joints)
         ]
-        panels[f"Plot!{quantity}"] = {"title": f"{quantity}, {unit}", "paths": paths, "showLegend": True}
+        panels[f"Plot!{quantity}"] = _foxglove_plot(f"{quantity}, {unit}", paths)
     speed = [
         _foxglove_series("/cmd_vel.twist.linear.x", "commanded"),
         _foxglove_series("/odom.twist.twist.linear.x", "estimated"),
     ]
-    panels["Plot!speed"] = {"title": "forward velocity, m/s", "paths": speed, "showLegend": True}
+    panels["Plot!speed"] = _foxglove_plot("forward velocity, m/s", speed)
     left = _split("column", "3D!robot", _split("row", "RosOut!events", "DiagnosticSummary!health"), 70)
     right = _split(
         "column",
@@ -42,6 +42,12 @@ def foxglove_layout(joints: Sequence[str]) -> str:
         "layout": _split("row", left, right),
     }
     return json.dumps(layout, indent=2) + "\n"
+
+
+def _foxglove_plot(title: str, paths: list[dict[str, Any]]) -> dict[str, Any]:
+    """Settings of a panel; each of the two viewers has a key of its own for the title."""
+    titles = {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
+    return {**titles, "paths": paths, "showLegend": True}
 
 
 def plotjuggler_layout(joints: Sequence[str]) -> str:
