@@ -9,9 +9,10 @@ It is recorded three times, as `footfall identify record` does. One leg is fitte
 amplitude and gains, judges.
 
 xl330: FOLDER holds JSON files of github.com/Rhoban/bam, commit af22604 (Apache-2.0). A Dynamixel XL330 moves
-a pendulum, with three gains; each is held out in turn. The joint law is fitted to the others by least
-squares, as in `servos.py`. The net is trained beside it on the same recordings, of which the last one
-decides which net is kept. Recordings in which the torque is released are left out.
+a pendulum, with three gains and three motions. Each is held out in turn: --hold-out takes parts of recordings'
+names. The joint law is fitted to the others by least squares, as in `servos.py`. The net is trained beside it
+on the same recordings, of which the last one decides which net is kept. Recordings in which the torque is
+released are left out.
 """
 
 import argparse
@@ -43,6 +44,7 @@ MOTIONS = (
     replace(SHORTER, seed=2, amplitude_rad=0.2, highest_hz=6.0, stiffness=(0.7, 0.7), damping=(0.9, 0.9)),
 )
 MODEL = "joint law"
+HELD_OUT = ("kp 100", "kp 200", "kp 800", "sin_sin", "up_and_down", "sin_time_square")
 
 
 def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
@@ -72,17 +74,19 @@ def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
     return [[*row, f"{each:.2f}"] for row, each in zip(found.rows(), known.tolist(), strict=True)]
 
 
-def xl330(folder: str, gain: float, config: NetConfig) -> list[str]:
-    """Gain, and rms errors in mrad over windows of 1 s: law, net; and the steps of the net that was kept."""
+def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
+    """What is held out, rms errors in mrad over windows of 1 s (law, net), and the steps of the kept net."""
     found = [log for log in logs(folder, "xl330") if _driven(log)]
     every = problem(folder, "xl330", MODEL)
-    used = [place for place, log in enumerate(logs(folder, "xl330")) if log.gain != gain and _driven(log)]
+    used = [
+        place for place, log in enumerate(logs(folder, "xl330")) if _driven(log) and held_out not in log.name
+    ]
     numbers = every.of(used).fit()
     value = dict(zip((each.name for each in every.numbers), numbers.tolist(), strict=True))
     leg = servo_leg(value, found[0])
     stall, duty = float(leg.motor.stall_torque[0]), SERVOS["xl330"].duty_per_rad
-    learning = [servo_recording(log, duty * stall) for log in found if log.gain != gain]
-    judging = [servo_recording(log, duty * stall) for log in found if log.gain == gain]
+    learning = [servo_recording(log, duty * stall) for log in found if held_out not in log.name]
+    judging = [servo_recording(log, duty * stall) for log in found if held_out in log.name]
     bias, delay_s = np.array([-value["offset"]]), np.array([value["delay"]])
     motions = [driven_motion(leg, each, bias, delay_s, config.window_s, 1.0) for each in learning]
     trained = train_net(joined_motion(motions[:-1]), motions[-1], leg.motor, config)
@@ -91,7 +95,7 @@ def xl330(folder: str, gain: float, config: NetConfig) -> list[str]:
         held_out_error(each, judging, judging, values, FitConfig(rate_hz=100.0))
         for each in (leg, replace(leg, net=trained.net))
     ]
-    return [f"kp {gain:g}", *(f"{1e3 * each[0]:.1f}" for each in errors), f"{trained.steps}"]
+    return [held_out, *(f"{1e3 * each[0]:.1f}" for each in errors), f"{trained.steps}"]
 
 
 def _driven(log: Log) -> bool:
@@ -106,7 +110,7 @@ def main() -> None:
     parser.add_argument("case", choices=("planted", "xl330"))
     parser.add_argument("--data", type=Path, help="folder of the JSON files")
     parser.add_argument("--draw", type=int, default=200, help="number of the hidden robot")
-    parser.add_argument("--gains", type=float, nargs="+", default=[100.0, 200.0, 800.0], help="to hold out")
+    parser.add_argument("--hold-out", nargs="+", default=HELD_OUT, help="one after the other")
     parser.add_argument("--effects", action="store_true", help="fit the law with the planted effects, too")
     parser.add_argument("--steps", type=int, default=300, help="of gradient descent")
     parser.add_argument("--seeds", type=int, default=2, help="trainings of each net")
@@ -121,8 +125,8 @@ def main() -> None:
     else:
         head = ["held out, mrad rms", "law", "net", "steps"]
         rows = []
-        for gain in options.gains:
-            rows.append(xl330(str(options.data.resolve()), gain, config))
+        for held_out in options.hold_out:
+            rows.append(xl330(str(options.data.resolve()), held_out, config))
             print(table(head, rows[-1:]), flush=True)
     print(table(head, rows))
     write_json(options.json, [dict(zip(head, row, strict=True)) for row in rows])
