@@ -9,7 +9,7 @@ It is recorded three times, as `footfall identify record` does. One leg is fitte
 amplitude and gains, judges.
 
 xl330: FOLDER holds JSON files of github.com/Rhoban/bam, commit af22604 (Apache-2.0). A Dynamixel XL330 moves
-a pendulum, with three gains and three motions. Each is held out in turn: --hold-out takes parts of recordings'
+a pendulum, with three gains and three motions. Each is held out in turn: --hold-out takes parts of their
 names. The joint law is fitted to the others by least squares, as in `servos.py`. The net is trained beside it
 on the same recordings, of which the last one decides which net is kept. Recordings in which the torque is
 released are left out.
