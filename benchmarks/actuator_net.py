@@ -4,9 +4,9 @@
     python benchmarks/actuator_net.py xl330 --data FOLDER
 
 planted: a hidden go1 of `identification.py`'s family, with Stribeck friction, load friction and backlash.
-It is recorded three times, as `footfall identify record` does. One leg is fitted without these effects (with
---effects also with them); nets are trained beside the fit without them. The third recording, of other
-amplitude and gains, judges.
+It is recorded three times, as `footfall identify record` does. One leg is fitted to the first recording
+without these effects (with --effects also with them). The net learns from it beside the fit without them, the
+second one decides which net is kept, and the third one, of other amplitude and gains, judges.
 
 xl330: FOLDER holds JSON files of github.com/Rhoban/bam, commit af22604 (Apache-2.0). A Dynamixel XL330 moves
 a pendulum, with three gains and three motions. Each is held out in turn: --hold-out takes parts of their
@@ -21,14 +21,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from identification import drawn, recorded
+from identification import FITTED, JUDGING, drawn, recorded
 from recordings.servo_leg import delay_of, servo_leg, servo_recording
 from recordings.servo_logs import SERVOS, Log, logs, problem
 from recordings.tables import table
 
 from footfall.common.outputs import write_json
 from footfall.identify.driven import driven_motion
-from footfall.identify.excitation import ExcitationConfig
 from footfall.identify.fit import FitConfig, fit_leg, held_out_error
 from footfall.identify.leg import fixed_legs
 from footfall.learned_law import learn
@@ -37,12 +36,7 @@ from footfall.robots.driven_motion import joined_motion
 from footfall.train.actuator_net import NetConfig, train_net
 
 EFFECTS = ("stribeck_friction", "load_friction", "backlash_rad")
-SHORTER = ExcitationConfig(triangle_s=2.0, chirp_s=5.0, burst_s=2.0)
-MOTIONS = (
-    SHORTER,
-    replace(SHORTER, seed=1, amplitude_rad=0.25),
-    replace(SHORTER, seed=2, amplitude_rad=0.2, highest_hz=6.0, stiffness=(0.7, 0.7), damping=(0.9, 0.9)),
-)
+MOTIONS = FITTED, replace(FITTED, seed=1, amplitude_rad=0.25), JUDGING
 MODEL = "joint law"
 HELD_OUT = ("kp 100", "kp 200", "kp 800", "sin_sin", "up_and_down", "sin_time_square")
 
@@ -63,12 +57,12 @@ def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
             recorded(robot, sample, motion, seed, folder) for seed, motion in enumerate(MOTIONS)
         )
         leg, how = fixed_legs(robot)[0], FitConfig(explain=False)
-        plain = fit_leg(leg, fitted, [judging], how)
+        plain = fit_leg(leg, fitted[:1], [judging], how)
         (found,) = learn(robot, [plain], fitted, [judging], folder / "learned", config)
         print(table(["joint", "nominal", "law", "net"], found.rows()), flush=True)
         if not effects:
             return found.rows()
-        with_effects = fit_leg(leg, fitted, [judging], replace(how, effects=EFFECTS))
+        with_effects = fit_leg(leg, fitted[:1], [judging], replace(how, effects=EFFECTS))
     values = {each.parameter: each.value for each in with_effects.estimates}
     known = 1e3 * held_out_error(leg, fitted, [judging], values, how)
     return [[*row, f"{each:.2f}"] for row, each in zip(found.rows(), known.tolist(), strict=True)]
