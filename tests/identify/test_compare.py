@@ -13,7 +13,7 @@ from footfall.identify.simulated import simulated_bus
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
-SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=1.0, burst_s=0.3)
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
 
 
 def test_a_wrong_friction_is_named(tmp_path: Path) -> None:
