@@ -307,26 +307,7 @@ class TestWritten:
         at_ns = START_NS + 1_500_000_000
         steps = [topic for topic in found if topic.startswith("/policy/")]
         assert [found[topic][0][0] for topic in ("/cmd_vel", *steps)] == [at_ns] * 5
-        inputs = [
-            0.75,
-            1,
-            2,
-            3,
-            4,
-            5,
-            6,
-            *upright,
-            *(n + 1),
-            *(n + 2),
-            *(n + 3),
-            0.1,
-            0.2,
-            0.3,
-            7,
-            8,
-            9,
-            0.31,
-        ]
+        inputs = [0.75, *range(1, 7), *upright, *(n + 1), *(n + 2), *(n + 3), 0.1, 0.2, 0.3, 7, 8, 9, 0.31]
         for topic, numbers in (
             ("/policy/inputs", inputs),
             ("/policy/command", np.concatenate(command)),
