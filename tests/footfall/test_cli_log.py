@@ -85,7 +85,8 @@ def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Pat
     frames = list(CanutilsLogReader(tmp_path / "can.log"))
     logged_frames = read_log(logged, ["/from_can_bus", "/to_can_bus"]).entries
     assert len(frames) == len(logged_frames) > 1000
-    assert [frame.timestamp for frame in frames] == sorted(frame.timestamp for frame in frames)
+    times_s = [entry.time_ns * 1e-9 for entry in logged_frames]
+    assert [frame.timestamp for frame in frames] == pytest.approx(sorted(times_s), abs=1e-6)
     assert {frame.channel for frame in frames} == {"can0", "can1", "can2", "can3"}
     first = min(logged_frames, key=lambda entry: entry.time_ns).message
     assert (frames[0].arbitration_id, bytes(frames[0].data)) == (first.id, bytes(first.data[: first.dlc]))

@@ -82,6 +82,8 @@ def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path:
     ranges = load_randomisation(folder / "randomisation.yaml")
     assert ranges.armature is not None
     assert ranges.armature.high - ranges.armature.low < 0.3  # the default's: 0.9 to 1.2
+    assert ranges.action_delay_s is not None
+    assert ranges.action_delay_s.low < fit.value("delay_s", LEG.joint_names[0]) < ranges.action_delay_s.high
     with pytest.raises(UserError):
         propose(ROBOT, [fit], ["log.mcap"], folder)
 

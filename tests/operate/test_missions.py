@@ -165,6 +165,7 @@ def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
         ("", "mission.yaml", "list of steps"),
         ("steps: []", "mission.yaml", "list of steps"),
         ("speed: 3\nsteps: [{turn: 90}]", "mission.yaml", "speed_m_s"),
+        (f"steps: [{', '.join(['{wait: 1}'] * 1001)}]", "mission.yaml", "1001 steps"),
         ("steps: [{wait: 1}, {trun: 90}]", "step 2", "mean turn?"),
         ("steps: [{turn: 90, wait: 1}]", "step 1", "one key"),
         ("steps: [{turn: fast}]", "step 1 (turn)", "not a number"),

@@ -12,6 +12,9 @@ from footfall.operate.missions.mission import mission_of
 from footfall.operate.missions.source import MissionSource
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
+from footfall.policies.controllers.jump.config import JumpConfig
+from footfall.policies.controllers.jump.motion import LeapPlan
+from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
@@ -48,6 +51,19 @@ def test_a_command_makes_it_jump_up_and_ahead_and_it_stands_again() -> None:
     assert base[-1, 2] == pytest.approx(0.0, abs=0.02)
     assert (np.abs(trace.motor_torque) <= ROBOT.motor.peak_torque * 1.001).all()
     assert jumps(trace) == 1
+
+
+def test_the_plan_moves_as_fast_as_it_says_until_the_feet_leave_the_ground() -> None:
+    config = controller_settings(ROBOT, "jump", JumpConfig)
+    plan, stance_m, step_s = LeapPlan(config), config.plan.stance.height_m, 1e-4
+    for begin, end in ((0.0, config.leap.crouch_s), (config.leap.crouch_s, plan.take_off_s)):
+        aims = [plan.base(time_s, stance_m) for time_s in np.arange(begin, end - step_s, step_s)]
+        place, velocity, acceleration = (np.array(each) for each in zip(*aims, strict=True))
+        np.testing.assert_allclose(np.diff(place, axis=0) / step_s, velocity[:-1], atol=0.01)
+        np.testing.assert_allclose(np.diff(velocity, axis=0) / step_s, acceleration[:-1], rtol=0.02, atol=0.5)
+    leaving, later = (plan.base(plan.take_off_s + late_s, stance_m) for late_s in (0.0, 0.1))
+    np.testing.assert_array_equal(later.place, leaving.place)
+    np.testing.assert_array_equal(later.velocity, leaving.velocity)
 
 
 def test_it_jumps_again_while_the_command_lasts_and_not_without_one() -> None:
