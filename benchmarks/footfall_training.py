@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from throughput import prepared_training
 
-from footfall.train.brax.networks import actors_means, trained_actor
+from footfall.train.brax.networks import actor_means_function, trained_actor
 from footfall.train.export import export
 
 
@@ -53,7 +53,7 @@ def main() -> None:
             break
     options.out.mkdir(parents=True, exist_ok=True)
     logged = np.asarray(jax.device_get(observed))
-    index, means = [], actors_means(parts.exact_networks)
+    index, means = [], actor_means_function(parts.exact_networks)
     for time_s, steps, (normalizer, policy) in kept:
         path = options.out / f"{time_s:06.1f}.onnx"
         export(trained_actor(means, normalizer, policy), parts.env.contract, logged, path)

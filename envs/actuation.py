@@ -1,4 +1,4 @@
-"""From joint goals to what the motors hold on to in a control step: delays, limits, each robot's motors."""
+"""From joint goals to the inputs of the motors in a control step: delays, limits, each robot's motors."""
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +26,7 @@ KEPT_GOALS = 3  # control steps whose goals may still be on their way to the mot
 
 
 class Actuation:
-    """The way of a goal (the joint positions that an action asks for) to the motors."""
+    """The path of a goal (the joint positions that an action commands) to the motors."""
 
     def __init__(self, robot: Robot, config: EnvConfig) -> None:
         """Raises UserError if goals may be delayed for longer than they are kept."""
@@ -42,7 +42,7 @@ class Actuation:
 
     @property
     def peak_torque(self) -> jax.Array:
-        """Of the nominal motors, N m, (n,)."""
+        """Peak torque of the nominal motors, N m, (n,)."""
         return self._motor.peak_torque
 
     def targets(
@@ -52,9 +52,9 @@ class Actuation:
 
         Args:
             goals: of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
-            target: at the last physics step before, rad, shape (n,).
-            sample: of the robot; its constant delays of actions count where `lateness_s` is None.
-            lateness_s: of each goal on the way to each motor, s, (KEPT_GOALS, n).
+            target: rate-limited target of the previous physics step, rad, shape (n,).
+            sample: the robot's; its constant delay of actions applies if `lateness_s` is None.
+            lateness_s: delay of each goal to each motor, s, (KEPT_GOALS, n).
         """
 
         def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -73,12 +73,12 @@ class Actuation:
         supply: jax.Array | None = None,
         winding_c: jax.Array | None = None,
     ) -> Drive:
-        """What the motors of a sampled robot follow.
+        """Inputs and parameters of a sampled robot's motors in a control step.
 
         Args:
             targets: at each physics step, rad, (substeps, n).
             sample: of the robot.
-            supply: share of the nominal voltage that the motors get, (); None for all of it.
+            supply: supply voltage over nominal voltage, (); None: nominal.
             winding_c: temperatures, degrees Celsius, (n,); None for motors without a thermal model.
         """
         zeros = jnp.zeros_like(self._kp)
@@ -103,7 +103,7 @@ class Actuation:
         """Temperatures after a control step, degrees Celsius, (n,); None without a thermal model.
 
         Args:
-            winding_c: before.
+            winding_c: temperatures before the step.
             torque: of the motors in each physics step, N m, (substeps, n).
             sample: of the robot.
         """

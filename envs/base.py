@@ -1,6 +1,6 @@
-"""Where the base lies in a model's positions and velocities.
+"""Location of the base in a model's `qpos` and `qvel`.
 
-MuJoCo gives a free joint seven positions (place and quaternion in the world) and six velocities (linear in
+MuJoCo gives a free joint seven positions (position and quaternion in the world) and six velocities (linear in
 the world, angular in the body). It need not be the first joint of a model.
 """
 
@@ -28,7 +28,7 @@ class Base:
         self._velocity = slice(speed, speed + 6)
 
     def position(self, qpos: Array) -> Array:
-        """Place of the base in the world, m, (3,)."""
+        """Position of the base in the world, m, (3,)."""
         return qpos[self._place]
 
     def quaternion(self, qpos: jax.Array) -> jax.Array:
@@ -60,7 +60,7 @@ class Base:
         return qpos.at[self._place.stop - 1].set(height_m)
 
     def moving(self, qvel: jax.Array, linear: jax.Array, yaw_rate: jax.Array) -> jax.Array:
-        """Velocities with the base's horizontal ones (2,) and its yaw rate set."""
+        """Velocities with the base's horizontal velocity (2,) and its yaw rate set."""
         along = slice(self._linear.start, self._linear.start + 2)
         return qvel.at[along].set(linear).at[self._angular.stop - 1].set(yaw_rate)
 

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from footfall.envs.environment import Episodes
 from footfall.envs.state import State, Step
 
-RESTARTED_AT_ONCE = 16  # more wastes work when few episodes end, fewer loops more often when many do
+RESTARTED_AT_ONCE = 16  # more waste work when few episodes end, fewer loop more when many do
 
-Restarted = tuple[State, dict[str, jax.Array]]  # and the observations to go on with
+Restarted = tuple[State, dict[str, jax.Array]]  # state, and the observations for the next actions
 
 
 def step_batch(env: Episodes, state: State, action: jax.Array) -> tuple[State, dict[str, jax.Array], Step]:
@@ -22,39 +22,39 @@ def step_batch(env: Episodes, state: State, action: jax.Array) -> tuple[State, d
         action: shape (environments, n).
 
     Returns:
-        State and observation to go on with, which are a new episode's where one ended, and what the step
-        itself gave. Its metrics say besides which episodes are "done", and after what "length" in steps.
+        State and observation for the next action, those of a new episode where one ended, and the result of
+        the step itself. Its metrics also have "done", and the "length" of ended episodes in steps.
     """
     with jax.default_matmul_precision("highest"):
         stepped, step = jax.vmap(env.step)(state, action)
     done = jnp.maximum(step.terminated, step.truncated)
     ended = {"done": done, "length": done * stepped.steps}
-    going_on = stepped, step.observation
-    if env.on_host:  # it is at hand to ask how many have ended; most often few have
-        state, observation = _restart_few(env, done > 0, going_on)
+    current = stepped, step.observation
+    if env.on_host:  # branches are cheap on the host, and few episodes end at once
+        state, observation = _restart_few(env, done > 0, current)
     else:
-        state, observation = _select(done, jax.vmap(restart_of(env))(stepped), going_on)
+        state, observation = _select(done, jax.vmap(restart_of(env))(stepped), current)
     return state, observation, step._replace(metrics=step.metrics | ended)
 
 
 def restart_of(env: Episodes) -> Callable[[State], Restarted]:
-    """Makes the episode after one that ended in a state."""
+    """Returns the function that begins the next episode from an episode's last state."""
     return getattr(env, "restart", lambda state: env.reset(state.key, state.level))
 
 
-def _restart_few(env: Episodes, done: jax.Array, going_on: Restarted) -> Restarted:
+def _restart_few(env: Episodes, done: jax.Array, current: Restarted) -> Restarted:
     """New episodes where `done` (environments,) holds, a few at a time until there are no more."""
-    count, (stepped, _) = len(done), going_on
-    at_once = min(count, RESTARTED_AT_ONCE)
+    count, (stepped, _) = len(done), current
+    restarts = min(count, RESTARTED_AT_ONCE)
 
     def restart(left: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
         done, batch = left
-        (rows,) = jnp.nonzero(done, size=at_once, fill_value=count)  # a row past the last is no one's
+        (rows,) = jnp.nonzero(done, size=restarts, fill_value=count)  # rows past the last are dropped
         new = jax.vmap(restart_of(env))(jax.tree.map(lambda x: x[rows], stepped))
         batch = jax.tree.map(lambda old, new: old.at[rows].set(new, mode="drop"), batch, new)
         return done.at[rows].set(False, mode="drop"), batch
 
-    return jax.lax.while_loop(lambda left: jnp.any(left[0]), restart, (done, going_on))[1]
+    return jax.lax.while_loop(lambda left: jnp.any(left[0]), restart, (done, current))[1]
 
 
 def _select(condition: jax.Array, yes: Any, no: Any) -> Any:

@@ -1,6 +1,6 @@
-"""Points on the trunk and the limbs, which meet the ground on a robot and not in training's physics.
+"""Points on the trunk and the limbs, which touch the ground on a robot but not in training's physics.
 
-Training's contacts are those of the feet. These points tell terms where trunk, thighs and shanks would touch.
+Training computes contacts of the feet only. With these points, terms know where other links would touch.
 """
 
 import itertools
@@ -28,11 +28,11 @@ class Level(NamedTuple):
     rotation: np.ndarray  # (links, 3, 3) parent's frame from the link's, joint at zero
     turn: np.ndarray  # (links, 3) axis of a revolute joint, else 0
     slide: np.ndarray  # (links, 3) axis of a prismatic joint, else 0
-    address: np.ndarray  # (links,) of the joint in qpos; of any number where there is no joint
+    address: np.ndarray  # (links,) of the joint in qpos; arbitrary without a joint
 
 
 class BodyPoints:
-    """Points on the collision shapes of the robot, but for its feet; holds constants only."""
+    """Points on the collision shapes of the robot, except its feet; holds constants only."""
 
     def __init__(self, robot: Robot) -> None:
         model = load_model(robot)
@@ -69,7 +69,7 @@ class BodyPoints:
 
 
 def _by_depth(links: list[Link]) -> list[list[Link]]:
-    """The links by their distance from the root, the root's level first."""
+    """The links grouped by depth in the tree, the root first."""
     levels = [links[:1]]
     while True:
         names = {link.name for link in levels[-1]}
@@ -113,14 +113,14 @@ def _points(model: mujoco.MjModel, body: int, feet: set[str]) -> Iterator[tuple[
         counts = 1 + np.ceil(2.0 * half / SPACING_M - 1e-9).astype(int)
         axes = [np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half, counts, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        outside = np.any(np.abs(grid) > half - 1e-9, axis=1)  # as all points of a line are
+        outside = np.any(np.abs(grid) > half - 1e-9, axis=1)  # true of all points of a line
         turn = rotation_matrix(model.geom_quat[geom])
         for place in grid[outside]:
             yield model.geom_pos[geom] + turn @ (model.geom_aabb[geom, :3] + place), radius
 
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
-    """A shape as a box of half sizes (3,), m, that a ball of this radius, m, is swept through."""
+    """A shape as a ball swept through a box: half sizes (3,), m, and the ball's radius, m."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.zeros(3), float(size[0])

@@ -1,4 +1,4 @@
-"""Pictures of a robot, for the gymnasium face."""
+"""Pictures of a robot, for the gymnasium environments."""
 
 import atexit
 import os
@@ -15,7 +15,7 @@ WIDTH, HEIGHT = 480, 320
 
 
 class Camera:
-    """Pictures of a robot, from a camera that goes along. Nothing is set up before the first."""
+    """Pictures of a robot, from a camera that follows it. The first picture creates the renderer."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -31,7 +31,7 @@ class Camera:
             self._model = plant_model(self._robot)
             self._data, self._view = mujoco.MjData(self._model), mujoco.MjvCamera()
             self._renderer = offscreen_renderer(self._model)
-            # A camera that nobody closed is closed at the interpreter's end, before MuJoCo ends EGL there.
+            # Close an open camera at exit, before MuJoCo shuts EGL down.
             atexit.register(_close, weakref.ref(self))
         self._data.qpos[:] = qpos
         mujoco.mj_forward(self._model, self._data)
@@ -41,16 +41,16 @@ class Camera:
         return self._renderer.render().copy()
 
     def close(self) -> None:
-        """Free the renderer's memory; another picture takes it again."""
+        """Free the renderer; the next picture creates a new one."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
 
 
-def _close(camera: "weakref.ref[Camera]") -> None:
-    still_there = camera()
-    if still_there is not None:
-        still_there.close()
+def _close(reference: "weakref.ref[Camera]") -> None:
+    camera = reference()
+    if camera is not None:
+        camera.close()
 
 
 def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
@@ -61,7 +61,7 @@ def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
     """
     try:
         return mujoco.Renderer(model, HEIGHT, WIDTH)
-    except Exception as error:  # of which kind depends on the library
+    except Exception as error:  # its type depends on the library
         chosen = os.environ.get("MUJOCO_GL")
         raise UserError(
             f"cannot render here with {f'MUJOCO_GL={chosen}' if chosen else 'MUJOCO_GL not set'}:"

@@ -17,7 +17,7 @@ from footfall.policies.observation import TERMS
 class TermInfo(NamedTuple):
     """One term of the catalogue."""
 
-    kind: str  # the list of a preset in which it stands
+    kind: str  # the list of a preset to which it belongs
     name: str
     about: str  # first line of its docstring
     parameters: dict[str, Parameter]

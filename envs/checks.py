@@ -1,4 +1,4 @@
-"""What a configuration asks for and the physics cannot do."""
+"""Checks that the physics supports a configuration."""
 
 import mujoco
 
@@ -11,7 +11,7 @@ from footfall.robots.stability import longest_timestep
 
 
 def check_events(task: Task, engine: Engine) -> None:
-    """Raise UserError if an event changes what this physics does not know."""
+    """Raise UserError if an event needs the generated physics and another engine runs."""
     for name, event in task.events.items():
         if event.generated_only and engine.name != "generated":
             needed = f"env.events: '{name}' needs physics 'generated', not '{engine.name}'. {engine.note}"

@@ -22,9 +22,9 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.self_contact import Contacts
 from footfall.terrain.declaration import GroundConfig
 
-FASTEST = 100.0  # m/s or rad/s: no legged robot is; more is a unit mistaken
-CRITIC = ("linear_velocity", "height", "contact", "clearance", "torque")  # terms of a critic by default
-LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
+FASTEST = 100.0  # limit of commands, m/s or rad/s: a larger value has a wrong unit
+CRITIC = ("linear_velocity", "height", "contact", "clearance", "torque")  # default terms of the critic
+MIN_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class CommandConfig:
     hold_s: Distribution = Distribution(3.0, 8.0)
     standing_probability: float = 0.1
     single_axis_probability: float = 0.3  # only one of the three components is kept
-    standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
+    standing_command: float = 0.1  # norm below which a command means to stand still; 0: step in place
     term: str = "velocity"
-    settings: dict[str, Any] = field(default_factory=dict)  # parameters of a term of one's own
+    settings: dict[str, Any] = field(default_factory=dict)  # parameters of a user's own term
 
     def __post_init__(self) -> None:
         require_not_negative(self, "standing_command")
@@ -102,7 +102,7 @@ class CurriculumConfig(NamedTermConfig):
 
     @property
     def label(self) -> str:
-        """Its name, by default that of what it makes harder."""
+        """Its name; by default the name of the event or section that it acts on."""
         return self.name or self.of
 
 
@@ -112,9 +112,9 @@ class TerrainConfig:
 
     grounds: tuple[GroundConfig, ...]  # a parameter given as [easiest, hardest] rises with the level
     levels: int = 10
-    start_levels: int = 3  # the first episodes are at the lowest levels, so many of them
-    up_share: float = 0.8  # of the commanded path that was covered: the next episode is a level harder
-    down_share: float = 0.4  # below it, or after a fall, a level easier
+    start_levels: int = 3  # number of lowest levels at which the first episodes begin
+    up_share: float = 0.8  # share of the commanded path from which on the next episode is a level harder
+    down_share: float = 0.4  # below this share, or after a fall, it is a level easier
     spread_m: float = 2.0  # half the side of the square in which episodes begin
     seed: int = 0  # of random heights
 
@@ -137,7 +137,7 @@ class EnvConfig:
     observation: tuple[ObservationConfig, ...]
     commands: CommandConfig
     rewards: tuple[RewardConfig, ...]
-    reward_floor: float = -0.2  # the weighted sum of the rewards but `fall` is clipped below here
+    reward_floor: float = -0.2  # lower limit of the weighted sum of all rewards except `fall`
     terminations: tuple[NamedTermConfig, ...] = (NamedTermConfig("tilted"), NamedTermConfig("sunk"))
     critic: tuple[NamedTermConfig, ...] = tuple(map(NamedTermConfig, CRITIC))
     events: tuple[EventConfig, ...] = (EventConfig("reset_pose"),)
@@ -146,7 +146,7 @@ class EnvConfig:
     task: str = ""  # MODULE:NAME of a function from robot and configuration to an Environment
     # Generated for the robot, for GPUs and processors; MJX, for all that JAX runs on; MuJoCo C, on all cores.
     physics: Literal["generated", "mjx", "c"] = "generated"
-    contacts: Contacts = "feet"  # what meets the ground; all but `feet`: joint limits act, too
+    contacts: Contacts = "feet"  # which shapes touch; with any choice except `feet`, joint limits act too
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
     action_scale: float = 1.0  # multiplies the robot's: how far joints move per unit of action
@@ -165,7 +165,7 @@ class EnvConfig:
 
     @property
     def whole_body(self) -> bool:
-        """Whether all collision shapes meet the ground, not only the feet."""
+        """Whether all collision shapes can touch the ground, not only the feet."""
         return self.contacts != "feet"
 
     @property
@@ -184,8 +184,8 @@ class EnvConfig:
             raise ValueError(f"episode_s {self.episode_s:g} is shorter than a control step, {period_s:g} s")
         if self.whole_body and self.terrain is not None:
             raise ValueError(f"contacts '{self.contacts}' needs level ground: leave out terrain")
-        if self.substeps < LEAST_SUBSTEPS:
-            raise ValueError(f"substeps must be at least {LEAST_SUBSTEPS}, not {self.substeps}")
+        if self.substeps < MIN_SUBSTEPS:
+            raise ValueError(f"substeps must be at least {MIN_SUBSTEPS}, not {self.substeps}")
 
 
 TERM_LISTS = ("rewards", "terminations", "critic", "events", "curricula")

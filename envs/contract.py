@@ -14,7 +14,7 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
     """The contract of policies that are trained on this robot with these settings.
 
     Raises:
-        UserError: there is no such gait or observation term, or a term cannot have its parameters.
+        UserError: there is no such gait or observation term, or a term's parameters are wrong.
     """
     terms = tuple(Term(each.term, each.scale, each.history, each.settings) for each in config.observation)
     sources = [term_source(term, f"env.observation[{index}]") for index, term in enumerate(terms)]
@@ -35,5 +35,5 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
 
 
 def _in_full(term: Term, source: object) -> Term:
-    """A term with all its parameters where they are a dataclass's: defaults may be others one day."""
+    """A term with all parameters written out, if its source is a dataclass: defaults may change later."""
     return replace(term, settings=unstructure(source)) if is_dataclass(source) else term

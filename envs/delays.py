@@ -15,8 +15,8 @@ def delayed_goals(
 
     Args:
         goals: targets of the last control steps, newest first, shape (k, n).
-        delay_s: action delay, at most (k - 1) control periods; None for none. One for all, (), or that of
-            each goal on the way to each joint, (k, n): a goal is there at the latest with the next one.
+        delay_s: action delay, at most (k - 1) control periods; None: no delay. Shape () for all, or (k, n)
+            for each goal to each joint: a goal arrives with the next one at the latest.
         starts_s: when each physics step begins, after the newest target was computed, shape (s,).
         timestep_s: length of a physics step.
         period_s: control period.
@@ -26,9 +26,9 @@ def delayed_goals(
     """
     if delay_s is None:
         return jnp.broadcast_to(goals[0], (len(starts_s), goals.shape[-1]))
-    newer = goals.shape[0] - 1  # all but the oldest goal, which has arrived for certain
+    newer = goals.shape[0] - 1  # number of goals that may not have arrived: all except the oldest
     ages_s = period_s * np.arange(newer)
-    left_s = (starts_s + timestep_s)[:, None] + ages_s  # of each step, once a goal without delay has arrived
+    left_s = (starts_s + timestep_s)[:, None] + ages_s  # from an undelayed arrival to the end of each step
     if jnp.ndim(delay_s):
         arrived = jnp.clip((left_s[:, :, None] - delay_s[:-1]) / timestep_s, 0.0, 1.0)
         arrived = jax.lax.cummax(arrived, axis=1)
@@ -43,8 +43,8 @@ def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: f
 
     Args:
         recent: readings after each of the last physics steps, oldest first, shape (k, m).
-        delay_s: observation delay, at most (k - 1) physics steps; None for none. One for all, (), or that of
-            each number, (m,).
+        delay_s: observation delay, at most (k - 1) physics steps; None: no delay. Shape () for all, or (m,)
+            for each number.
         timestep_s: physics step.
     """
     if delay_s is None:

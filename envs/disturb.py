@@ -1,4 +1,4 @@
-"""What changes for the robot from outside: commands and events, drawn at a reset and at random intervals."""
+"""Commands and events, drawn at a reset and at random intervals."""
 
 from collections.abc import Sequence
 
@@ -20,11 +20,11 @@ class Disturbances:
     def __init__(self, task: Task, config: EnvConfig, scene: Scene) -> None:
         self._task, self._config, self._scene = task, config, scene
         self._resets, self._timed = task.resets, task.timed
-        self.reset_numbers = [event.numbers for event in self._resets.values()]  # that `reset` takes
-        self.timers = 1 + len(self._timed)  # of the command and of each timed event
+        self.reset_numbers = [event.numbers for event in self._resets.values()]  # of `reset`
+        self.timers = 1 + len(self._timed)  # one for the command and one for each timed event
         timed = (event.numbers for event in self._timed.values())
         self._step_sizes = [task.command.numbers, *timed, self.timers]
-        self.step_numbers = sum(self._step_sizes)  # that `step` takes
+        self.step_numbers = sum(self._step_sizes)  # uniform numbers that `step` takes
 
     def reset(self, state: State, numbers: Sequence[jax.Array]) -> State:
         """The state after the events of a reset, with uniform numbers for each."""
@@ -58,7 +58,7 @@ class Disturbances:
         )
 
     def command(self, u: jax.Array, level: jax.Array | float) -> jax.Array:
-        """A command (3,) from uniform numbers, as large as the curriculum allows."""
+        """A command (3,) from uniform numbers, scaled by the curriculum."""
         return self._task.command.draw(u, self._config.commands) * self._task.strength("commands", level)
 
     def hold_steps(self, u: jax.Array) -> jax.Array:
@@ -76,7 +76,7 @@ class Disturbances:
 
 
 def _where(condition: jax.Array, changed: State, state: State) -> State:
-    """The changed state where the condition () holds; what the change left alone is not selected."""
+    """The changed state where the condition () holds. Leaves that are the same object are not selected."""
     return jax.tree.map(
         lambda new, old: new if new is old else jnp.where(condition, new, old), changed, state
     )

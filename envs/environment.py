@@ -1,7 +1,7 @@
-"""The protocol of an environment: what trainers, the gymnasium face and benchmarks may ask of one.
+"""The protocol of an environment, used by trainers, the gymnasium environments and benchmarks.
 
 A batch of episodes is a `jax.vmap` of `reset` and `step` (envs/batch.py). `envs/make.py` makes an environment
-from a robot and a configuration; nobody else names a class that implements this protocol.
+from a robot and a configuration; no other module names a class that implements this protocol.
 """
 
 from typing import Protocol
@@ -16,15 +16,15 @@ from footfall.robots.description import Robot
 
 
 class Episodes(Protocol):
-    """What a batch needs of an environment to step episodes and to restart those that ended.
+    """The part of an environment that steps episodes and restarts those that ended.
 
-    An environment whose next episode depends on the one before may have a `restart(state)` besides: it gives
-    what `reset` does, from the last state of an episode.
+    An environment whose next episode depends on the previous one may also have `restart(state)`: it returns
+    the same as `reset`, from the last state of an episode.
     """
 
     @property
     def on_host(self) -> bool:
-        """Whether physics runs on the host's processor, where a program's branches cost little."""
+        """Whether physics runs on the host's CPU, where branches of a program cost little."""
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """One new episode.
@@ -53,14 +53,14 @@ class Environment(Episodes, Protocol):
 
     @property
     def note(self) -> str:
-        """What a user should know before training, one line; empty if nothing."""
+        """One line for the user before training; empty if there is nothing to tell."""
 
     @property
     def observation_sizes(self) -> dict[str, int]:
         """Size of each observation that `reset` and `step` return."""
 
     def level(self, steps: jax.Array) -> jax.Array:
-        """The curriculum's level after so many environment steps in all, 0 to 1."""
+        """The curriculum's level, 0 to 1, after `steps` environment steps of the whole training."""
 
     def at_level(self, state: State, level: jax.Array) -> State:
         """The same batch of episodes at another level of the curriculum."""

@@ -1,4 +1,4 @@
-"""The robot's feet: balls, or soles that stand on several, each with its place in the gait."""
+"""The robot's feet: balls, or soles that stand on several balls, each with its phase in the gait."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from footfall.robots.feet import foot_geoms
 
 
 class Feet:
-    """What the feet do, from where the physics saw the balls that they stand on.
+    """Quantities of the feet, from the positions of their balls in the physics.
 
     Results are (feet, ...) in the robot's order. Points are the balls' centres, foot after foot.
     """
@@ -25,7 +25,7 @@ class Feet:
         self._radius = single(model.geom_size[np.concatenate(feet), 0])
         counts = [len(geoms) for geoms in feet]
         starts, most = np.cumsum([0, *counts[:-1]]), max(counts)
-        # The points of each foot, (feet, most); a foot with fewer has its first one several times.
+        # The points of each foot, (feet, most); a foot with fewer points repeats them.
         self._points = np.array([s + np.arange(most) % c for s, c in zip(starts, counts, strict=True)])
         self._gait = gait
         self._timestep_s = timestep_s
@@ -36,23 +36,23 @@ class Feet:
 
         Args:
             position: of the points, m, world, (points, 3).
-            ground: its height below each point, above level ground, m, (points,).
+            ground: ground height below each point, m, (points,).
         """
         return jnp.min((height_above_ground(position) - ground - self._radius)[self._points], axis=1)
 
     def nearest(self, distance: jax.Array) -> jax.Array:
-        """Of each foot the least of its points' values (points,)."""
+        """Minimum of the values (points,) over each foot's points, (feet,)."""
         return jnp.min(distance[self._points], axis=1)
 
     def tilt(self, position: jax.Array, ground: jax.Array | float = 0.0) -> jax.Array:
-        """How much higher above the ground each foot's highest point is than its lowest, as `clearance`."""
+        """Height of each foot's highest point above its lowest, m, (feet,); arguments as of `clearance`."""
         height = (height_above_ground(position) - ground - self._radius)[self._points]
         return jnp.max(height, axis=1) - jnp.min(height, axis=1)
 
     def speed(self, positions: jax.Array) -> jax.Array:
         """Horizontal speed of each foot in the last physics step, m/s, from points (substeps, points, 3).
 
-        That of its fastest point: a sole that turns where it stands slips.
+        It is the speed of the foot's fastest point: a sole that turns on the spot slips.
         """
         velocity = (positions[-1] - positions[-2]) / self._timestep_s
         square = jnp.sum(velocity[:, :2] ** 2, axis=-1)
@@ -63,11 +63,11 @@ class Feet:
         return jnp.mean(position[self._points], axis=1)
 
     def crowding(self, position: jax.Array, least_m: float) -> jax.Array:
-        """How much nearer than this feet are to each other, squared and summed over pairs, m^2.
+        """Shortfall of the distance between two feet, squared and summed over pairs, m^2.
 
         Args:
-            position: of the points (points, 3), m. A foot is at the mean of its own.
-            least_m: horizontal distance from which on a pair counts nothing.
+            position: of the points (points, 3), m. A foot's position is the mean of its points.
+            least_m: horizontal distance beyond which a pair does not count.
         """
         centre = self.centres(position)[:, :2]
         one, other = np.triu_indices(self.count, k=1)
@@ -75,7 +75,7 @@ class Feet:
         return jnp.sum(jnp.maximum(least_m - jnp.sqrt(square), 0.0) ** 2)
 
     def planned_swing(self, phase: jax.Array, moving: jax.Array) -> jax.Array:
-        """What the gait plans: 0 in stance, rising to 1 at mid-swing; 0 where there is no gait.
+        """Planned swing of each foot: 0 in stance, rising to 1 at mid-swing; 0 without a gait.
 
         Args:
             phase: of the gait clock, in cycles, shape (1,).

@@ -13,7 +13,7 @@ from footfall.robots.stance import in_default_pose
 
 
 def make_gait(robot: Robot, config: GaitConfig) -> Gait:
-    """Phases and reference amplitudes of each joint. Joints of no foot stay still.
+    """Phases and reference amplitudes of each joint. Joints that move no foot stay still.
 
     Raises:
         UserError: there is no such gait for this robot.
@@ -29,7 +29,7 @@ def make_gait(robot: Robot, config: GaitConfig) -> Gait:
 
 
 def _lift(robot: Robot, foot: Foot, joints: np.ndarray, lift_m: float) -> np.ndarray:
-    """Joint offsets from the default pose that raise a foot straight up, by damped Gauss-Newton.
+    """Joint offsets from the default pose that raise a foot vertically, by damped Gauss-Newton.
 
     All of a sole's geoms are raised alike, so it stays level.
     """

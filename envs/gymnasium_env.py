@@ -1,4 +1,4 @@
-"""The environment behind gymnasium's interfaces: one episode, or many side by side."""
+"""The environment with gymnasium's interfaces: one episode, or many in parallel."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -21,36 +21,36 @@ from footfall.envs.make import make_environment
 from footfall.envs.state import State, Step
 from footfall.robots.description import Robot
 
-TRACKING = "tracking/"  # metrics of this group are part of gymnasium's information
+TRACKING = "tracking/"  # metrics of this group are part of gymnasium's info
 
 
 class EpisodesWithInfo(NamedTuple):
-    """The same episodes, but a step's metrics are the content of gymnasium's information."""
+    """The same episodes, but a step's metrics are the content of gymnasium's info."""
 
     env: Environment
 
     @property
     def on_host(self) -> bool:
-        """As the environment's."""
+        """Same as the environment's."""
         return self.env.on_host
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
-        """As the environment's."""
+        """Same as the environment's."""
         return self.env.reset(key, level)
 
     def restart(self, state: State) -> tuple[State, dict[str, jax.Array]]:
-        """As the environment's."""
+        """Same as the environment's."""
         return restart_of(self.env)(state)
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
-        """As the environment's, with the "command" (3,) after the step and the tracking errors as metrics."""
+        """One step; its metrics are the "command" (3,) after the step and the tracking errors."""
         state, step = self.env.step(state, action)
         errors = {k.removeprefix(TRACKING): v for k, v in step.metrics.items() if k.startswith(TRACKING)}
         return state, step._replace(metrics={"command": state.command} | errors)
 
 
 class StepResult(NamedTuple):
-    """What Python reads of a step, of one robot or with a leading axis (environments,)."""
+    """The results of a step that Python reads, of one robot or with a leading axis (environments,)."""
 
     observation: Any  # the actor's
     reward: Any
@@ -60,7 +60,7 @@ class StepResult(NamedTuple):
 
 
 class GymnasiumEnv(gymnasium.Env):
-    """One robot. An observation is what the actor sees; an action is what a policy gives."""
+    """One robot. Observations are the actor's; actions are a policy's."""
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012, gymnasium's own form
 
@@ -72,7 +72,7 @@ class GymnasiumEnv(gymnasium.Env):
         """
         self.env = env = make_environment(robot, config)
         self.observation_space, self.action_space = spaces(env)
-        self.render_mode = checked(render_mode)
+        self.render_mode = checked_mode(render_mode)
         self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
         self._reset = jax.jit(partial(reset_one, env))
         self._step = jax.jit(partial(step_one, EpisodesWithInfo(env)), donate_argnums=0)
@@ -87,10 +87,10 @@ class GymnasiumEnv(gymnasium.Env):
         Raises:
             UserError: an option was given; there are none.
         """
-        refuse(options)
+        refuse_options(options)
         super().reset(seed=seed)
         self.state, *seen = self._reset(draw_key(self.np_random))
-        observation, command = map(np.array, seen)  # copies: the next step takes the state's memory
+        observation, command = map(np.array, seen)  # copies: the next step reuses the state's memory
         return observation, {"command": command}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -109,15 +109,14 @@ class GymnasiumEnv(gymnasium.Env):
         return self._camera.picture(np.asarray(self.state.qpos))
 
     def close(self) -> None:
-        """Let go of the renderer."""
+        """Free the renderer."""
         self._camera.close()
 
 
 class GymnasiumVectorEnv(VectorEnv):
-    """Many robots at once. Where an episode ends, the same step begins the next.
+    """Many robots in parallel. When an episode ends, the same step begins the next one.
 
-    Of one that ended, the last observation and information are in the information, as "final_obs" and
-    "final_info".
+    The last observation and info of an ended episode are in the info as "final_obs" and "final_info".
     """
 
     metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -138,7 +137,7 @@ class GymnasiumVectorEnv(VectorEnv):
         self.single_observation_space, self.single_action_space = spaces(env)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.render_mode = checked(render_mode)
+        self.render_mode = checked_mode(render_mode)
         self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
         self._reset = jax.jit(jax.vmap(partial(reset_one, env)))
         self._step = jax.jit(partial(step_many, EpisodesWithInfo(env)), donate_argnums=0)
@@ -153,10 +152,10 @@ class GymnasiumVectorEnv(VectorEnv):
         Each environment has a generator of its own, which lasts until its next seed.
 
         Raises:
-            UserError: an option was given; there are none, a "reset_mask" neither.
+            UserError: an option was given; there are none, not even "reset_mask".
             ValueError: there is not one seed for each environment.
         """
-        refuse(options)
+        refuse_options(options)
         if seed is None or isinstance(seed, int):
             seed = [None if seed is None else seed + k for k in range(self.num_envs)]
         if len(seed) != self.num_envs:
@@ -176,7 +175,7 @@ class GymnasiumVectorEnv(VectorEnv):
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """What the generators were last seeded with."""
+        """The last seed of each environment's generator."""
         return tuple(seed for _, seed in self._generators)
 
     def step(
@@ -196,12 +195,12 @@ class GymnasiumVectorEnv(VectorEnv):
         return tuple(self._camera.picture(qpos) for qpos in np.asarray(self.state.qpos))
 
     def close_extras(self, **_: Any) -> None:
-        """Let go of the renderer."""
+        """Free the renderer."""
         self._camera.close()
 
 
 def spaces(env: Environment) -> tuple[Box, Box]:
-    """Observation and action space. Beyond the actions' bounds, targets end at the soft limits anyway."""
+    """Observation and action space. The action bounds reach the soft limits, where targets are clamped."""
     robot = env.robot
     reach = np.maximum(*(np.abs(limit - robot.default_pose) for limit in robot.soft_limits))
     bound = (reach / np.array(env.contract.action_scale_rad)).astype(np.float32)
@@ -214,7 +213,7 @@ def draw_key(generator: np.random.Generator) -> np.ndarray:
 
 
 def reset_one(env: Environment, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
-    """A new episode: state, observation, and the command (3,) that is given."""
+    """A new episode: state, observation, and its command (3,)."""
     state, observation = env.reset(key)
     return state, observation["state"], state.command
 
@@ -228,29 +227,29 @@ def step_one(env: EpisodesWithInfo, state: State, action: jax.Array) -> tuple[St
 def step_many(
     env: EpisodesWithInfo, state: State, actions: jax.Array
 ) -> tuple[State, jax.Array, jax.Array, StepResult]:
-    """A control step of all robots: state, observations and commands to go on with, and the step itself."""
+    """A control step of all robots: next state, observations and commands, and the result of the step."""
     state, observation, step = step_batch(env, state, actions)
     return state, observation["state"], state.command, step_result(step)
 
 
 def step_result(step: Step) -> StepResult:
-    """No more of a step than Python reads: the compiler leaves out what only the rest would need."""
+    """The results of a step that Python reads: the compiler drops all computations for the others."""
     info = {name: value for name, value in step.metrics.items() if name not in ("done", "length")}
     return StepResult(step.observation["state"], step.reward, step.terminated > 0, step.truncated > 0, info)
 
 
 def gathered(last: StepResult, commands: np.ndarray) -> dict[str, Any]:
-    """The information of a step, in the form in which gymnasium's own vector environments give it.
+    """The info of a step, in the form of gymnasium's own vector environments.
 
     Args:
-        last: the step itself, an episode's last where it ended.
-        commands: to go on with, shape (environments, 3); a new episode's where one ended.
+        last: the results of the step; where an episode ended, those of its last step.
+        commands: the next commands, shape (environments, 3); a new episode's where one ended.
     """
     ended = last.terminated | last.truncated
     errors = {name: value for name, value in last.info.items() if name != "command"}
     info: dict[str, Any] = masked({"command": commands}, np.ones_like(ended)) | masked(errors, ~ended)
     if ended.any():
-        observations = np.full(len(ended), None)  # objects: a wrapper may give them another shape
+        observations = np.full(len(ended), None)  # objects: a wrapper may change their shape
         for k in np.flatnonzero(ended):
             observations[k] = last.observation[k].copy()
         info |= {"final_obs": observations, "_final_obs": ended.copy()}
@@ -264,18 +263,18 @@ def masked(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndar
     return kept | {f"_{name}": mask.copy() for name in values}
 
 
-def refuse(options: dict[str, Any] | None) -> None:
-    """Options of a reset, whatever they are.
+def refuse_options(options: dict[str, Any] | None) -> None:
+    """Check that a reset has no options.
 
     Raises:
-        UserError: there is one.
+        UserError: it has one.
     """
     if options:
         raise UserError(f"a reset has no options: {', '.join(options)}")
 
 
-def checked(render_mode: str | None) -> str | None:
-    """A render mode that there is.
+def checked_mode(render_mode: str | None) -> str | None:
+    """The render mode, if it exists.
 
     Raises:
         UserError: there is no such mode.

@@ -20,13 +20,13 @@ from footfall.envs.random_numbers import split
 from footfall.envs.state import State
 from footfall.policies.height_scan import NAME, HeightScan
 
-SOON_S = 1e-4  # a scan that is due so soon is taken: times are sums of rounded numbers
+DUE_TOLERANCE_S = 1e-4  # of a scan's time, which is a sum of rounded numbers
 
 Heights = Callable[[jax.Array], jax.Array]  # from places (..., 2) in the world to the ground's height, m
 
 
 class Scans(NamedTuple):
-    """What an episode keeps of its scans."""
+    """State of an episode's scans."""
 
     poses: jax.Array  # (kept, 4) x, y, z m and yaw rad of the base after the last control steps, newest first
     errors: EpisodeErrors
@@ -41,11 +41,11 @@ class Scanner:
         self.numbers = NUMBERS + 2 * scan.size  # uniform numbers that `deliver` takes
 
     def deliver(self, state: State, ground: Heights, u: jax.Array, first: bool) -> tuple[State, jax.Array]:
-        """The newest heights that have arrived, (points,), NaN for unknown ones; call once a control step.
+        """The newest heights that have arrived, (points,), NaN if unknown; to be called once a control step.
 
         Args:
             state: after the control step.
-            ground: below the robot.
+            ground: heights of the ground around the robot.
             u: uniform numbers, (numbers,).
             first: whether an episode begins.
         """
@@ -57,7 +57,7 @@ class Scanner:
             before: Scans = state.terms[NAME][NAME]
             scans = before._replace(poses=jnp.concatenate([pose[None], before.poses[:-1]]))
         rate_hz, errors = self._scan.rate_hz, scans.errors
-        taken_s = jnp.floor((time_s - errors.lag_s + SOON_S) * rate_hz) / rate_hz
+        taken_s = jnp.floor((time_s - errors.lag_s + DUE_TOLERANCE_S) * rate_hz) / rate_hz
         back = jnp.round((time_s - taken_s) / self._period_s).astype(jnp.int32)
         pose = scans.poses[jnp.clip(back, 0, self._kept - 1)]
         heights = self._heights(pose, ground, errors.shift_m)

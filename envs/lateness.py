@@ -1,4 +1,4 @@
-"""How late each goal and each reading of training is, where jitter, a swing or lost frames are drawn."""
+"""Delay of each goal and each reading in training, if jitter, a swing or lost frames are randomised."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from footfall.robots import kinds
 from footfall.robots.kinds import Parts
 from footfall.robots.readings import READINGS, SENSED
 
-# Beside a step's key: the other draws of the step stay what they are without these.
+# Folded into a step's key, so that the step's other draws do not depend on these.
 GOAL, READING = 0x60A1, 0x2EAD
 
 
@@ -25,14 +25,14 @@ class Lateness:
         self._motor, self._frame = np.arange(joints), _frame_of(joints)
 
     def before(self, sample: Sample) -> jax.Array | None:
-        """Delay of the goals before an episode, s, (KEPT_GOALS, n); None where it does not change."""
+        """Delay of the goals before an episode, s, (KEPT_GOALS, n); None if delays are constant."""
         varies = transport_of(sample, "actions").varies
         return jnp.zeros((KEPT_GOALS, self._joints)) if varies else None
 
     def of_goals(self, state: State) -> jax.Array | None:
-        """Delay of each goal on its way to each motor, s, (KEPT_GOALS, n), with that of a new one first.
+        """Delay of each goal to each motor, s, (KEPT_GOALS, n), the newest goal first.
 
-        None where it does not change. The state is that before the control step.
+        None if delays are constant. The state is that before the control step.
         """
         if state.lateness_s is None:
             return None
@@ -40,7 +40,7 @@ class Lateness:
         return jnp.concatenate([drawn[None], state.lateness_s[:-1]])
 
     def of_readings(self, state: State, key: jax.Array) -> jax.Array | None:
-        """Delay of each number of the readings, s, (numbers,); None where it does not change.
+        """Delay of each number of the readings, s, (numbers,); None if delays are constant.
 
         Args:
             state: after the control step.
@@ -51,7 +51,7 @@ class Lateness:
         return self._drawn("readings", state, jax.random.fold_in(key, READING), self._frame)
 
     def _drawn(self, way: Way, state: State, key: jax.Array, frame: np.ndarray) -> jax.Array:
-        """Delay of each number, which arrives in the frame of number `frame` (k,), s, (k,)."""
+        """Delay of each number, s, (k,); `frame` (k,) is the index of the frame in which it arrives."""
         transport = transport_of(state.sample, way)
         jitter, *each = jax.random.uniform(key, (2 + frame.max(),))
         now_s = delay_now_s(transport, state.steps * self._period_s, jitter)
@@ -60,7 +60,7 @@ class Lateness:
 
 
 def _frame_of(joints: int) -> np.ndarray:
-    """Number of the frame in which each number of the readings arrives: a motor's own, or a reading's."""
+    """Index of the frame in which each number of the readings arrives: a motor's, or a reading's own."""
     found, following = [], joints
     for declared in READINGS.values():
         size = declared.kind.size(Parts(joints))

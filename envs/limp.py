@@ -1,4 +1,4 @@
-"""A robot that fell lies limp: its motors only damp, as they do before a robot may get up."""
+"""A limp robot: after a fall its motors only damp, as on a robot that may not get up yet."""
 
 import jax
 import jax.numpy as jnp
@@ -9,13 +9,13 @@ from footfall.envs.state import State
 def heeded(
     state: State, action: jax.Array, goal: jax.Array, position: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The action and the goal that count in this control step.
+    """The action and the goal that take effect in this control step.
 
     Args:
         state: before the step.
         action: of the policy, (n,).
-        goal: joint positions that the action asks for, rad, (n,).
-        position: of the joints, rad, (n,): a limp robot's goals follow them, and its actions do not count.
+        goal: joint positions that the action commands, rad, (n,).
+        position: of the joints, rad, (n,): a limp robot's goals follow them, and its actions have no effect.
     """
     if state.limp_steps is None:
         return action, goal
@@ -24,12 +24,12 @@ def heeded(
 
 
 def stiffness(state: State, kp: jax.Array) -> jax.Array:
-    """Stiffness of the motors in this control step, N m/rad, (n,): none of a limp robot."""
+    """Stiffness of the motors in this control step, N m/rad, (n,): 0 for a limp robot."""
     return kp if state.limp_steps is None else kp * (state.limp_steps <= 0)
 
 
 def one_step_less(state: State) -> State:
-    """The state after a control step."""
+    """The state with one limp step less."""
     if state.limp_steps is None:
         return state
     return state._replace(limp_steps=jnp.maximum(state.limp_steps - 1, 0))

@@ -1,6 +1,6 @@
 """The environment that steps a task's terms around the physics: a functional environment.
 
-`reset(key)` and `step(state, action)` are pure and concern one robot; `jax.vmap` makes them many.
+`reset(key)` and `step(state, action)` are pure functions for one robot; `jax.vmap` batches them.
 """
 
 import functools
@@ -45,7 +45,7 @@ class LocomotionEnv:
     """The environment of one robot and one configuration; holds constants only."""
 
     def __init__(self, robot: Robot, config: EnvConfig) -> None:
-        """Raises UserError if the configuration names what does not exist, or too long delays or steps."""
+        """Raises UserError if the configuration names unknown things, or delays or steps are too long."""
         if config.physics not in ENGINES:
             raise UserError(f"no physics '{config.physics}': there are {', '.join(ENGINES)}")
         self.robot, self.config = robot, config
@@ -77,7 +77,7 @@ class LocomotionEnv:
 
     @property
     def note(self) -> str:
-        """Why another physics engine runs than the configuration asks for; empty if it does not."""
+        """Why another physics engine runs than the configured one; empty if the configured one runs."""
         return self.engine.note
 
     def mirror(self) -> EnvironmentMirror:
@@ -87,7 +87,7 @@ class LocomotionEnv:
 
     @property
     def layout(self) -> dict[str, list[Kind]]:
-        """The kinds of numbers that lie end to end in the actor's and in the critic's observation."""
+        """The kinds of numbers that are concatenated in the actor's and in the critic's observation."""
         terms = self.contract.observation
         actor = [term_kind(term) for term in terms for _ in range(term.history)]
         frame = [term_kind(term) for term in terms]
@@ -102,7 +102,7 @@ class LocomotionEnv:
         return {name: sum(kind.size(parts) for kind in kinds) for name, kinds in self.layout.items()}
 
     def level(self, steps: jax.Array) -> jax.Array:
-        """The curriculum's level after so many environment steps in all, 0 to 1."""
+        """The curriculum's level, 0 to 1, after `steps` environment steps of the whole training."""
         ramp = self.config.curriculum_steps
         return jnp.ones_like(steps) if ramp == 0 else jnp.minimum(steps / ramp, 1.0)
 
@@ -111,7 +111,7 @@ class LocomotionEnv:
         return state._replace(level=jnp.full_like(state.level, level))
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
-        """A new episode, with all of its state drawn afresh."""
+        """A new episode, with all of its state newly drawn."""
         return self._begin(key, level, None)
 
     def restart(self, state: State) -> tuple[State, dict[str, jax.Array]]:
@@ -206,7 +206,7 @@ class LocomotionEnv:
         return state, Step(observations, reward, terminated, truncated, metrics)
 
     def simulate(self, state: State) -> tuple[State, Trace]:
-        """Physics of one control step; returns what each physics step left, stacked."""
+        """Physics of one control step; returns the state and the stacked records of the physics steps."""
         targets = self.actuation.targets(state.goals, state.target, state.sample, state.lateness_s)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart, state.lagged_torque, state.net_memory)
         drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
@@ -219,7 +219,7 @@ class LocomotionEnv:
         return state, trace
 
     def step_data(self, state: State, trace: Trace) -> StepData:
-        """What terms read, of a state after the physics and the trace of its physics steps."""
+        """Inputs of the terms, from a state after the physics and the trace of its physics steps."""
         data = example_data(self.scene)._replace(
             torque=trace.torque[-1],
             foot_position=trace.foot_position[-1],
@@ -228,7 +228,7 @@ class LocomotionEnv:
         return self.data_at(state, self.terrain.feet(state, data))
 
     def data_at(self, state: State, data: StepData) -> StepData:
-        """The data with everything that the state alone decides taken from it."""
+        """The data with all values that depend only on the state updated."""
         scene, walk = self.scene, moving(state.command, self.contract)[0]
         return self.terrain.base(state, data)._replace(
             command=state.command,
@@ -244,7 +244,7 @@ class LocomotionEnv:
         )
 
     def _evaluate(self, state: State, data: StepData) -> tuple[State, StepData, dict[str, jax.Array]]:
-        """The terminations, then the rewards: their states, the data with `fell`, each weighted reward."""
+        """Evaluate terminations, then rewards; returns states, the data with `fell`, and weighted rewards."""
         task, terms = self.task, state.terms
         ends, terminations = task.terminations.evaluate(terms["terminations"], data)
         fell = functools.reduce(jnp.logical_or, (value > 0 for value in ends.values()), jnp.bool(False))
@@ -257,8 +257,8 @@ class LocomotionEnv:
     def _reward_rate(self, weighted: dict[str, jax.Array]) -> jax.Array:
         """Reward per second of the weighted terms.
 
-        The sum is clipped from below, or a beginner would earn most by ending the episode. Rewards for the
-        end itself, which happens once, are counted in full.
+        The sum is clipped from below, or an untrained policy would earn most by ending the episode. Rewards
+        for the end itself, which happens once, are not clipped.
         """
         in_full = self.task.in_full
         rest = sum((value for name, value in weighted.items() if name not in in_full), jnp.float32(0.0))
@@ -268,7 +268,7 @@ class LocomotionEnv:
     def observations(
         self, state: State, observed: jax.Array, data: StepData
     ) -> tuple[State, dict[str, jax.Array]]:
-        """The state of the critic's terms, and both observations; that of the actor is given."""
+        """The state with the critic terms' states, and both observations; `observed` is the actor's."""
         values, critic = self.task.critic.evaluate(state.terms["critic"], data)
         clean = self.observer.clean_frame(state, data.torque, data.ground)
         sampled = [state.sample[name] for name in QUANTITIES if name in state.sample]
@@ -277,7 +277,7 @@ class LocomotionEnv:
         return state, {"state": observed, "privileged_state": jnp.concatenate(seen)}
 
     def _draw_robot(self, key: jax.Array, level: jax.Array | float) -> Sample:
-        """How this episode's robot differs from the nominal one."""
+        """Draw the differences of this episode's robot from the nominal one."""
         randomisation = self.config.randomisation
         bodies = self.scene.bodies
         sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, bodies)

@@ -26,16 +26,16 @@ def make_environment(robot: Robot, config: EnvConfig) -> Environment:
         env = make(robot, config)
     except UserError:
         raise
-    except Exception as error:  # whatever it is, it is the task's
+    except Exception as error:  # any other error is the task's
         raise UserError(f"env.task: {config.task} cannot be made: {in_a_line(error)}") from error
-    lacking = [part for part in ("reset", "step", "contract", "observation_sizes") if not hasattr(env, part)]
-    if lacking:
-        raise UserError(f"env.task: {config.task} makes no Environment: it has no {', '.join(lacking)}")
+    missing = [part for part in ("reset", "step", "contract", "observation_sizes") if not hasattr(env, part)]
+    if missing:
+        raise UserError(f"env.task: {config.task} makes no Environment: it has no {', '.join(missing)}")
     return env
 
 
 def made_from(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
-    """Everything that a compiled program depends on, but for footfall's source, libraries and devices.
+    """Everything that a compiled program depends on, except footfall's source, libraries and devices.
 
     Two environments with an equal result have the same programs (envs/workarounds/program_cache.py).
 

@@ -1,4 +1,4 @@
-"""What training shows of each step beside the rewards."""
+"""Metrics of a training step besides the rewards."""
 
 import jax
 import jax.numpy as jnp
@@ -7,7 +7,7 @@ from footfall.envs.terms.data import StepData
 
 
 def tracking_metrics(data: StepData) -> dict[str, jax.Array]:
-    """How far the robot is from its command, and whether it fell."""
+    """Tracking errors of a step, and whether the robot fell."""
     velocity = jnp.concatenate([data.linear_velocity[:2], data.angular_velocity[2:]])
     error = data.command - velocity
     return {

@@ -35,7 +35,7 @@ class Observer:
     """Observes a state as a policy on the robot would."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, config: EnvConfig, contract: Contract) -> None:
-        """Raises UserError if readings may be delayed for too long, or do not exist in training."""
+        """Raises UserError if readings may be delayed for too long, or a randomised one is not simulated."""
         require_delays(config.randomisation, "readings", 1.0 / config.control_rate_hz)
         refuse_unread_sensors(config.randomisation)
         self._positions, self._dofs = joint_addresses(model, robot)
@@ -47,12 +47,12 @@ class Observer:
             None if scan is None else Scanner(scan, errors, self._base, 1.0 / config.control_rate_hz)
         )
         self._sizes = readings_size(self._joints), 0 if self._scanner is None else self._scanner.numbers
-        self.numbers = sum(self._sizes)  # that `observe` needs
+        self.numbers = sum(self._sizes)  # uniform numbers that `observe` takes
 
     def readings(
         self, qpos: jax.Array, qvel: jax.Array, torque: jax.Array, gravity: jax.Array | None = None
     ) -> jax.Array:
-        """The true readings in a moment, laid end to end (robots/readings.py).
+        """The true readings at one instant, concatenated (robots/readings.py).
 
         Args:
             qpos, qvel: positions (nq,) and velocities (nv,).
@@ -93,7 +93,7 @@ class Observer:
             u: uniform numbers for the noise, shape (numbers,).
             ground: height of the ground at places in the world.
             first: whether an episode begins; the frame then fills the whole history.
-            lateness_s: delay of each number now, s, (numbers,); None for the constant one of the sample.
+            lateness_s: delay of each number in this step, s, (numbers,); None: the sample's constant delay.
         """
         late_s = transport_of(state.sample, "readings").delay_s if lateness_s is None else lateness_s
         delayed = delayed_readings(recent, late_s, self._timestep_s)

@@ -1,19 +1,19 @@
 """The forms that an environment's settings had in older presets, run folders and checkpoints.
 
-Each function takes plain data, whole or in part, and leaves what has today's form as it is.
+Each function takes plain data, complete or partial, and does not change data in today's form.
 """
 
 from typing import Any
 
 from footfall.common.config import merged
 
-# Sections and settings that became terms: old name, list, the term's name there.
+# Sections that became terms: old name, then the list and the name of the term in it.
 SECTIONS = {"initial": ("events", "reset_pose"), "pushes": ("events", "push")}
 TERMINATIONS = {
     "tilt_limit_rad": ("tilted", "limit_rad"),
     "least_height_share": ("sunk", "least_height_share"),
 }
-# Of `reward_scales`: the reward that a setting belongs to now, and its parameter.
+# Settings of `reward_scales`: the reward that each belongs to now, and its parameter.
 SCALES = {
     "linear_sigma_m2_s2": ("track_linear", "sigma_m2_s2"),
     "yaw_sigma_rad2_s2": ("track_yaw", "sigma_rad2_s2"),
@@ -67,7 +67,7 @@ def _put_scales(env: dict[str, Any], scales: dict[str, Any]) -> None:
             reward, parameter = SCALES[name]
             _put(env, "rewards", reward, {parameter: value})
         else:
-            env["reward_scales"] = {name: value}  # to be refused
+            env["reward_scales"] = {name: value}  # refused later as unknown
 
 
 def _put_curriculum(env: dict[str, Any], curriculum: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""What an episode is from one step to the next, and what a step gives."""
+"""The state of an episode, and the result of a step."""
 
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ from footfall.domain_rand.sample import Sample
 
 
 class State(NamedTuple):
-    """All that an episode is, for one robot. `_replace` gives the next one."""
+    """The whole state of one robot's episode."""
 
     key: jax.Array
     level: jax.Array  # () of the curriculum, 0 to 1
@@ -25,19 +25,19 @@ class State(NamedTuple):
     actions: jax.Array  # (3, n) newest first
     goals: jax.Array  # (actuation.KEPT_GOALS, n) newest first, rad
     target: jax.Array  # (n,) rate-limited target, rad
-    recent_readings: jax.Array  # (substeps, m) true ones after each physics step, oldest first
+    recent_readings: jax.Array  # (substeps, m) true readings after each physics step, oldest first
     frames: jax.Array  # (history, frame)
     terms: dict[str, dict[str, Any]]  # states of the terms that have one, by kind and name
     lagged_torque: jax.Array | None = None  # (n,) N m, of motors with lag
     net_memory: jax.Array | None = None  # (n, m, inputs) of the actuator net, of a robot that has one
     winding_c: jax.Array | None = None  # (n,) degrees Celsius, of motors with a thermal model
-    lateness_s: jax.Array | None = None  # (KEPT_GOALS, n) s of each goal on its way, where it changes
-    supply: jax.Array | None = None  # () battery's voltage over its nominal one, where a charge is drawn
-    limp_steps: jax.Array | None = None  # () control steps in which motors only damp, of a robot that fell
+    lateness_s: jax.Array | None = None  # (KEPT_GOALS, n) s, delay of each goal; None if constant
+    supply: jax.Array | None = None  # () battery voltage over nominal; None if the charge is not randomised
+    limp_steps: jax.Array | None = None  # () control steps left in which the motors only damp
 
 
 class Step(NamedTuple):
-    """What a step hands to the learner."""
+    """The result of a control step."""
 
     observation: dict[str, jax.Array]  # "state" for the actor, "privileged_state" for the critic
     reward: jax.Array

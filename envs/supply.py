@@ -1,4 +1,4 @@
-"""The motors' supply in training: the battery's voltage sags with the power of the control step before."""
+"""The motors' supply in training: the battery's voltage sags with the power of the previous control step."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ class Supply:
     """Voltage of a robot's battery over its nominal voltage. The charge is constant in an episode."""
 
     def __init__(self, robot: Robot, randomisation: Randomisation) -> None:
-        """Raises UserError if a quantity is drawn of a part that the robot lacks, such as a battery."""
+        """Raises UserError if a randomised quantity needs a part that the robot does not have."""
         self._battery: Battery | None = robot.description.battery
         self._loss = single(robot.copper_loss)
         for name in QUANTITIES:
@@ -22,12 +22,12 @@ class Supply:
                 require_parts(name, robot)
 
     def at_rest(self, sample: Sample) -> jax.Array | None:
-        """The share before an episode, (); None where no charge is drawn: the supply stays nominal."""
+        """Voltage share before an episode, (); None: the charge is not randomised, the supply nominal."""
         charge = battery_charge(sample)
         return None if charge is None else self._share(charge, jnp.float32(0.0))
 
     def under_load(self, sample: Sample, torque: jax.Array, velocity: jax.Array) -> jax.Array | None:
-        """The share after a control step, ().
+        """Voltage share after a control step, (); None as in `at_rest`.
 
         Args:
             sample: of the robot.

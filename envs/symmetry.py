@@ -31,7 +31,7 @@ def environment_mirror(
     Args:
         robot: the robot.
         gait: name of its gait, if it has one.
-        layout: the kinds of numbers that lie end to end in each observation.
+        layout: the kinds of numbers that are concatenated in each observation.
 
     Raises:
         UserError: the robot or its gait has no mirror image.
@@ -42,7 +42,7 @@ def environment_mirror(
 
 
 def _join(mirrors: list[Mirror]) -> Mirror:
-    """The mirror of vectors that are laid end to end."""
+    """The mirror of concatenated vectors."""
     starts = np.cumsum([0] + [len(mirror.source) for mirror in mirrors])
     source = [mirror.source + start for mirror, start in zip(mirrors, starts, strict=False)]
     return Mirror(np.concatenate(source), np.concatenate([mirror.sign for mirror in mirrors]))

@@ -30,7 +30,7 @@ from footfall.envs.terms.rewards import REWARDS
 from footfall.envs.terms.terminations import TERMINATIONS
 from footfall.robots.kinds import Kind, Parts
 
-OTHERS = ("commands", "randomisation")  # what a curriculum can make harder besides events
+OTHERS = ("commands", "randomisation")  # sections that a curriculum can act on, besides events
 
 
 class Terms(NamedTuple):
@@ -83,10 +83,10 @@ class Task:
         self.command = _command(config)
         self.events = _events(config.events, scene)
         self.curricula = _curricula(config, self.events)
-        _try(self.rewards, scene, "env.rewards", 1)
-        _try(self.terminations, scene, "env.terminations", 1)
+        _check_terms(self.rewards, scene, "env.rewards", 1)
+        _check_terms(self.terminations, scene, "env.terminations", 1)
         parts = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count)
-        _try(self.critic, scene, "env.critic", *(kind.size(parts) for kind in self.critic_kinds))
+        _check_terms(self.critic, scene, "env.critic", *(kind.size(parts) for kind in self.critic_kinds))
 
     def strength(self, of: str, level: jax.Array | float) -> jax.Array | float:
         """The share of the full difficulty that the curricula allow at a level, 0 to 1."""
@@ -118,7 +118,7 @@ def _has_state(term: Any) -> bool:
 
 
 def _is_in_full(term: Any) -> bool:
-    """Whether it is a reward under `@in_full`; one whose parameters are set is a `partial`."""
+    """Whether it is a reward with the decorator `@in_full`, possibly inside a `partial`."""
     return getattr(getattr(term, "func", term), "in_full", False)
 
 
@@ -183,20 +183,20 @@ def _require(term: Any, kind: type, decorator: str, where: str) -> None:
 
 
 def _value_standing(terms: Terms, scene: Scene) -> dict[str, Any]:
-    """What terms give for a robot that stands still."""
+    """Values of terms for a robot that stands still."""
     example = example_data(scene)
     return terms.evaluate(terms.init(example), example)[0]
 
 
-def _try(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
-    """Raise UserError if a term fails on a standing robot, or gives another number of values than it says."""
+def _check_terms(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
+    """Raise UserError if a term fails on a standing robot, or returns a wrong number of values."""
     for index, (name, term) in enumerate(terms.by_name.items()):
         alone, size = Terms({name: term}), sizes[index] if index < len(sizes) else 1
         try:
             value = jax.eval_shape(partial(_value_standing, alone, scene))[name]
         except UserError as error:
             raise UserError(f"{where}[{index}]: {error}") from None
-        except Exception as error:  # whatever it is, it is the term's
+        except Exception as error:  # any other error is the term's
             raise UserError(f"{where}[{index}]: {in_a_line(error)}") from error
         if value.size != size:
-            raise UserError(f"{where}[{index}]: gives {value.size} numbers, expected {size}")
+            raise UserError(f"{where}[{index}]: returns {value.size} numbers, expected {size}")

@@ -1,7 +1,7 @@
-"""The ground of episodes: level, or pieces by kind and level, and the level that each robot has reached.
+"""The ground of episodes: flat, or tiles by kind and level of difficulty, and each robot's current tile.
 
-Every episode has a piece of its own around the world's origin. The physics gets, for each foot point, the
-plane below it and the nearest edge of a higher level, once in a control step.
+Every episode has a tile of its own around the world's origin. Once a control step the physics gets, for each
+foot point, the plane below it and the nearest edge of a higher level.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -24,13 +24,13 @@ from footfall.robots.feet import foot_geoms
 from footfall.terrain.declaration import pieces
 from footfall.terrain.ground import NOWHERE_M, Ground, edge_at, height_at, tangent_at
 
-KEY = "terrain"  # of the state's part in `State.terms`
-LEAST_PATH_M = 1.0  # a shorter commanded path tells nothing of a level
+KEY = "terrain"  # in `State.terms`
+MIN_PATH_M = 1.0  # the level does not change after a shorter commanded path
 TINY = 1e-9
 
 
 class Terrain(Protocol):
-    """What an environment asks of its ground. All functions are pure."""
+    """The ground of an environment. All functions are pure."""
 
     def begin(self, state: State, key: jax.Array, before: State | None) -> State:
         """The state of a new episode with its robot put on the ground.
@@ -38,11 +38,11 @@ class Terrain(Protocol):
         Args:
             state: of a robot in its first pose on level ground.
             key: of JAX's random numbers.
-            before: the last state of this robot's episode before; None for the first one.
+            before: the last state of this robot's previous episode; None for the first one.
         """
 
     def fields(self, state: State) -> Fields:
-        """What the physics has to know of the ground in the next control step."""
+        """The physics' fields of the ground for the next control step."""
 
     def moved(self, state: State, trace: Trace) -> State:
         """The state after the physics of a control step."""
@@ -51,13 +51,13 @@ class Terrain(Protocol):
         """The state at the end of a control step."""
 
     def metrics(self, state: State) -> dict[str, jax.Array]:
-        """What the journal of a training tells of the ground."""
+        """Metrics of the ground for a training's journal."""
 
     def feet(self, state: State, data: StepData) -> StepData:
-        """The data with what the feet do on the ground, from their positions."""
+        """The data with contact, clearance and tilt of the feet, from their positions."""
 
     def base(self, state: State, data: StepData) -> StepData:
-        """The data with where the base is above the ground."""
+        """The data with the base's position and its height above the ground."""
 
 
 class LevelGround:
@@ -93,23 +93,23 @@ class LevelGround:
 
 
 class Walked(NamedTuple):
-    """Where an episode's robot walks, and how it gets along."""
+    """Tile and progress of an episode's robot."""
 
-    piece: jax.Array  # () number of the piece
-    feet: jax.Array  # (points, 3) m, world, of the feet's points when they were last seen
-    ahead: jax.Array  # (points, 3) m, the same expected in the middle of the next control step
+    piece: jax.Array  # () index of the tile
+    feet: jax.Array  # (points, 3) m, world, the feet's points after the last physics step
+    ahead: jax.Array  # (points, 3) m, the same extrapolated to the middle of the next control step
     along: jax.Array  # () m, path along the commanded direction
     asked: jax.Array  # () m, commanded path
     fell: jax.Array  # () 1.0 if a termination term ended the episode
 
 
 class Pieces:
-    """Pieces of ground at rising levels; holds constants only."""
+    """Tiles of ground at rising levels of difficulty; holds constants only."""
 
     def __init__(
         self, config: EnvConfig, terrain: TerrainConfig, model: mujoco.MjModel, scene: Scene
     ) -> None:
-        """Raises UserError if a ground has no such parameter, or not with this value."""
+        """Raises UserError if a ground has an unknown parameter or a wrong value."""
         self._config, self._scene = terrain, scene
         made = pieces(terrain.grounds, terrain.levels, terrain.seed, "env.terrain.grounds")
         self._has_edges = bool(made.stepped.any())
@@ -135,15 +135,15 @@ class Pieces:
         return _with(state, Walked(piece, feet, feet, nothing, nothing, nothing))
 
     def _first(self, u: jax.Array) -> jax.Array:
-        """The piece of a first episode, at one of the lowest levels, from two uniform numbers."""
+        """The tile of a first episode, at one of the lowest levels, from two uniform numbers."""
         kind, level = u * jnp.array([len(self._config.grounds), self._config.start_levels])
         return jnp.int32(kind) * self._config.levels + jnp.int32(level)
 
     def _next(self, walked: Walked, u: jax.Array) -> jax.Array:
-        """The piece of the next episode: a level up, down or the same; past the top at any level."""
+        """The tile of the next episode: a level up, down or the same; past the top, a random level."""
         config, levels = self._config, self._config.levels
         kind, level = walked.piece // levels, walked.piece % levels
-        share, known = walked.along / jnp.maximum(walked.asked, TINY), walked.asked > LEAST_PATH_M
+        share, known = walked.along / jnp.maximum(walked.asked, TINY), walked.asked > MIN_PATH_M
         fell = walked.fell > 0.0
         level += jnp.int32(known & (share >= config.up_share) & ~fell)
         level -= jnp.int32((known & (share < config.down_share)) | fell)
@@ -209,7 +209,7 @@ class Pieces:
         return jnp.where(away > 0.0, jnp.minimum(to_plane, to_level), to_level) - self._radius
 
     def _near(self, place: jax.Array, piece: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Plane below places (points, 3), and edge near them, (points, 4) each, as of `interface.GROUND`."""
+        """Plane below points (points, 3), and edge near them, (points, 4) each, as in `interface.GROUND`."""
         height, slope = tangent_at(self._ground, place, piece)
         if self._has_edges:
             edge = edge_at(self._ground, place, piece)
@@ -227,7 +227,7 @@ def make_terrain(config: EnvConfig, engine: Engine, model: mujoco.MjModel, scene
     """The ground of a configuration.
 
     Raises:
-        UserError: it cannot be as configured, or this physics knows level ground only.
+        UserError: a ground's settings are wrong, or this physics supports flat ground only.
     """
     if config.terrain is None:
         return LevelGround(scene)

@@ -129,7 +129,7 @@ def kept_programs() -> Iterator[None]:
         return kept[name]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "worth_keeping", lambda mesh: mesh.size == 1)
+        patch.setattr(parts, "caches_programs", lambda mesh: mesh.size == 1)
         patch.setattr(parts, "load_or_compile", load_or_compile)
         yield
 

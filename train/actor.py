@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-LOGGED_OBSERVATIONS = 1000  # that a trainer keeps of an iteration, for the export's parity check
+LOGGED_OBSERVATIONS = 1000  # observations of an iteration that a trainer keeps for the export's parity check
 
 
 class Actor(NamedTuple):
-    """A normaliser and an ELU network. Arrays are float32."""
+    """An actor: an observation normaliser and an ELU network. Arrays are float32."""
 
     trainer: str
     mean: np.ndarray  # (observation,) subtracted from the observation

@@ -49,7 +49,7 @@ class TrainRequest:
     checkpoint_interval_s: float | None = None  # instead of the preset's
     trainer: str = DEFAULT_TRAINER  # or "rsl_rl", or MODULE:NAME of your own
     settings: Mapping[str, Any] = field(default_factory=dict)  # by dotted keys, instead of the preset's
-    start_from: Path | None = None  # run folder or .onnx file, whose networks it starts from
+    start_from: Path | None = None  # run folder or .onnx file with the initial networks
 
 
 def train(request: TrainRequest) -> Path:
@@ -81,7 +81,7 @@ def begin(request: TrainRequest) -> Path:
 
 def _check_cluster(request: TrainRequest) -> None:
     if request.out is None:
-        raise UserError("several processes must know their run folder: give each the same --out")
+        raise UserError("several processes share one run folder: give each the same --out")
     if find_trainer(request.trainer).max_devices is not None:
         raise UserError(f"--trainer {request.trainer} trains in one process: leave --coordinator out")
 
@@ -152,7 +152,7 @@ def resume(folder: Path, display: Display | None = None) -> Path:
             try:
                 _train_to_the_end(run, robot, display)
             except KeyboardInterrupt:
-                display.say(_how_far(run))
+                display.say(_progress_message(run))
                 raise
     return run.folder
 
@@ -218,7 +218,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     kind, where = find_trainer(name), devices[0].device_kind
     display.say(f"training {robot.name} with {name} on {where}, into {run.folder}")
     for change in _changes(run.provenance, where):
-        display.say(f"the run began on {change}: the statistics stay the same, the bits do not")
+        display.say(f"the run began on {change}: results are statistically equal, not bit for bit")
     if len(devices[: kind.max_devices]) < len(devices):
         display.say(f"{name} trains on {kind.max_devices} of {len(devices)} devices: the others are idle")
     with device_failures(run, kind.device_errors):
@@ -243,7 +243,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
 
 
 def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
-    """Take over the networks that this training starts from, and tell what is taken over and what changed."""
+    """Load the networks that this training starts from; show what is loaded and what changed."""
     origin, start = run.provenance.started_from, run.start
     assert origin is not None
     assert start is not None
@@ -255,7 +255,7 @@ def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
 
 
 def _changes(began: Provenance, device: str) -> list[str]:
-    """Device and source revision that a run began with, where they differ now."""
+    """Device and source revision that a run began with, if they have changed."""
     changes = [began.device] if began.device != device else []
     revision = source_revision()
     if began.revision != revision:
@@ -263,8 +263,8 @@ def _changes(began: Provenance, device: str) -> list[str]:
     return changes
 
 
-def _how_far(run: Run) -> str:
-    """How far a stopped run came, and the command to continue it."""
+def _progress_message(run: Run) -> str:
+    """One line: the steps of a stopped run, and the command to continue it."""
     newest, ppo = checkpoint.latest(run.checkpoints), run.config.ppo
     steps = int(newest.stem) * ppo.steps_per_iteration if newest else 0
     return (

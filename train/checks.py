@@ -1,4 +1,4 @@
-"""Whether settings fit the robot and the devices: checked before there is a run folder."""
+"""Checks that settings fit the robot and the devices, made before there is a run folder."""
 
 from footfall.common.collector import collector_paused
 from footfall.common.errors import UserError
@@ -13,8 +13,8 @@ def check_robot(config: TrainConfig, robot: Robot, preset: str) -> Contract:
     """The contract of the policy that these settings train.
 
     Raises:
-        UserError: the environment's settings do not fit the robot, or it must be symmetric and is not. A
-            message about an entry of a list of terms begins with the preset.
+        UserError: the environment's settings do not fit the robot, or `symmetry` is set and the robot is not
+            symmetric. A message about an entry of a list of terms begins with the preset.
     """
     try:
         environment = make_environment(robot, config.env)
@@ -27,9 +27,10 @@ def check_robot(config: TrainConfig, robot: Robot, preset: str) -> Contract:
 
 
 def check_devices(config: PpoConfig, count: int) -> None:
-    """
+    """Check that devices and mini-batches get equal numbers of environments.
+
     Raises:
-        UserError: the environments cannot be divided among so many devices.
+        UserError: they do not.
     """
     parts = config.num_mini_batches * count
     if config.num_envs % parts:

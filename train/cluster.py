@@ -82,11 +82,11 @@ def all_or_none() -> Iterator[None]:
         raise UserError(f"process {others[0]} failed: see its output")
 
 
-def _which_failed(this: bool) -> list[int]:
+def _which_failed(failed_here: bool) -> list[int]:
     """Indices of the processes that failed, the same list in every process."""
     if processes() == 1:
         return []
-    failed = multihost_utils.process_allgather(np.array(this))
+    failed = multihost_utils.process_allgather(np.array(failed_here))
     return [int(process) for process in np.flatnonzero(failed)]
 
 

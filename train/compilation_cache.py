@@ -6,7 +6,7 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 from footfall.common.cache import compilation_cache
 from footfall.common.private_files import NotPrivateError, make_private_folder
 
-LEAST_COMPILE_S = 1.0  # programs that compile faster are not kept
+MIN_COMPILE_S = 1.0  # programs that compile faster are not kept
 
 
 def use_compilation_cache() -> str:
@@ -25,8 +25,8 @@ def use_compilation_cache() -> str:
     except OSError as error:
         reason = f"{folder}: {error.strerror}"
     jax.config.update("jax_compilation_cache_dir", None if reason else str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_COMPILE_S)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", MIN_COMPILE_S)
     if not reason:
         return ""
     reset_cache()  # JAX would keep using its first folder
-    return f"{reason}: no compiled programs are taken from there, compiling afresh"
+    return f"{reason}: compiling without a cache"

@@ -36,20 +36,22 @@ class PpoConfig:
     total_steps: int  # environment steps of the whole training
     num_envs: int  # on all devices together; a multiple of num_mini_batches times the devices
     num_steps_per_env: int  # length of a rollout, control steps
-    num_mini_batches: int  # in which an epoch visits the rollout
-    num_learning_epochs: int  # how often each rollout is learned from
-    learning_rate: float  # at the start; Adam's
+    num_mini_batches: int  # mini-batches in an epoch
+    num_learning_epochs: int  # epochs over each rollout
+    learning_rate: float  # Adam's, at the start
     final_learning_rate: float  # at the end; it falls linearly
     gamma: float  # discount of a control step
-    lam: float  # of generalised advantage estimation
-    clip_param: float  # largest change of the action probability ratio that counts
+    lam: float  # lambda of generalised advantage estimation
+    clip_param: float  # clipping of the probability ratio, which stays within 1 ± this
     entropy_coef: float  # weight of the entropy, which keeps the policy exploring
     max_grad_norm: float  # longer gradients are scaled down to this
     init_noise_std: float  # standard deviation of the actions at the start
     actor_hidden_dims: tuple[int, ...]  # units of each hidden layer
     critic_hidden_dims: tuple[int, ...]  # the same for the critic
-    final_entropy_coef: float | None = None  # at the end, where it falls linearly; None: it stays the same
-    desired_kl: float | None = None  # adapts the learning rate below its falling limit
+    final_entropy_coef: float | None = None  # at the end, falling linearly; None: constant
+    desired_kl: float | None = (
+        None  # target KL divergence: the learning rate adapts to it, below its falling limit
+    )
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 
@@ -88,7 +90,7 @@ class PpoConfig:
         return self.learning_rate + share * (self.final_learning_rate - self.learning_rate)
 
     def entropy_weight(self, iteration: Any) -> Any:
-        """The weight of the entropy after so many iterations, a float32 scalar as `learning_rate_limit`."""
+        """The weight of the entropy after `iteration` iterations, as in `learning_rate_limit`."""
         if self.final_entropy_coef is None:
             return self.entropy_coef
         share = iteration / self.iterations
@@ -97,7 +99,7 @@ class PpoConfig:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """All settings of a training, but for the robot and the seed."""
+    """All settings of a training, except the robot and the seed."""
 
     ppo: PpoConfig
     env: EnvConfig
@@ -126,13 +128,13 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     """A preset by name, or a YAML file of the same form.
 
     A file that begins with `base: NAME` holds only what it changes of that preset (see `merged`). Any other
-    file counts as a copy of the shipped preset that it differs least from. A file that leaves nothing to
-    defaults, such as a run's config.yaml, is taken as it is.
+    file counts as an edited copy of the most similar shipped preset. A file that contains every setting,
+    such as a run's config.yaml, is used unchanged.
 
     Args:
         name_or_file: a name, or a path.
         robot: its own ranges of randomised quantities, and then its `training.yaml`, replace settings
-            of the presets that ship with footfall, and those of a copy that are as in its original.
+            of the presets that ship with footfall, and the unedited settings of a copy.
 
     Raises:
         UserError: there is no such preset, or the file is malformed.
@@ -174,10 +176,12 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 
     Raises:
         UserError: there is no such setting, or a value does not fit it; the message names `source`.
-            `training_yaml` acts while a preset is loaded, and is no setting here.
+                `training_yaml` acts only while a preset is loaded, and is refused here.
     """
     if "training_yaml" in settings:
-        raise UserError(f"{source}: training_yaml stands in a preset's file: it acts while that is loaded")
+        raise UserError(
+            f"{source}: set training_yaml in a preset's file: it acts only while the preset is loaded"
+        )
     data = unstructure(config)
     changes: dict[str, Any] = {}
     for key, value in settings.items():
@@ -193,7 +197,7 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 
 
 def _meant(key: str, data: dict[str, Any]) -> str:
-    """A hint at the setting that a key may mean."""
+    """A hint at the setting that a misspelt key may mean."""
     whole = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
     return meant(next((each for each in whole if each.endswith(f".{key}")), key), whole)
 
@@ -211,7 +215,7 @@ def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
 
 
 def _check_names(env: dict[str, Any], changes: Any, source: str) -> None:
-    """Refuse a misspelt name: settings of a term that is not listed are left out (see `merged_terms`)."""
+    """Refuse misspelt names of terms: `merged_terms` would ignore settings of an unlisted term."""
     for part in TERM_LISTS if isinstance(changes, dict) else ():
         given = changes.get(part)
         for name, entry in given.items() if isinstance(given, dict) else ():
@@ -236,9 +240,9 @@ def _adapted(name: str, robot: Robot | None, file: Mapping[str, Any] | None = No
     """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from.
 
     Args:
-        name: of the preset.
-        robot: whose own settings replace the preset's; None for none.
-        file: settings of a user's file over the preset, which decides on `training_yaml` where it has it.
+        name: the preset's name.
+        robot: its own settings replace the preset's; None: the preset is not adapted.
+        file: settings of a user's file over the preset; its `training_yaml` wins over the preset's.
     """
     path = PRESETS / f"{name}.yaml"
     preset = read_preset(name)

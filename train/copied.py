@@ -11,7 +11,7 @@ def adapted_copy(copy: Any, shipped: Any, adapted: Any) -> Any:
     """The copy's settings, with the robot's own wherever the copy equals the shipped file.
 
     Args:
-        copy: plain data of the file; what its user changed, added or left out counts.
+        copy: plain data of the file; settings that its user changed, added or left out win.
         shipped: plain data of the original.
         adapted: the original with the robot's own settings in it.
     """

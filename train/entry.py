@@ -11,7 +11,7 @@ from footfall.common.installation import needs_extra
 
 @contextmanager
 def learning_libraries() -> Iterator[None]:
-    """Around the import of `footfall.train.api` or of another module that needs JAX.
+    """Context in which to import `footfall.train.api` or another module that needs JAX.
 
     Raises:
         UserError: JAX or another library of the `train` extra is missing.
@@ -26,7 +26,7 @@ def start_device() -> None:
     The first use of the device waits for it, and raises if it cannot start. Not for a process of a cluster,
     which must join the cluster first.
     """
-    with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_libraries` reports
+    with collector_paused(), suppress(ModuleNotFoundError):  # `learning_libraries` reports it
         import jax.numpy
 
         from footfall.train.compilation_cache import use_compilation_cache

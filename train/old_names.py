@@ -24,7 +24,7 @@ PPO = {
 def with_current_names(settings: Any) -> Any:
     """A training's settings, as read from YAML, under today's names.
 
-    A name that is neither old nor known stays and is refused later, as is an old name beside its new one.
+    Unknown names stay, and so does an old name beside its new one: both are refused later.
     """
     if not isinstance(settings, dict):
         return settings

@@ -43,7 +43,7 @@ class Source(NamedTuple):
 
     @property
     def origin(self) -> Origin:
-        """For run.yaml."""
+        """The record of this source in run.yaml."""
         sha = hashlib.sha256(self.file.read_bytes()).hexdigest()
         return Origin(str(self.file.resolve()), sha, self.contract.robot, self.contract.digest)
 
@@ -60,8 +60,8 @@ def find_source(path: Path, trainer: str) -> Source:
     """The networks in a run folder, or in an ONNX file.
 
     Args:
-        path: of either.
-        trainer: of the new training. From another trainer's run its exported policy is used.
+        path: the run folder or the file.
+        trainer: the new training's. Of another trainer's run, the exported policy is used.
 
     Raises:
         UserError: there are none.
@@ -104,12 +104,12 @@ def read_exported(path: Path) -> Exported:
 
 
 def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str]:
-    """Names of the contract's fields that change; the networks can adapt to these.
+    """Names of the contract's fields that change and that the networks can adapt to.
 
     Args:
         source: the networks.
-        contract: of the training that starts from them.
-        ppo: its settings.
+        contract: the new training's.
+        ppo: the new training's settings.
 
     Raises:
         UserError: observations or actions differ in meaning, or the networks in size.
@@ -146,4 +146,4 @@ def _differences(name: str, there: Contract, here: Contract) -> Iterator[str]:
 def _name(entry: object) -> str:
     history = getattr(entry, "history", 1)
     name = str(getattr(entry, "name", entry))
-    return f"{name} with {history} frames" if history > 1 else name
+    return f"{name} with history {history}" if history > 1 else name

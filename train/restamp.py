@@ -19,7 +19,7 @@ from footfall.robots.description import load_robot
 
 
 def restamp(folder: Path) -> tuple[str, str]:
-    """Write the present digest into a folder's policy.onnx and run.yaml; returns the old one and the new.
+    """Write the present digest into a folder's policy.onnx and run.yaml; returns the old and the new digest.
 
     Raises:
         UserError: there is no policy, or it differs from the robot in more than the digest.

@@ -1,4 +1,4 @@
-"""The protocol of a trainer: what the rest of `train` asks of one."""
+"""The protocol of a trainer."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,9 +22,13 @@ class Trainer(Protocol):
     Of several processes that train together, each one calls the same methods in the same order.
     """
 
-    device_errors: ClassVar[tuple[type[Exception], ...]] = ()  # what a lost or exhausted device raises
+    device_errors: ClassVar[
+        tuple[type[Exception], ...]
+    ] = ()  # exceptions that a lost or exhausted device raises
     max_devices: ClassVar[int | None] = 1  # devices it can use; None: all devices of all processes
-    packages: ClassVar[tuple[str, ...]] = ()  # whose versions run.yaml records besides those of every run
+    packages: ClassVar[
+        tuple[str, ...]
+    ] = ()  # packages whose versions run.yaml records, besides the common ones
     can_diagnose: ClassVar[bool] = False  # whether `diagnose` is implemented
     can_start_from: ClassVar[bool] = False  # whether `start_from` is implemented
 

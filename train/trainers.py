@@ -1,4 +1,4 @@
-"""The trainers by name; one of your own is named MODULE:NAME."""
+"""The trainers by name; a user's own is named MODULE:NAME."""
 
 import os
 from importlib import import_module
@@ -17,7 +17,7 @@ class _Shipped(NamedTuple):
 
     module: str
     name: str
-    extra: str  # of the package, with the trainer's libraries
+    extra: str  # extra of the package that installs the trainer's libraries
 
 
 TRAINERS = {
@@ -47,8 +47,8 @@ def find_trainer(name: str) -> type[Trainer]:
     if not isinstance(found, type):
         raise UserError(f"no trainer '{name}': it is not a class")
     bases = [base for base in found.__mro__ if base is not Trainer]
-    lacking = [method for method in _REQUIRED if not any(method in vars(base) for base in bases)]
-    if lacking or Trainer not in found.__mro__:
+    missing = [method for method in _REQUIRED if not any(method in vars(base) for base in bases)]
+    if missing or Trainer not in found.__mro__:
         raise UserError(
             f"'{name}' is no trainer: it must derive from footfall.train.trainer.Trainer and implement"
             f" {', '.join(_REQUIRED)}"

@@ -23,7 +23,7 @@ LINE_SEARCH_EVALUATIONS = 20
 
 
 def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
-    """The motion of a robot whose nominal model this is; `jax.vmap` hands over all robots at once."""
+    """The physics of robots with this nominal model; `jax.vmap` passes all robots in one call."""
     simulations = _Simulations(model, robot)
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
@@ -42,9 +42,9 @@ def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
 
 
 class _Simulations:
-    """Robots side by side in MuJoCo C.
+    """A batch of robots in MuJoCo C.
 
-    A call depends on its arguments alone: the pools that are kept are only room to work in.
+    A call depends on its arguments alone: the pools are only working memory.
     """
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
@@ -55,7 +55,7 @@ class _Simulations:
         self._joints, self._point_count = len(robot.joint_names), len(points)
         self._net = None if robot.actuator_net is None else jax.tree.map(single, robot.actuator_net)
         self._pools: dict[int, Batch] = {}  # by number of robots
-        self._checked: set[tuple] = set()  # shapes of results that were seen to be views
+        self._checked: set[tuple] = set()  # shapes of results whose reshaped arrays are known to be views
         self._lock = threading.Lock()
 
     def __call__(self, motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
@@ -69,7 +69,7 @@ class _Simulations:
     def in_place(self, _: Any, results: tuple[Motion, Trace], *given: Any) -> None:
         """The same, written to `results`.
 
-        A simulation that MuJoCo gives up is not a number from there on; the others go on.
+        A simulation that fails in MuJoCo becomes NaN; the others continue.
         """
         # NumPy only from here on: JAX called from inside a JAX program may wait for itself.
         values = jax.tree.map(np.asarray, (results, given))
@@ -80,7 +80,7 @@ class _Simulations:
             self._simulate(*results, *given)
 
     def _check_views(self, memory: Any, results: Any) -> None:
-        """What is written to the reshaped results has to reach XLA's memory; asked once for each shape."""
+        """Check once for each shape that writing to the reshaped results writes to XLA's memory."""
         shapes = tuple(x.shape for x in jax.tree.leaves(memory))
         if shapes not in self._checked:
             pairs = zip(jax.tree.leaves(memory), jax.tree.leaves(results), strict=True)
@@ -88,7 +88,7 @@ class _Simulations:
             self._checked.add(shapes)
 
     def room(self, substeps: int, lead: tuple[int, ...] = ()) -> Trace:
-        """Room for a trace, its contents arbitrary."""
+        """An uninitialised trace."""
         sizes = Trace((self._model.nq,), (self._model.nv,), (self._point_count, 3), (self._joints,))
         return Trace(*(np.empty((*lead, substeps, *size), np.float32) for size in sizes))
 
@@ -144,10 +144,10 @@ def _step(pool: Batch, state: Motion) -> None:
 
 
 def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model for many short steps: diverged states stay diverged, and needless work is off.
+    """The same model for many short steps: diverged states stay diverged, and unneeded work is off.
 
     MuJoCo's `ls_iterations` counts evaluations of the cost in C and halvings of a bracket in MJX. The model's
-    five would end C's line search too early in one step of a hundred, by up to 4 % of the velocity.
+    value, five, would end C's line search too early in 1 % of the steps, by up to 4 % of the velocity.
     """
     model = copy(model)
     model.opt.ls_iterations = LINE_SEARCH_EVALUATIONS

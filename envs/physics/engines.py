@@ -1,4 +1,4 @@
-"""The engines by name, and which one serves where the one that was asked for does not."""
+"""The engines by name, and the fallback if the configured one is not available."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -30,11 +30,11 @@ class Engine(NamedTuple):
 
     name: str  # in `ENGINES`
     simulate: Physics
-    note: str = ""  # why it is another one than was asked for
+    note: str = ""  # why it is not the configured engine
 
     @property
     def on_host(self) -> bool:
-        """Whether it runs on the host's processor, where a program's branches cost little."""
+        """Whether it runs on the host's CPU, where branches of a program cost little."""
         return self.name == "c" or (self.name == "generated" and jax.default_backend() == "cpu")
 
 

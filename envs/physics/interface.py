@@ -31,7 +31,7 @@ class Motion(NamedTuple):
 
 
 def bodies(motion: Motion) -> dict[str, Array]:
-    """The part of a motion that is MuJoCo's, by the field's name in its data."""
+    """MuJoCo's part of a motion, by the field's name in MjData."""
     return {name: getattr(motion, name) for name in ("qpos", "qvel", "qacc_warmstart")}
 
 
@@ -51,9 +51,8 @@ class Trace(NamedTuple):
 
     qpos: Array  # (substeps, nq)
     qvel: Array  # (substeps, nv)
-    foot_position: (
-        Array  # (substeps, points, 3) m, of all feet's geoms, at which contact forces were computed
-    )
+    # (substeps, points, 3) m, centres of all feet's geoms, for which the contact forces were computed.
+    foot_position: Array
     torque: Array  # (substeps, n) N m, of the motors
 
 
@@ -64,7 +63,7 @@ Fields = dict[str, Array]  # model fields in which this robot differs from the n
 # (points, 8): that plane up to the edge of a higher level, which has a horizontal unit normal (2) that points
 # away from it, the edge's distance from the origin along that normal, m, and the level's height, m.
 GROUND = "ground"
-# Key of another such field: gravity in the world, m/s^2, (3,). A slope is level ground with gravity askew.
+# Key of another such field: gravity in the world, m/s^2, (3,). A slope is level ground with tilted gravity.
 GRAVITY = "gravity"
 PLANE_NUMBERS, STEP_NUMBERS = 4, 8
 Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]

@@ -17,13 +17,13 @@ from footfall.robots.model import joint_addresses
 
 
 def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
-    """The motion of a robot whose nominal model this is."""
-    # Named here, because MJX would choose the first device of all hosts, and Warp by an environment variable.
+    """The physics of a robot with this nominal model."""
+    # Set here: by default MJX takes the first device of all hosts, and an environment variable selects Warp.
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
     net = None if robot.actuator_net is None else jax.tree.map(single, robot.actuator_net)
-    # Which joint moves each degree of freedom; of the base's, the one after the last, which is none.
+    # The joint of each degree of freedom; those of the base get the index after the last joint.
     joint_of = np.full(model.nv, len(dofs))
     joint_of[dofs] = np.arange(len(dofs))
     points = jnp.asarray(np.concatenate(foot_geoms(model, robot.description)))

@@ -13,11 +13,11 @@ class CommandTerm(NamedTuple):
     """The declaration of a command term."""
 
     numbers: int  # uniform numbers that a draw takes
-    draw: Callable[..., jax.Array]  # of uniform numbers and the configuration, a command (3,)
+    draw: Callable[..., jax.Array]  # from uniform numbers and the configuration to a command (3,)
 
 
 def command_term(numbers: int) -> Callable[[Callable[..., jax.Array]], CommandTerm]:
-    """Decorator: a function that draws a command from so many uniform numbers."""
+    """Decorator of a function that draws a command from `numbers` uniform numbers."""
     return lambda draw: CommandTerm(numbers, draw)
 
 
@@ -25,7 +25,7 @@ def command_term(numbers: int) -> Callable[[Callable[..., jax.Array]], CommandTe
 def velocity(u: jax.Array, config: CommandConfig) -> jax.Array:
     """Uniform in the ranges; some commands ask to stand still, some to move along one axis only.
 
-    Both are rare in a uniform draw, and both are what users ask for most.
+    Both are rare in a uniform draw, and users command both most often.
 
     Args:
         u: uniform numbers in [0, 1), shape (6,).

@@ -1,7 +1,7 @@
-"""Critic terms: what the critic sees beyond the actor, and no robot senses.
+"""Critic terms: privileged observations of the critic, which no robot senses.
 
-Besides these the critic always sees the actor's observation, a frame of it without delay, bias and noise, and
-every quantity in which this robot differs from the nominal one.
+The critic always reads the actor's observation as well, its newest frame without delay, bias and noise, and
+every randomised quantity of this robot.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,11 @@ class CriticTerm(NamedTuple):
     """The declaration of a critic term."""
 
     kind: Kind  # how many numbers, and their mirror image
-    source: Callable[..., jax.Array]  # of `StepData`; at a reset feet and torques are zero
+    source: Callable[..., jax.Array]  # from `StepData`, in which feet and torques are zero at a reset
 
 
 def critic_term(kind: Kind) -> Callable[[Callable[..., jax.Array]], CriticTerm]:
-    """Decorator: a function of `StepData` that returns numbers of this kind."""
+    """Decorator of a function of `StepData` that returns numbers of this kind."""
     return lambda source: CriticTerm(kind, source)
 
 
@@ -59,7 +59,7 @@ def torque(data: StepData) -> jax.Array:
 
 @critic_term(kinds.FOOT_AMOUNTS)
 def ground(data: StepData, *, ahead_m: Annotated[float, Between(-2.0, 2.0)] = 0.0) -> jax.Array:
-    """Height of the ground at each foot, or ahead of it along the heading, above that below the base, dm."""
+    """Ground height at each foot, or ahead of it along the heading, relative to below the base, dm."""
     points = data.scene.feet.centres(data.foot_position)[:, :2] + ahead_m * data.forward
     return 10.0 * (data.ground(points) - data.ground(data.place[:2]))
 

@@ -1,4 +1,4 @@
-"""What terms read: constants of the robot, and the data of one control step."""
+"""Inputs of terms: constants of the robot, and the data of one control step."""
 
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -39,7 +39,7 @@ class Scene:
 
     @cached_property
     def body(self) -> BodyPoints:
-        """Points on trunk and limbs, for terms that ask for them."""
+        """Points on trunk and limbs, computed when a term reads them."""
         return BodyPoints(self.robot)
 
 
@@ -87,7 +87,7 @@ def level_ground(place: jax.Array) -> jax.Array:
 
 
 def example_data(scene: Scene) -> StepData:
-    """Data of a robot that stands still, to try terms on."""
+    """Data of a robot that stands still, to check terms with."""
     n, feet = len(scene.robot.joint_names), scene.feet.count
     zeros: dict[str, Any] = {name: jnp.zeros(feet) for name in ("contact", "clearance", "foot_speed")}
     return StepData(

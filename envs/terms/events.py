@@ -1,7 +1,7 @@
 """Event terms: changes to the robot from outside, at each reset or at random intervals.
 
-What differs between robots for a whole episode (masses, friction, delays, biases) is the section
-`randomisation`, whose quantities act on the simulated robot of an evaluation too (domain_rand/).
+Differences between robots for a whole episode (masses, friction, delays, biases) belong to the section
+`randomisation`, whose quantities also act on the simulated robot of an evaluation (domain_rand/).
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class Occasion(NamedTuple):
     """Inputs of an event besides the state."""
 
     scene: Scene
-    due: jax.Array | bool  # whether the change will be kept
+    due: jax.Array | bool  # whether the changed state will be used
     u: jax.Array  # uniform numbers in [0, 1), as many as the term declares
     strength: jax.Array | float  # share of the full strength, from the curriculum, 0 to 1
 
@@ -35,10 +35,10 @@ class Occasion(NamedTuple):
 class EventTerm(NamedTuple):
     """The declaration of an event."""
 
-    change: Callable[..., State]  # of a state and an `Occasion`, the state after it
+    change: Callable[..., State]  # from a state and an `Occasion` to the state after the event
     numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
-    interval_s: Distribution | None  # between two of them; None: at each reset
-    heeds_due: bool  # the function itself selects by `due`: a second selection costs 5 %
+    interval_s: Distribution | None  # between two events; None: at each reset
+    heeds_due: bool  # the function itself reads `due`: selecting the state again would cost 5 %
     generated_only: bool  # needs the generated physics
 
 
@@ -48,7 +48,7 @@ def event_term(
     heeds_due: bool = False,
     generated_only: bool = False,
 ) -> Callable[[Callable[..., State]], EventTerm]:
-    """Decorator: a function of a state and an `Occasion` that returns the changed state."""
+    """Decorator of a function of a state and an `Occasion` that returns the changed state."""
     count = numbers if callable(numbers) else lambda _: numbers
     return lambda change: EventTerm(change, count, interval_s, heeds_due, generated_only)
 
@@ -76,7 +76,7 @@ def reset_pose(
         jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
         normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
     )
-    # unique_indices: otherwise XLA adds one by one on a GPU, in case two indices are equal.
+    # Without unique_indices XLA adds sequentially on a GPU, in case two indices are equal.
     qpos = scene.base.turned(state.qpos, quaternion)
     qpos = qpos.at[scene.positions].add(joint_rad * u[7 : 7 + n], unique_indices=True)
     qvel = scene.base.moving(state.qvel, velocity_m_s * u[3:5], yaw_rate_rad_s * u[5])
@@ -125,10 +125,10 @@ def drop(
 def slope(
     state: State, occasion: Occasion, *, up_to_rad: Annotated[float, Between(0.0, 0.8)] = 0.26
 ) -> State:
-    """Let the ground slope, in any direction, uniformly steep up to an angle.
+    """Slope the ground in a random direction, by a uniform angle up to `up_to_rad`.
 
-    The simulated world keeps a level ground and turns gravity. Rewards and terminations refer to the slope,
-    the sensors to gravity.
+    The simulated ground stays level and gravity is tilted. Rewards and terminations refer to the slope, the
+    sensors to gravity.
     """
     steep, across = up_to_rad * occasion.u[0], 2.0 * jnp.pi * occasion.u[1]
     sideways = jnp.sin(steep)
@@ -140,7 +140,7 @@ def slope(
 def begin_late(
     state: State, occasion: Occasion, *, up_to_s: Annotated[float, Between(0.0, 100.0)] = 2.0
 ) -> State:
-    """Shorten an episode by up to this time: time limits of different episodes then do not coincide."""
+    """Shorten an episode by up to `up_to_s`, so that the time limits of episodes do not coincide."""
     return state._replace(steps=jnp.int32(occasion.u[0] * up_to_s / occasion.scene.period_s))
 
 
@@ -153,12 +153,12 @@ def push(
     vertical_m_s: Half = 0.0,
     angular_rad_s: Half = 0.0,
 ) -> State:
-    """Change the base's velocity at once: up to these values, in a random direction."""
+    """Push: a sudden change of the base's velocity, up to these values, in a random direction."""
     u = occasion.u
     angle, size = 2 * jnp.pi * u[0], horizontal_m_s * u[1]
     linear = jnp.array([size * jnp.cos(angle), size * jnp.sin(angle), vertical_m_s * (2 * u[2] - 1)])
     change = occasion.strength * jnp.concatenate([linear, angular_rad_s * (2 * u[3:] - 1)])
-    # Selected before it is added: product and sum would else be rounded together, and runs not repeat.
+    # Selected before the addition: otherwise product and sum may be fused, and runs would not repeat.
     change = jnp.where(occasion.due, change, 0.0)
     return state._replace(qvel=occasion.scene.base.pushed(state.qvel, change))
 

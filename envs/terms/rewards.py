@@ -1,7 +1,7 @@
-"""Reward terms: functions of what happened in one control step, or classes where they remember more.
+"""Reward terms: functions of the data of one control step, or classes with a state of their own.
 
-A term returns a number; its weight is the configuration's, in reward per second. A class with `init` and
-`step` has a state of its own (envs/task.py).
+A term returns a number; the configuration gives its weight, in reward per second. A class with a state has
+the methods `init` and `step` (envs/task.py).
 """
 
 from collections.abc import Callable, Sequence
@@ -21,22 +21,22 @@ Length = Annotated[float, Between(0.001, 1.0)]
 
 
 def in_full(term: Callable[..., jax.Array]) -> Callable[..., jax.Array]:
-    """Decorator: a reward for the end of an episode, which `reward_floor` does not clip.
+    """Decorator of a reward for the end of an episode, which `reward_floor` does not clip.
 
-    It is 1 at most. A simulation that diverges earns the weights of these terms.
+    Its value is at most 1. A diverged simulation earns the weights of these terms.
     """
     term.in_full = True  # type: ignore[attr-defined]
     return term
 
 
 def track_linear(data: StepData, *, sigma_m2_s2: Width = 0.25) -> jax.Array:
-    """1 at the commanded horizontal velocity, less the further from it: a bell of this variance."""
+    """exp(-error^2 / sigma) of the commanded horizontal velocity: 1 without error."""
     error = jnp.sum((data.command[:2] - data.linear_velocity[:2]) ** 2)
     return jnp.exp(-error / sigma_m2_s2)
 
 
 def track_yaw(data: StepData, *, sigma_rad2_s2: Width = 0.25) -> jax.Array:
-    """1 at the commanded yaw rate, less the further from it: a bell of this variance."""
+    """exp(-error^2 / sigma) of the commanded yaw rate: 1 without error."""
     return jnp.exp(-((data.command[2] - data.angular_velocity[2]) ** 2) / sigma_rad2_s2)
 
 
@@ -52,13 +52,13 @@ def fall(data: StepData) -> jax.Array:
 
 
 def gait_contact(data: StepData) -> jax.Array:
-    """Share of feet whose contact is as the gait clock plans it."""
+    """Share of feet whose contact agrees with the gait clock."""
     planned = 1.0 - (data.swing > 0)
     return jnp.mean(1.0 - jnp.abs(planned - data.contact))
 
 
 def swing_height(data: StepData, *, height_m: Length = 0.08) -> jax.Array:
-    """Squared error of the swing feet's height against a half sine of this height, m^2."""
+    """Squared error of the swing feet's clearance against the planned swing of `height_m`, m^2."""
     return jnp.sum(jnp.where(data.swing > 0, (data.clearance - height_m * data.swing) ** 2, 0.0))
 
 
@@ -96,9 +96,9 @@ def stands(
     pose_rad: Width = 0.5,
     speed_rad_s: Width = 2.0,
 ) -> jax.Array:
-    """1 standing upright and still in the default pose: a product of bells of these widths.
+    """1 standing upright and still in the default pose: a product of Gaussians with these widths.
 
-    The widths of pose and speed are of the root mean square over the joints.
+    The widths of pose and speed apply to the root mean square over the joints.
     """
     errors = (
         jnp.sum(data.gravity[:2] ** 2) / tilt_rad**2 + 10.0 * (data.gravity[2] > 0.0),
@@ -144,20 +144,20 @@ def pose(data: StepData, *, joint_shares: dict[str, float] | None = None) -> jax
 
     Args:
         data: of the step.
-        joint_shares: how much joints count, by pattern of their names (*, ?, [...]); the first pattern that
-            fits a name holds, and joints that none fits count 1.
+        joint_shares: weight of each joint, by pattern of names (*, ?, [...]); the first pattern that
+            matches a name applies, and a joint that no pattern matches has weight 1.
     """
     shares = _shares(data.scene.robot.joint_names, joint_shares or {})
     return jnp.sum(shares * (data.joint_position - data.scene.default_pose) ** 2)
 
 
 def stand_still(data: StepData) -> jax.Array:
-    """Deviation from the default pose while asked to stand, rad."""
+    """Deviation from the default pose while the command is to stand, rad."""
     return (1.0 - data.moving) * jnp.sum(jnp.abs(data.joint_position - data.scene.default_pose))
 
 
 def joint_limits(data: StepData) -> jax.Array:
-    """How far joints are past their soft limits, rad."""
+    """Excess of the joints over their soft limits, rad, summed."""
     below = jnp.maximum(data.scene.soft_lower - data.joint_position, 0.0)
     above = jnp.maximum(data.joint_position - data.scene.soft_upper, 0.0)
     return jnp.sum(below + above)
@@ -174,12 +174,12 @@ def level_soles(data: StepData) -> jax.Array:
 
 
 def crowded_feet(data: StepData, *, distance_m: Length = 0.12) -> jax.Array:
-    """Squared shortfall of the horizontal distance between two feet from this one, over all pairs, m^2."""
+    """Squared shortfall of the horizontal distance between two feet below `distance_m`, summed, m^2."""
     return data.scene.feet.crowding(data.foot_position, distance_m)
 
 
 def collision(data: StepData) -> jax.Array:
-    """How deep points on trunk, thighs and shanks are in the ground, m, summed: see `Scene.body`."""
+    """Depth of points on trunk, thighs and shanks below the ground, m, summed: see `Scene.body`."""
     return jnp.sum(jnp.maximum(data.depth, 0.0))
 
 
@@ -225,10 +225,10 @@ REWARDS: dict[str, Callable[..., Any]] = {
 
 
 def _shares(joint_names: Sequence[str], by_pattern: dict[str, float]) -> jax.Array:
-    """The share of the first pattern that fits each joint's name, 1 where none does, (n,)."""
+    """The share of the first pattern that matches each joint's name, 1 if none does, (n,)."""
     for pattern in by_pattern:
         if not any(fnmatchcase(name, pattern) for name in joint_names):
-            raise UserError(f"joint_shares: no joint fits '{pattern}'")
+            raise UserError(f"joint_shares: no joint matches '{pattern}'")
     fitting = ([share for p, share in by_pattern.items() if fnmatchcase(name, p)] for name in joint_names)
     shares = np.array([found[0] if found else 1.0 for found in fitting])
     return jnp.asarray(shares, dtype=jnp.float32)

@@ -1,6 +1,6 @@
 """Termination terms: conditions that end an episode as a failure.
 
-Two ends are no terms: the time limit `episode_s`, and a diverged simulation.
+The time limit `episode_s` and a diverged simulation also end an episode, without a term.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,12 @@ def tilted(data: StepData, *, limit_rad: Annotated[float, Between(1e-3, 3.2)] = 
 
 
 def sunk(data: StepData, *, least_height_share: Annotated[float, Between(0.0, 1.0)] = 0.55) -> jax.Array:
-    """The base is lower than this share of the robot's standing height."""
+    """The base is lower than `least_height_share` of the robot's standing height."""
     return data.height < least_height_share * data.scene.standing_height
 
 
 def base_contact(data: StepData, *, depth_m: Annotated[float, Between(0.0, 1.0)] = 0.01) -> jax.Array:
-    """A point on the base is deeper than this in the ground."""
+    """A point on the base is deeper than `depth_m` in the ground."""
     return jnp.max(jnp.where(data.scene.body.on_base, data.depth, -jnp.inf)) > depth_m
 
 

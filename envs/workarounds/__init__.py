@@ -1,1 +1,1 @@
-"""Replacements of other libraries' internals, one in each file, with the reason and when it can go."""
+"""Replacements of other libraries' internals, one in each file, with the reason and when to remove it."""

@@ -5,7 +5,7 @@ kernels of MJX's step, and a third of those of brax's loss, are short loops or s
 Here they are traced as plain operations, which XLA fuses with their neighbours. Results stay the same; sums
 get a fixed order, which a scatter does not guarantee.
 Upstream: on a GPU the host launches each iteration of a scan, https://github.com/jax-ml/jax/issues/2491.
-It can go when MJX and brax trace fewer loops by themselves: tests/envs/test_workarounds.py counts them.
+Remove it when MJX and brax trace fewer loops by themselves: tests/envs/test_workarounds.py counts them.
 """
 
 import threading
@@ -25,7 +25,7 @@ _TRACING = threading.RLock()  # a replacement holds for the whole process
 def fewer_kernels() -> Iterator[None]:
     """Within the context, scans are unrolled, and sums over legs and insertions avoid scatters.
 
-    On a processor nothing changes: there a kernel costs little, and a longer program is compiled for longer.
+    On a CPU nothing changes: there a kernel costs little, and a longer program takes longer to compile.
     """
     if jax.default_backend() == "cpu":
         yield
@@ -43,7 +43,7 @@ def fewer_kernels() -> Iterator[None]:
 def segment_sum(
     data: jax.Array, segment_ids: Any, num_segments: int | None = None, **options: Any
 ) -> jax.Array:
-    """`jax.ops.segment_sum` without a scatter where each row is a segment, or all rows are one.
+    """`jax.ops.segment_sum` without a scatter, if each row is a segment or all rows are one segment.
 
     This holds for legs: their links have one parent each, and the trunk is the parent of all hips.
 

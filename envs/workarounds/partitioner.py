@@ -4,7 +4,7 @@ Reason: compiling a `shard_map` over MJX's accelerations for two devices ends in
 Shardy's pass over unused inputs (ManualComputationUnusedInputsPattern), seen with jax 0.11.2 on GPUs and on
 virtual processors. jax 0.10.2 compiles the same program with Shardy, which is then used.
 Upstream: no report of it was found; JAX is about to drop the older partitioner.
-It can go when a jax release no longer crashes: tests/envs/test_workarounds.py says so where jax 0.11 is
+Remove it when a jax release no longer crashes: tests/envs/test_workarounds.py then fails where jax 0.11 is
 installed.
 """
 
@@ -14,6 +14,6 @@ CRASHES_SINCE = (0, 11)
 
 
 def avoid_crashing_partitioner() -> None:
-    """Have programs for several devices compiled without Shardy, where that would crash."""
+    """Compile programs for several devices without Shardy, if Shardy would crash."""
     if jax.__version_info__ >= CRASHES_SINCE:
         jax.config.update("jax_use_shardy_partitioner", False)

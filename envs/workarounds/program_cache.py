@@ -1,12 +1,11 @@
-"""Compiled programs that are kept from one training to the next, so that they need not be traced again.
+"""Cache of compiled programs from one training to the next, so that they need not be traced again.
 
-JAX's own cache finds what XLA made of a program by the program, which has to be traced first; on a GPU that
-takes longer than all the rest of a start. Here a program is found by what it is made from.
-
-Reason: tracing takes most of a warm start. What is written is JAX's own `serialize_executable`, a pickle
-around machine code: a file here is code, and only read if nobody but this user can have written it.
+The key of JAX's own cache is the traced program; on a GPU, tracing takes longer than all the rest of a start.
+Here the key is what the program is made from.
+Reason: tracing takes most of a warm start. JAX's own `serialize_executable` writes the files, as a pickle
+around machine code: a file here is code, and is only read if no other user can have written it.
 Upstream: https://github.com/jax-ml/jax/issues/476 brought the serialisation, not a cache that skips tracing.
-It can go when JAX has one: tests/envs/test_workarounds.py says so.
+Remove it when JAX has one: tests/envs/test_workarounds.py then fails.
 """
 
 import hashlib
@@ -37,55 +36,55 @@ from footfall.robots.self_contact import Contacts
 SOURCES = Path(__file__).parents[2]
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
 DEVICE_LIBRARIES = ("jax*", "nvidia_*")  # JAX, its plug-ins, CUDA's parts
-ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # beginnings of variables that JAX heeds
-OF_THE_CACHE = ("jax_compilation_cache", "jax_persistent_cache")  # settings that change no program
+ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # prefixes of environment variables that JAX reads
+CACHE_SETTINGS = ("jax_compilation_cache", "jax_persistent_cache")  # settings that change no program
 NVIDIA_DRIVER = Path("/proc/driver/nvidia/version")
-LARGEST_BYTES = 2 * 2**30  # of all programs together; beyond it those go that were not used for longest
+LARGEST_BYTES = 2 * 2**30  # of all programs together; beyond it, the least recently used are deleted
 CLOCK_SLACK_NS = 2 * 10**9  # file systems may round a time down, by up to two seconds
 
 
 class _Found(NamedTuple):
-    """What the cache has of a program."""
+    """The result of looking a program up in the cache."""
 
-    path: Path | None  # where it is or may be kept; None: nowhere
+    path: Path | None  # its file, which need not exist; None: there is no cache
     program: jax.stages.Compiled | None = None
-    refusal: str = ""  # why what is there is not used
+    refusal: str = ""  # why an existing file is not used
 
 
-_fetched: dict[str, Future[_Found]] = {}  # programs that are being read, by what they are made from
+_fetched: dict[str, Future[_Found]] = {}  # programs that are being loaded, by fingerprint
 
 
 def prefetch(*made_from: Any) -> None:
-    """Begin to read the program that is made from these, beside what comes next."""
+    """Start loading the program that is made from these, in the background."""
     name = fingerprint(made_from)
     if name not in _fetched:
-        beside = ThreadPoolExecutor(1)
-        _fetched[name] = beside.submit(_look_up, made_from)
-        beside.shutdown(wait=False)
+        executor = ThreadPoolExecutor(1)
+        _fetched[name] = executor.submit(_look_up, made_from)
+        executor.shutdown(wait=False)
 
 
 def load_or_compile(
-    lower: Callable[[], jax.stages.Lowered], beside: Executor, say: Callable[[str], None], *made_from: Any
+    lower: Callable[[], jax.stages.Lowered], executor: Executor, say: Callable[[str], None], *made_from: Any
 ) -> Future[jax.stages.Compiled]:
-    """The program that was compiled from the same things before, or else is now.
+    """The program from the cache, or compiled now.
 
-    It is kept in a folder of JAX's compilation cache, if there is one. What is not a whole program there is
-    compiled anew; what cannot be written down is not kept; nor is anything once a source file has changed
-    since this process imported it, since the file no longer says what was traced.
+    The cache is a folder in JAX's compilation cache, if there is one. A damaged file is compiled again. A
+    program that cannot be serialised is not kept. Once a source file has changed since this process
+    imported it, no program is kept, since the file no longer shows what was traced.
 
     Args:
-        lower: traces it, here and now: what `fewer_kernels` replaces, it replaces for every thread.
-        beside: compiles it.
-        say: told in one line if a file is there that others may have written.
+        lower: traces it, in this thread: `fewer_kernels` replaces functions for every thread.
+        executor: compiles it.
+        say: shows one line if other users may have written the file.
         made_from: all that the program depends on besides source, libraries, device and JAX's settings;
-            their `repr` tells them apart, or their bytes.
+            compared by `repr`, or as bytes.
     """
     fetched = _fetched.pop(fingerprint(made_from), None)
     found = fetched.result() if fetched else _look_up(made_from)
     if found.refusal:
-        say(f"{found.refusal}: its compiled programs are not used, compiling afresh")
+        say(f"{found.refusal}: its compiled programs are not used, compiling again")
     if found.program is None:
-        return beside.submit(_compile, lower(), found.path)
+        return executor.submit(_compile, lower(), found.path)
     there: Future[jax.stages.Compiled] = Future()
     there.set_result(found.program)
     return there
@@ -94,13 +93,13 @@ def load_or_compile(
 def _compile(lowered: jax.stages.Lowered, path: Path | None) -> jax.stages.Compiled:
     program = lowered.compile()
     if path is not None and _source() is not None:
-        # Beside the training, which need not wait for it; the process does, at its end.
+        # In the background: the training does not wait for it, the process does at its end.
         Thread(target=_write, args=(path, program), name="keep program").start()
     return program
 
 
 def fingerprint(parts: Iterable[Any]) -> str:
-    """A name for all of these together."""
+    """A digest of all parts."""
     digest = hashlib.sha256()
     for part in parts:
         content = part if isinstance(part, bytes) else repr(part).encode()
@@ -109,7 +108,7 @@ def fingerprint(parts: Iterable[Any]) -> str:
 
 
 def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") -> bytes:
-    """The compiled model that a robot is trained on, with whatever its file includes."""
+    """The compiled model that a robot is trained on, as bytes."""
     model = training_model(robot, timestep_s, contacts)
     content = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, buffer=content)
@@ -120,12 +119,12 @@ def _source() -> list[tuple[Path, bytes]] | None:
     """Our source files, as this process imported them; None if one of them has changed since."""
     source = read_sources(SOURCES, TRAINING)
     latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
-    # Asked after they were read. Unlike a file's other time, that of its last change cannot be set.
+    # Checked after reading. Unlike mtime, ctime cannot be set.
     return source if all((SOURCES / path).stat().st_ctime_ns < latest for path, _ in source) else None
 
 
 def _surroundings() -> list[Any]:
-    """Libraries, device and settings that make a program what it is."""
+    """Libraries, device and settings that a program depends on."""
     device = jax.local_devices()[0]
     return [
         versions(LIBRARIES),
@@ -133,12 +132,12 @@ def _surroundings() -> list[Any]:
         (device.platform, device.device_kind, device.client.platform_version),
         NVIDIA_DRIVER.read_text() if NVIDIA_DRIVER.is_file() else "",
         sorted((name, value) for name, value in os.environ.items() if name.startswith(ENVIRONMENT)),
-        sorted((n, repr(v)) for n, v in jax.config.values.items() if not n.startswith(OF_THE_CACHE)),
+        sorted((n, repr(v)) for n, v in jax.config.values.items() if not n.startswith(CACHE_SETTINGS)),
     ]
 
 
 def _device_libraries() -> list[str]:
-    """Names and versions as their folders have them: to read all installed packages takes much longer."""
+    """Names and versions from folder names: reading all installed packages takes much longer."""
     folders = {Path(entry) for entry in sys.path}
     patterns = [f"{name}.dist-info" for name in DEVICE_LIBRARIES]
     return sorted(path.name for folder in folders for each in patterns for path in folder.glob(each))
@@ -157,21 +156,21 @@ def _look_up(made_from: tuple[Any, ...]) -> _Found:
         return found
     except NotPrivateError as error:
         return _Found(path, refusal=str(error))
-    except Exception:  # whatever is wrong with the file, a new one mends it
+    except Exception:  # any damage of the file: a new one replaces it
         return _Found(path)
 
 
 def _write(path: Path, compiled: jax.stages.Compiled) -> None:
     with suppress(Exception):  # a full disk, a folder of others, a program that calls Python
         program, *structures = serialize(compiled)
-        # JAX does not write down structures with types of others; these are values of the same structure.
+        # JAX does not serialise structures with foreign types; these are values of the same structure.
         values = [jax.tree.unflatten(structure, range(structure.num_leaves)) for structure in structures]
         write_private(path, pickle.dumps((program, kernels.compiled(), *values)))
         _evict(path.parent)
 
 
 def _evict(folder: Path) -> None:
-    """Drop the programs that were not used for longest, until the rest fits; never the newest one."""
+    """Delete the least recently used programs until the rest fits; never the newest one."""
     programs = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
     total = 0
     for index, path in enumerate(programs):

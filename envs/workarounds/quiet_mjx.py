@@ -1,7 +1,7 @@
-"""MJX, imported without its two lines on stdout about Warp, which it goes without here.
+"""MJX, imported without its two lines on stdout about Warp, which is not used here.
 
-They are printed by `mujoco/mjx/warp/__init__.py` where the package `warp` is not installed. This can go when
-`envs/test_quiet_mjx.py` says that MJX is quiet by itself.
+`mujoco/mjx/warp/__init__.py` prints them if the package `warp` is not installed. Remove this module when
+`tests/envs/test_quiet_mjx.py` fails because MJX is quiet by itself.
 """
 
 import io

@@ -1,10 +1,10 @@
 """MuJoCo's steps without its stopwatch and its warnings.
 
-Reason: MuJoCo's Python package has each stage of each step timed (`MjData.timer`), a tenth of a small robot's
-step, and offers no way to do without: `mujoco.set_mjcb_time(None)` puts its clock back. Only C can take it
-away.
+Reason: MuJoCo's Python package times each stage of each step (`MjData.timer`), which takes a tenth of a small
+robot's step, and has no way to switch that off: `mujoco.set_mjcb_time(None)` restores its clock. Only C can
+remove it.
 Upstream: the timers were asked for in https://github.com/google-deepmind/mujoco/issues/2354.
-It can go when `mujoco.set_mjcb_time(None)` leaves no clock: tests/envs/test_workarounds.py says so.
+Remove it when `mujoco.set_mjcb_time(None)` leaves no clock: tests/envs/test_workarounds.py then fails.
 """
 
 import ctypes
@@ -17,10 +17,10 @@ _clock = ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_t
 
 
 class _Undisturbed:
-    """In this context MuJoCo's steps are not timed and warn nobody; both are settings of the whole process.
+    """In this context MuJoCo's steps are not timed and write no warnings; both settings are process-wide.
 
-    Its warnings of a diverging simulation would go to a file in the working directory. Of several threads
-    inside, the first to enter changes the settings and the last to leave restores them.
+    MuJoCo would write warnings of a diverging simulation to a file in the working directory. With several
+    threads in the context, the first to enter changes the settings and the last to leave restores them.
     """
 
     def __init__(self) -> None:

@@ -148,7 +148,7 @@ class TestPurity:
     ) -> None:
         for module in ("c", "generated.on_processor"):
             monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: 3)
-        monkeypatch.setattr("footfall.envs.physics.generated.on_processor.LEAST_SHARE", 5)
+        monkeypatch.setattr("footfall.envs.physics.generated.on_processor.MIN_ROBOTS_PER_THREAD", 5)
         physics, given = ENGINES[engine](training_model(ROBOT), ROBOT), arguments(begun)
         many = jax.vmap(physics)(*given)
         few = jax.vmap(physics)(*jax.tree.map(lambda x: x[5:8], given))

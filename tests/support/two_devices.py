@@ -11,7 +11,7 @@ from brax.training.types import Transition
 from jax.sharding import PartitionSpec
 from number_environment import NumberEnvironment
 
-from footfall.train.brax.devices import DIVIDED, device_mesh, place, shardings
+from footfall.train.brax.devices import SHARDED, device_mesh, place, shardings
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.state import STATE_SPECS, initial_state
@@ -61,8 +61,8 @@ def learner(devices: int) -> Any:
         return jax.tree.map(lambda x: x[None], ppo.update(*arguments, jax.random.key(1))[0].policy)
 
     if devices > 1:
-        specs = (STATE_SPECS, PartitionSpec(None, *DIVIDED), DIVIDED)
-        actor = jax.shard_map(actor, mesh=MESH, in_specs=specs, out_specs=DIVIDED, check_vma=False)
+        specs = (STATE_SPECS, PartitionSpec(None, *SHARDED), SHARDED)
+        actor = jax.shard_map(actor, mesh=MESH, in_specs=specs, out_specs=SHARDED, check_vma=False)
     return jax.jit(actor)
 
 

@@ -18,7 +18,7 @@ from jax.sharding import PartitionSpec
 
 from footfall.common.errors import UserError
 from footfall.train.brax import devices
-from footfall.train.brax.devices import device_mesh, on_the_processor
+from footfall.train.brax.devices import device_mesh, on_cpu
 from footfall.train.brax.state import STATE_SPECS
 from footfall.train.config import load_preset
 
@@ -59,7 +59,7 @@ def test_where_jax_has_accelerators_alone_the_default_device_computes(
         raise RuntimeError("Unknown backend cpu")
 
     monkeypatch.setattr(jax, "local_devices", none_such)
-    with on_the_processor():
+    with on_cpu():
         assert float(jax.numpy.ones(2).sum()) == 2.0
 
 
@@ -85,7 +85,7 @@ def test_each_part_of_a_state_lies_where_it_belongs() -> None:
         assert spec == (PartitionSpec("devices") if name in ("env", "observation") else PartitionSpec())
     mesh = device_mesh(load_preset("smoke").ppo, 1)
     assert (mesh.size, mesh.axis_names) == (1, ("devices",))
-    where = devices.shardings({"a": devices.EACH, "b": devices.DIVIDED}, mesh)
+    where = devices.shardings({"a": devices.REPLICATED, "b": devices.SHARDED}, mesh)
     placed = devices.place({"a": [np.arange(2.0), np.ones(3)], "b": {"c": np.arange(6.0)}}, where)
     assert [x.sharding.spec for x in placed["a"]] == [PartitionSpec()] * 2
     assert placed["b"]["c"].sharding.spec == PartitionSpec("devices")

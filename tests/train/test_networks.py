@@ -25,7 +25,7 @@ from number_environment import (
 )
 
 from footfall.train.brax.networks import (
-    actors_means,
+    actor_means_function,
     dense_layers,
     elu,
     make_networks,
@@ -128,7 +128,7 @@ class TestActor:
         rng = np.random.default_rng(1)
         shown = {name: jnp.asarray(rng.normal(2.0, 3.0, (50, size))) for name, size in SIZES.items()}
         normalizer = running_statistics.update(begun.normalizer, shown)
-        actor = trained_actor(actors_means(NETWORKS), normalizer, policy)
+        actor = trained_actor(actor_means_function(NETWORKS), normalizer, policy)
         assert [kernel.shape for kernel, _ in actor.layers] == [(3, 6), (6, 5), (5, 2)]
         observed = rng.normal(size=(5, 3)).astype(np.float32)
         x = (observed - actor.mean) / actor.scale

@@ -15,7 +15,7 @@ from footfall.envs.make import make_environment
 from footfall.policies.registry import ZOO
 from footfall.robots.description import Robot
 from footfall.train.api import TrainRequest, begin
-from footfall.train.brax.networks import actors_means, dense_layers, make_networks, trained_actor
+from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
 from footfall.train.brax.start import taken_over
 from footfall.train.brax.state import initial_state
 from footfall.train.brax.trainer import BraxTrainer
@@ -41,7 +41,7 @@ class Trained:
         self.state = state._replace(normalizer=normalizer)
         observed = np.zeros((1, self.env.observation_sizes["state"]), np.float32)
         checkpoint.save(self.run.checkpoints, 3, self.state, observed)
-        actor = trained_actor(actors_means(self.networks), normalizer, self.state.params.policy)
+        actor = trained_actor(actor_means_function(self.networks), normalizer, self.state.params.policy)
         export(actor, self.env.contract, observed, self.run.policy)
 
     def fresh(self, seed: int) -> tuple:
@@ -76,7 +76,7 @@ class TestTakenOver:
         assert any("critic" in line for line in said)
         seen = np.random.default_rng(0).normal(size=(5, fresh[1].mean["state"].size)).astype(np.float32)
         acts = [
-            trained_actor(actors_means(trained.networks), n, p).act(seen)
+            trained_actor(actor_means_function(trained.networks), n, p).act(seen)
             for n, p in ((normalizer, params.policy), (trained.state.normalizer, trained.state.params.policy))
         ]
         np.testing.assert_array_equal(*acts)

@@ -198,7 +198,7 @@ def test_the_artifact_is_the_one_that_brax_makes(run: Path, trainer: RslRlTraine
     nets = networks.make_networks(sizes, 12, PPO)
     normalizer = running_statistics.init_state({name: jnp.zeros(size) for name, size in sizes.items()})
     policy = nets.policy_network.init(jax.random.PRNGKey(0))
-    actor = networks.trained_actor(networks.actors_means(nets), normalizer, policy)
+    actor = networks.trained_actor(networks.actor_means_function(nets), normalizer, policy)
     export.export(actor, trainer._contract, seen["state"].numpy(), tmp_path / "brax.onnx")
     theirs, ours = (onnxruntime.InferenceSession(p) for p in (tmp_path / "brax.onnx", run / "policy.onnx"))
 

@@ -17,7 +17,7 @@ from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
 from footfall.train import api, entry
 from footfall.train.brax import parts
-from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, device_mesh, worth_keeping
+from footfall.train.brax.devices import GPU_OPTIONS, caches_programs, compiler_options, device_mesh
 from footfall.train.brax.parts import assemble, made_from
 from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
@@ -85,7 +85,7 @@ def test_only_gpus_are_told_and_one_gpus_program_is_kept() -> None:
     ):
         mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)] * count), size=count)
         assert compiler_options(mesh) is options
-        assert worth_keeping(mesh) is kept
+        assert caches_programs(mesh) is kept
 
 
 def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         there.set_result(programs[made[0]])
         return there
 
-    monkeypatch.setattr(parts, "worth_keeping", lambda _: True)
+    monkeypatch.setattr(parts, "caches_programs", lambda _: True)
     monkeypatch.setattr(parts, "load_or_compile", ready)
     monkeypatch.setattr(parts, "prefetch", lambda *made: read.append(fingerprint(made)))
     parts.prefetch_programs(robot, run.config)

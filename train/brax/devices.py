@@ -14,8 +14,8 @@ from footfall.train.checks import check_devices
 from footfall.train.config import PpoConfig
 
 AXIS = "devices"
-EACH = PartitionSpec()  # the same on each device
-DIVIDED = PartitionSpec(AXIS)  # along the first dimension
+REPLICATED = PartitionSpec()  # the same on each device
+SHARDED = PartitionSpec(AXIS)  # along the first dimension
 GPU_OPTIONS: dict[str, str | bool] = {
     # Independent kernels run at the same time: small batches do not fill a GPU.
     "xla_gpu_command_buffer_scheduling_mode": "CONCURRENT",
@@ -30,7 +30,7 @@ def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
     """Every device of every process, or the first few of them, along one axis.
 
     Raises:
-        UserError: the environments cannot be divided among so many.
+        UserError: the environments cannot be divided among that many devices.
     """
     devices = jax.devices()[:count]
     check_devices(config, len(devices))
@@ -44,10 +44,10 @@ def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
     return GPU_OPTIONS if _on_gpus(mesh) else None
 
 
-def worth_keeping(mesh: Mesh) -> bool:
-    """Whether to keep a compiled program of these devices as a whole, which saves tracing it.
+def caches_programs(mesh: Mesh) -> bool:
+    """Whether to cache whole compiled programs of these devices on disk, which saves tracing them.
 
-    On a processor, tracing is a small part of a training, and unlike processors may share a home folder.
+    On a CPU, tracing is a small part of a training, and different CPUs may share a home folder.
     """
     return mesh.size == 1 and _on_gpus(mesh)
 
@@ -57,7 +57,7 @@ def _on_gpus(mesh: Mesh) -> bool:
 
 
 def shardings(specs: Any, mesh: Mesh) -> Any:
-    """The shardings that a tree of `EACH` and `DIVIDED` stands for."""
+    """The shardings that a tree of `REPLICATED` and `SHARDED` stands for."""
     return jax.tree.map(
         lambda spec: NamedSharding(mesh, spec), specs, is_leaf=lambda node: isinstance(node, PartitionSpec)
     )
@@ -77,8 +77,8 @@ def place(tree: Any, where: Any) -> Any:
     return jax.tree.map(lambda sharding, below: jax.tree.map(partial(put, sharding), below), where, tree)
 
 
-def on_the_processor() -> AbstractContextManager[Any]:
-    """Compute on the host's processor. A GPU takes longer to choose kernels than to run them once."""
+def on_cpu() -> AbstractContextManager[Any]:
+    """Compute on the host's CPU. A GPU takes longer to choose kernels than to run them once."""
     try:
         processor = jax.local_devices(backend="cpu")[0]
     except RuntimeError:  # JAX_PLATFORMS names accelerators alone
@@ -87,7 +87,7 @@ def on_the_processor() -> AbstractContextManager[Any]:
 
 
 def mean_over_devices(count: int) -> Callable[[Any], Any]:
-    """The mean of each float leaf over the devices, inside a function that runs on each of them.
+    """Returns a function that averages each float leaf over the devices; it runs inside `shard_map`.
 
     The leaves are sent as one vector: one collective operation costs less than dozens of small ones.
     """

@@ -37,7 +37,7 @@ DIVERGED = "the simulation diverged"
 
 
 class _Fault(NamedTuple):
-    """The first bad value; its place in the rollout, if it was there."""
+    """The first bad value, with its step and environment if it is in the rollout."""
 
     finding: str
     step: int = -1
@@ -52,7 +52,7 @@ def diagnose(failure: Failure, run: Run, robot: Robot, say: Callable[[str], None
         UserError: a checkpoint is damaged, or the environment cannot be written.
     """
     kept, devices = run.folder / FOLDER, cluster.devices()
-    # Each device draws its own noise: use as many as the training did, if there are.
+    # Each device draws its own noise: use the training's number of devices, if available.
     count = min(failure.devices or len(devices), len(devices))
     replay = _Replay(failure, assemble(run.config, robot), device_mesh(run.config.ppo, count))
     before, iterate = replay.state_before(checkpoint.latest(kept), say)
@@ -89,7 +89,7 @@ class _Replay:
 
     def failing_iteration(self, state: TrainState, iterate: Iteration) -> tuple[str | None, TrainState]:
         """Why the iteration fails, or None, and the state after it, on the host."""
-        after, metrics, _ = iterate(jax.tree.map(jnp.copy, state))  # it takes its argument's memory
+        after, metrics, _ = iterate(jax.tree.map(jnp.copy, state))  # it donates its argument
         figures = {name: float(value) for name, value in jax.device_get(metrics).items()}
         after = jax.device_get(after)
         broken = non_finite_leaves(after)
@@ -99,7 +99,7 @@ class _Replay:
     def first_fault(self, state: TrainState, after: TrainState) -> _Fault:
         """The first bad value: in the rollout, in the update, or in the state after them.
 
-        The share of each device that trained is computed by itself, on one device.
+        Each training device's share is computed separately, on one device.
         """
         devices = self._mesh.size
         act = jax.jit(partial(roll_out, self._parts.env, self._parts.networks, self._ppo))

@@ -11,10 +11,10 @@ from jax.sharding import Mesh
 from footfall.envs.environment import Environment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.train.actor import LOGGED_OBSERVATIONS
-from footfall.train.brax.devices import AXIS, DIVIDED, EACH, mean_over_devices
+from footfall.train.brax.devices import AXIS, REPLICATED, SHARDED, mean_over_devices
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.rollout import roll_out
-from footfall.train.brax.state import LEAST_STD, STATE_SPECS, TrainState
+from footfall.train.brax.state import MIN_STD, STATE_SPECS, TrainState
 from footfall.train.config import PpoConfig
 
 Iteration = Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]
@@ -27,7 +27,7 @@ def make_iteration(
     mesh: Mesh | None = None,
     mirror: EnvironmentMirror | None = None,
 ) -> Iteration:
-    """The function from a state to the next one, scalar metrics, and some observations that the actor saw.
+    """The training iteration: from a state to the next one, scalar metrics and a sample of observations.
 
     Over several devices, each one rolls out and learns from its share of the environments; gradients and
     statistics are averaged. With a mirror, learning is augmented by mirror images.
@@ -41,11 +41,11 @@ def make_iteration(
         key, step_keys, learn_key = iteration_keys(state, config, device)
         (env_state, observation), (rollout, metrics) = roll_out(env, networks, config, state, step_keys)
         params, optimizer, losses = ppo.update(state, rollout, observation, learn_key)
-        # After the update, so that the behaviour's log-probabilities stay comparable.
+        # Updated after PPO, so that the rollout's log-probabilities stay comparable.
         normalizer = running_statistics.update(
             state.normalizer,
             rollout.observation,
-            std_min_value=LEAST_STD,
+            std_min_value=MIN_STD,
             pmap_axis_name=AXIS if devices > 1 else None,
         )
         done, length = mean((metrics.pop("done").sum(), metrics.pop("length").sum()))
@@ -61,7 +61,7 @@ def make_iteration(
 
     if devices == 1:
         return iteration
-    outputs = (STATE_SPECS, EACH, DIVIDED)
+    outputs = (STATE_SPECS, REPLICATED, SHARDED)
     return jax.shard_map(iteration, mesh=mesh, in_specs=(STATE_SPECS,), out_specs=outputs, check_vma=False)
 
 
@@ -70,7 +70,7 @@ def iteration_keys(
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """An iteration's randomness: the next state's key, a key for each control step, and the update's key.
 
-    The first is the same on each device, the others are not.
+    The first is the same on each device, the others differ.
     """
     key, rollout_key, learn_key = jax.random.split(state.key, 3)
     rollout_key, learn_key = jax.random.fold_in(rollout_key, device), jax.random.fold_in(learn_key, device)

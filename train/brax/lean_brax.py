@@ -1,9 +1,9 @@
 """brax, imported without its simulator.
 
 Reason: `brax/__init__.py` imports brax's own physics, and with it MJX, trimesh and SciPy: a third of the time
-that all imports take. Only `brax.training` is used here. The package's `__init__` runs when a name is asked
-for that it defines. This module can go when brax imports its simulator only where it needs it:
-tests/train/test_lean_brax.py says so.
+that all imports take. Only `brax.training` is used here. The package's `__init__` runs on first access to one
+of its names. Remove this module once brax imports its simulator lazily: tests/train/test_lean_brax.py then
+fails.
 """
 
 import sys

@@ -11,7 +11,7 @@ from brax.training.agents.ppo.networks import PPONetworks, make_ppo_networks
 from brax.training.networks import FeedForwardNetwork, normalizer_select
 
 from footfall.train.actor import Actor
-from footfall.train.brax.devices import on_the_processor
+from footfall.train.brax.devices import on_cpu
 from footfall.train.config import PpoConfig
 
 ACTOR, CRITIC = "state", "privileged_state"  # the observation that each network reads
@@ -24,7 +24,7 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
     With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs stay float32. With
     `normalizer` None, the networks take observations that are `normalised` already.
     """
-    with on_the_processor():  # where brax makes arrays of zeros, which a GPU compiles programs for
+    with on_cpu():  # brax makes arrays of zeros here; a GPU would compile a program for each
         networks = make_ppo_networks(
             observation_size={name: (size,) for name, size in observation_sizes.items()},
             action_size=action_size,
@@ -41,10 +41,10 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
             mean_kernel_init_kwargs={"scale": 0.01},
         )
     return networks.replace(
-        policy_network=_of_observations(
+        policy_network=_with_raw_observations(
             networks.policy_network, ACTOR, len(config.actor_hidden_dims), config
         ),
-        value_network=_of_observations(
+        value_network=_with_raw_observations(
             networks.value_network, CRITIC, len(config.critic_hidden_dims), config
         ),
     )
@@ -82,10 +82,10 @@ def _elu_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax
     return y, jnp.where(y > 0, 1, y + 1) * tangents[0]
 
 
-def _of_observations(
+def _with_raw_observations(
     network: FeedForwardNetwork, name: str, hidden_layers: int, config: PpoConfig
 ) -> FeedForwardNetwork:
-    """A network of raw observations around brax's network, which takes normalised ones."""
+    """Wraps a brax network of normalised observations; the result takes raw ones."""
 
     def apply(normalizer: Any, params: Any, observation: Mapping[str, jax.Array]) -> Any:
         x = observation[name]
@@ -120,22 +120,24 @@ def _hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
 Means = Callable[[Any, Any, np.ndarray], jax.Array]  # of normaliser, policy and observations (k, observation)
 
 
-def actors_means(networks: PPONetworks) -> Means:
-    """Computes means of an actor on the host, (k, n); arguments of the same shapes share a program."""
+def actor_means_function(networks: PPONetworks) -> Means:
+    """Returns a function that computes mean actions on the host, (k, n).
+    Arguments of the same shapes share a compiled program.
+    """
 
     @jax.jit
     def means(normalizer: Any, policy: Any, observed: jax.Array) -> jax.Array:
         return networks.policy_network.apply(normalizer, policy, {ACTOR: observed})[0]
 
     def on_host(normalizer: Any, policy: Any, observed: np.ndarray) -> jax.Array:
-        with on_the_processor(), jax.default_matmul_precision("highest"):
+        with on_cpu(), jax.default_matmul_precision("highest"):
             return means(normalizer, policy, observed)
 
     return on_host
 
 
 def trained_actor(means: Means, normalizer: Any, policy: Any) -> Actor:
-    """The actor of these parameters, on the host, whose means are computed so."""
+    """The actor with these parameters, on the host; `means` computes its actions."""
 
     def act(observed: np.ndarray) -> np.ndarray:
         return np.asarray(means(normalizer, policy, observed))
@@ -163,7 +165,7 @@ def with_dense_layers(policy: Any, layers: tuple[tuple[np.ndarray, np.ndarray], 
         for part, array in zip(("kernel", "bias"), layer, strict=True)
     }
     if any(old[name].shape != array.shape for name, array in new.items()):
-        raise ValueError("its actor has other sizes")
+        raise ValueError("its actor's layers have other sizes")
     return jax.tree_util.tree_map_with_path(
         lambda path, leaf: new.get(_name_of(path[1:]), leaf),
         policy,

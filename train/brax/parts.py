@@ -17,13 +17,13 @@ from footfall.envs.make import make_environment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.workarounds.program_cache import load_or_compile, prefetch
 from footfall.robots.description import Robot
-from footfall.train.brax.devices import compiler_options, place, shardings, worth_keeping
+from footfall.train.brax.devices import caches_programs, compiler_options, place, shardings
 from footfall.train.brax.iteration import Iteration, make_iteration
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.state import STATE_SPECS, TrainState, initial_state
 from footfall.train.config import TrainConfig
 
-PROGRAMS = ("iteration", "first state")  # of a training, the one that takes longest first
+PROGRAMS = ("iteration", "first state")  # compiled programs of a training, the slowest to compile first
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Parts:
 
     @property
     def mirror(self) -> EnvironmentMirror | None:
-        """Of observations and actions, where the training learns from mirror images.
+        """Mirror of observations and actions, if the training learns from mirror images; otherwise None.
 
         Raises:
-            UserError: it does, and its robot is not symmetric.
+            UserError: `symmetry` is set and the robot is not symmetric.
         """
         return self.env.mirror() if self.config.ppo.symmetry else None
 
@@ -76,10 +76,9 @@ class Parts:
         if self.env.note:
             say(self.env.note)
         where, options = shardings(STATE_SPECS, mesh), compiler_options(mesh)
-        first_state = self.first_state  # kept, or JAX would forget its trace
-        seed = (
-            None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
-        )  # the bits of JAX's keys
+        first_state = self.first_state  # one reference for both uses: JAX caches the trace by it
+        # JAX's keys take 32 bits.
+        seed = None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
 
         def first() -> jax.stages.Lowered:
             return jax.jit(first_state, out_shardings=where, compiler_options=options).lower(seed)
@@ -89,20 +88,20 @@ class Parts:
             jitted = jax.jit(iterate, donate_argnums=0, in_shardings=(where,), compiler_options=options)
             return jitted.lower(self.shapes)
 
-        said: list[str] = []
+        shown: list[str] = []
 
-        def say_once(line: str) -> None:
-            if line not in said:
-                said.append(line)
+        def show_once(line: str) -> None:
+            if line not in shown:
+                shown.append(line)
                 say(line)
 
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
-        with ThreadPoolExecutor(len(PROGRAMS)) as beside:
-            compiled = self._program("iteration", iteration, mesh, beside, say_once)
-            begun = None
+        with ThreadPoolExecutor(len(PROGRAMS)) as executor:
+            compiled = self._program("iteration", iteration, mesh, executor, show_once)
+            initial = None
             if seed is not None:
-                begun = self._program("first state", first, mesh, beside, say_once)
-        state = place(start, where) if begun is None else begun.result()(seed)
+                initial = self._program("first state", first, mesh, executor, show_once)
+        state = place(start, where) if initial is None else initial.result()(seed)
         return state, compiled.result()
 
     def _program(
@@ -110,23 +109,23 @@ class Parts:
         name: str,
         lower: Callable[[], jax.stages.Lowered],
         mesh: Mesh,
-        beside: Executor,
+        executor: Executor,
         say: Callable[[str], None],
     ) -> Future[jax.stages.Compiled]:
-        """One of `PROGRAMS`: read from the disk, or traced and then compiled in another thread."""
-        if not worth_keeping(mesh):
-            return beside.submit(lower().compile)
-        return load_or_compile(lower, beside, say, name, *made_from(self.env.robot, self.config))
+        """One of `PROGRAMS`: loaded from the disk, or traced here and compiled in another thread."""
+        if not caches_programs(mesh):
+            return executor.submit(lower().compile)
+        return load_or_compile(lower, executor, say, name, *made_from(self.env.robot, self.config))
 
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
-    """Start reading what an earlier training of the same robot and settings compiled, in the background."""
+    """Start loading, in the background, what an earlier training of this robot and settings compiled."""
     for name in PROGRAMS:
         prefetch(name, *made_from(robot, config))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
-    """Everything that a training's programs depend on, but source, libraries and devices."""
+    """Everything that a training's programs depend on, except source, libraries and devices."""
     return config.ppo, *environment_made_from(robot, config.env)
 
 

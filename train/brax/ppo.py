@@ -24,7 +24,7 @@ from footfall.train.brax.state import TrainState, make_optimizer
 from footfall.train.brax.symmetry import mirror_half, with_mirror_images
 from footfall.train.config import PpoConfig
 
-LEAST_LEARNING_RATE = 1e-5
+MIN_LEARNING_RATE = 1e-5
 
 
 class Learner(NamedTuple):
@@ -37,7 +37,7 @@ class Learner(NamedTuple):
 
 @dataclass(frozen=True)
 class Ppo:
-    """PPO on each of some devices, which average their gradients. A mirror adds mirror images."""
+    """PPO on one or more devices, which average their gradients. A mirror adds mirror images."""
 
     networks: PPONetworks
     config: PpoConfig
@@ -69,7 +69,7 @@ class Ppo:
     def _epoch(
         self, learner: Learner, order: jax.Array, data: Transition, limit: jax.Array, entropy: jax.Array
     ) -> tuple[Learner, dict[str, jax.Array]]:
-        """Each environment once, in this order."""
+        """One epoch: each environment once, in this order."""
         key, mirror_key = jax.random.split(learner.key)
         if self.mirror is not None:
             order = mirror_half(order, mirror_key)
@@ -88,7 +88,7 @@ class Ppo:
         """One gradient step on the samples of these environments."""
         config, mean = self.config, mean_over_devices(self.devices)
         key, loss_key = jax.random.split(learner.key)
-        # brax's loss wants (environment, time) and swaps them again: nothing is moved.
+        # brax's loss takes (environment, time) and swaps the axes again: no data moves.
         batch = jax.tree.map(lambda x: jnp.swapaxes(_columns(x, environments), 0, 1), data)
         with fewer_kernels():
             gradient, losses = jax.grad(self._loss, has_aux=True)(learner.params, batch, loss_key, entropy)
@@ -97,7 +97,7 @@ class Ppo:
         losses["gradient_norm"] = optax.global_norm(gradient)
         if config.desired_kl is not None:
             optimizer, _ = adaptive_kl_learning_rate(
-                optimizer, losses["kl_mean"], config.desired_kl, LEAST_LEARNING_RATE, limit
+                optimizer, losses["kl_mean"], config.desired_kl, MIN_LEARNING_RATE, limit
             )
         losses["learning_rate"] = learning_rate(optimizer)
         return Learner(optax.apply_updates(learner.params, updates), optimizer, key), losses

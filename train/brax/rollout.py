@@ -13,7 +13,7 @@ from footfall.envs.state import State
 from footfall.train.brax.state import TrainState
 from footfall.train.config import PpoConfig
 
-Episodes = tuple[State, dict[str, jax.Array]]  # and the observations that the next actions answer
+Episodes = tuple[State, dict[str, jax.Array]]  # environment states, and the observations for the next actions
 
 
 def roll_out(
@@ -41,7 +41,7 @@ def _control_step(
         action=action,
         reward=step.reward,
         discount=1.0 - step.metrics["done"],
-        next_observation=None,  # the loss reads the last one only, which `Ppo.update` is given
+        next_observation=None,  # the loss reads only the last one, an argument of `Ppo.update`
         extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
     )
     return (env_state, next_observation), (transition, step.metrics)

@@ -25,7 +25,7 @@ def taken_over(
 
     Args:
         path: the file.
-        params: of the new training, on the host; what is not taken over stays.
+        params: the new training's, on the host; values without a counterpart in the file stay.
         normalizer: likewise.
         ppo: the new training's settings.
 
@@ -33,7 +33,7 @@ def taken_over(
         Parameters, normaliser, and what was taken over and what was not, one line each.
 
     Raises:
-        UserError: the file is damaged, or its actor has other sizes.
+        UserError: the file is damaged, or its actor's layers have other sizes.
     """
     try:
         if path.suffix == EXPORTED:
@@ -50,7 +50,7 @@ def _of_checkpoint(
     saved = serialization.msgpack_restore(path.read_bytes())["state"]
     policy = _of_same_shape(params.policy, saved["params"]["policy"])
     if policy is None:
-        raise ValueError("its actor has other sizes")
+        raise ValueError("its actor's layers have other sizes")
     value = _of_same_shape(params.value, saved["params"]["value"])
     whole = _of_same_shape(normalizer, saved["normalizer"])
     if value is not None and whole is not None:
@@ -66,7 +66,7 @@ def _of_policy(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, list[str]]:
     actor = read_exported(path)
-    # One iteration's samples: what the critic observes has no statistics yet, and shares their count.
+    # One iteration's samples: the critic's observation has no statistics yet and shares this count.
     count = ppo.steps_per_iteration
     return (
         params.replace(policy=with_dense_layers(params.policy, actor.layers)),
@@ -96,7 +96,7 @@ def _count(saved: Any) -> int:
 def _with_actor(normalizer: Any, mean: np.ndarray, std: np.ndarray, count: int) -> Any:
     """A fresh normaliser with the statistics of the actor's observation, as if of `count` samples.
 
-    Those of the critic's have mean 0 and deviation 1 with the same count, which they soon outgrow.
+    The critic's observation starts with mean 0 and deviation 1, weighted by the same count.
 
     Raises:
         ValueError: the observation has another size.

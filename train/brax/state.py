@@ -1,4 +1,4 @@
-"""The state of a brax training, which the next iteration depends on and on nothing else."""
+"""The state of a brax training."""
 
 from typing import Any, NamedTuple
 
@@ -12,14 +12,14 @@ from brax.training.agents.ppo.networks import PPONetworks
 
 from footfall.envs.environment import Environment
 from footfall.envs.state import State
-from footfall.train.brax.devices import DIVIDED, EACH
+from footfall.train.brax.devices import REPLICATED, SHARDED
 from footfall.train.config import PpoConfig
 
-LEAST_STD = 0.02  # of a normalised observation: one that hardly varies is not amplified
+MIN_STD = 0.02  # smallest deviation to divide by: an observation that hardly varies is not amplified
 
 
 class TrainState(NamedTuple):
-    """Everything that a training is: the next iteration depends on nothing else."""
+    """The whole state of a training: the next iteration depends on nothing else."""
 
     params: PPONetworkParams
     optimizer: Any
@@ -30,12 +30,15 @@ class TrainState(NamedTuple):
     iteration: jax.Array
 
 
-_WHERE: dict[str, Any] = dict.fromkeys(TrainState._fields, EACH) | {"env": DIVIDED, "observation": DIVIDED}
-STATE_SPECS = TrainState(**_WHERE)  # how each part of a state lies on several devices
+_SPECS: dict[str, Any] = dict.fromkeys(TrainState._fields, REPLICATED) | {
+    "env": SHARDED,
+    "observation": SHARDED,
+}
+STATE_SPECS = TrainState(**_SPECS)  # how each part of a state lies on several devices
 
 
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:
-    """Adam under a gradient-norm limit; its learning rate is set from outside."""
+    """Adam with clipped gradient norm; the learning rate is part of its state."""
     adam = optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate)
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), adam)
 

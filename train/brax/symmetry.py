@@ -26,7 +26,7 @@ def mirror_half(columns: jax.Array, key: jax.Array) -> jax.Array:
 def mirrored(
     data: Transition, mirror: EnvironmentMirror, networks: PPONetworks, behaviour: tuple
 ) -> Transition:
-    """The mirror image of transitions, shape by shape the same.
+    """The mirror image of transitions, in the same shapes.
 
     The image's log-probability is the original's: the mirrored behaviour would have sampled it. The
     distribution is computed anew for the mirrored observation: the learning rate adapts to the actor's

@@ -14,7 +14,7 @@ from footfall.train import cluster
 from footfall.train.actor import LOGGED_OBSERVATIONS
 from footfall.train.brax.devices import device_mesh, place, shardings
 from footfall.train.brax.iteration import Iteration
-from footfall.train.brax.networks import ACTOR, actors_means, trained_actor
+from footfall.train.brax.networks import ACTOR, actor_means_function, trained_actor
 from footfall.train.brax.parts import assemble, prefetch_programs
 from footfall.train.brax.start import taken_over
 from footfall.train.brax.state import STATE_SPECS, TrainState
@@ -41,7 +41,7 @@ class BraxTrainer(Trainer):
         self._state: TrainState | None = None
         self._observations: jax.Array | np.ndarray = np.zeros(0)  # a sample of what the actor observed
         self._compiled: Iteration | None = None
-        self._means = actors_means(self._parts.exact_networks)
+        self._means = actor_means_function(self._parts.exact_networks)
 
     @classmethod
     def prefetch(cls, run: Run, robot: Robot) -> None:
@@ -91,7 +91,7 @@ class BraxTrainer(Trainer):
         assert self._compiled is not None, "prepare first"
         self._state, metrics, self._observations = self._compiled(self._state)
         self.iteration += 1
-        for value in metrics.values():  # now, or the copy would queue behind the next iteration
+        for value in metrics.values():  # copied now: later, the copy would queue behind the next iteration
             value.copy_to_host_async()
         return metrics
 
@@ -119,7 +119,7 @@ class BraxTrainer(Trainer):
 
     @classmethod
     def metric_names(cls, config: TrainConfig, robot: Robot) -> list[str]:
-        """Traces one iteration, without compiling it."""
+        """Names of the metrics; traces one iteration, without compiling it."""
         parts = assemble(config, robot)
         _, metrics, _ = jax.eval_shape(parts.iteration(), parts.shapes)
         return sorted(metrics)

@@ -18,7 +18,7 @@ class Episodes(NamedTuple):
     """A batch of episodes."""
 
     state: State
-    observation: dict[str, jax.Array]  # that the next actions answer
+    observation: dict[str, jax.Array]  # for the next actions
 
 
 class TorchEnvironment(VecEnv):
@@ -44,8 +44,8 @@ class TorchEnvironment(VecEnv):
         self.put(Episodes(*jax.jit(jax.vmap(env.reset, (0, None)))(keys, env.level(jnp.float32(0.0)))))
         self.device: torch.device = self.get_observations()["state"].device
         action = torch.zeros((environments, env.action_size), device=self.device)
-        # Compiles the step. It waits for the result: a process that ends before, such as an export, could be
-        # aborted when JAX's thread releases the tensor.
+        # Compile the step, and wait for the result: a process that ends earlier, such as an export, could
+        # be aborted when JAX's thread releases the tensor.
         jax.block_until_ready(self._step(self.episodes, jax.dlpack.from_dlpack(action), 0.0))
 
     def put(self, episodes: Episodes) -> None:

@@ -7,7 +7,7 @@ from rsl_rl.algorithms import PPO
 
 
 class LimitedPpo(PPO):
-    """rsl_rl's PPO, unchanged but for the learning rate, which a hook of the optimiser sets.
+    """rsl_rl's PPO, unchanged except for the learning rate, which a hook of the optimiser sets.
 
     `limit` is the preset's falling limit. A fixed rate equals the limit; an adaptive one stays below it.
     """

@@ -20,14 +20,14 @@ def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> li
 
     Args:
         path: the file.
-        actor, critic: of the new training.
-        samples: that the normaliser of an exported policy counts as.
+        actor, critic: the new training's.
+        samples: sample count to assume for the normaliser of an exported policy.
 
     Returns:
         What was taken over and what was not, one line each.
 
     Raises:
-        UserError: the file is damaged, or its actor has other sizes.
+        UserError: the file is damaged, or its actor's layers have other sizes.
     """
     try:
         if path.suffix == EXPORTED:
@@ -52,7 +52,7 @@ def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> li
 def _take_policy(path: Path, actor: MLPModel, samples: int) -> None:
     exported, normalizer = read_exported(path), actor.obs_normalizer
     layers = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
-    std = torch.tensor(exported.std) - normalizer.eps  # which it adds by itself
+    std = torch.tensor(exported.std) - normalizer.eps  # the normaliser adds eps itself
     state = actor.state_dict() | {
         "obs_normalizer._mean": torch.tensor(exported.mean)[None],
         "obs_normalizer._std": std[None],

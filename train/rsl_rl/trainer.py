@@ -52,14 +52,14 @@ class RslRlTrainer(Trainer):
         torch.manual_seed(run.provenance.seed)
         augment = make_augmentation(env.mirror(), device) if self._ppo.symmetry else None
         settings = runner_settings(self._ppo, augment)
-        with redirect_stdout(io.StringIO()):  # it prints its networks
+        with redirect_stdout(io.StringIO()):  # the runner prints its networks
             self.runner = OnPolicyRunner(self.environment, settings, device=str(device))
         cuda = device.type == "cuda"
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
         self._seen = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
 
     def prepare(self, say: Callable[[str], None]) -> None:
-        """Show the environment's note: `__init__` has compiled, and drawn the networks from the seed."""
+        """Show the environment's note; `__init__` has compiled and has drawn the networks from the seed."""
         if self._note:
             say(self._note)
 
@@ -146,7 +146,7 @@ class RslRlTrainer(Trainer):
                 raise ValueError("array shapes differ from config.yaml's")
             self.runner.alg.load(content, load_cfg=None, strict=True)
             random = infos["random"].get(self.environment.device.type)
-            if random is not None:  # otherwise of another kind of device: a CPU exports a GPU's run
+            if random is not None:  # None on another kind of device, as when a CPU exports a GPU's run
                 self._random.set_state(random)
             self._seen = infos["seen"].numpy()
             self.iteration = content["iter"] + 1

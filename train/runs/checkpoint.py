@@ -13,7 +13,7 @@ from footfall.common.files import write_atomically
 from footfall.envs.old_settings import with_event_steps
 
 KEPT = 3
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 SUFFIX = ".ckpt"
 
 
@@ -61,7 +61,7 @@ def _write(path: Path, content: bytes) -> None:
     try:
         write_atomically(path, content)
     except OSError as error:
-        if error.errno not in NO_ROOM:
+        if error.errno not in DISK_FULL:
             raise
         _keep_newest(path.parent, 1)
         write_atomically(path, content)

@@ -13,12 +13,11 @@ class Diagnosis:
     """What the replay of a failed training found."""
 
     failure: Failure
-    differences: list[
-        str
-    ]  # in device and versions, since the failure; where there are any, it is approximate
+    # Changes of device and versions since the failure; with any, the replay is approximate.
+    differences: list[str]
     reason: str | None  # why the iteration failed in the replay; None: it did not
     finding: str  # the first value that was not finite, and where
-    saved: Path | None  # the environment before the step in which it failed, if one failed
+    saved: Path | None  # file with the failing environment before its failing step, if an environment failed
 
 
 def differences(failure: Failure, device: str, devices: int) -> list[str]:

@@ -11,8 +11,8 @@ from rich.text import Text
 
 PLAIN_INTERVAL_S = 5.0
 TABLE_WIDTH = 80
-LINES_BESIDE = 5  # of a terminal, for the progress, the headings and the last messages
-DETAILS = ("learning/policy_dist_",)  # prefixes of names that are for the log, not for the terminal
+OTHER_LINES = 5  # terminal lines for the progress, the headings and the last messages
+LOG_ONLY = ("learning/policy_dist_",)  # prefixes of metrics that the terminal does not show
 SUMMARY = {
     "reward/total": "reward {:.2f}",
     "episode/length_s": "episode {:.1f} s",
@@ -68,7 +68,7 @@ class Display:
         now = time.monotonic()
         last = steps >= self._total
         if self._live:
-            room = self._console.height - LINES_BESIDE
+            room = self._console.height - OTHER_LINES
             self._screen.update(Group(self._progress, Text(done), metrics_table(metrics, room)))
         elif now - self._printed > PLAIN_INTERVAL_S or last:
             self._printed = now
@@ -77,7 +77,7 @@ class Display:
 
 
 def _summary(metrics: dict[str, float]) -> str:
-    """The metrics of `SUMMARY` that there are, in one line."""
+    """The available metrics of `SUMMARY`, in one line."""
     return ", ".join(text.format(metrics[name]) for name, text in SUMMARY.items() if name in metrics)
 
 
@@ -92,7 +92,7 @@ def metrics_table(metrics: dict[str, float], rows: int) -> Table:
         metrics: by name, GROUP/NAME.
         rows: most rows to show; the log has the others.
     """
-    shown = {name: value for name, value in metrics.items() if not name.startswith(DETAILS)}
+    shown = {name: value for name, value in metrics.items() if not name.startswith(LOG_ONLY)}
     rewards = sorted((n for n in shown if n.startswith("reward/")), key=lambda n: (n != "reward/total", n))
     groups = ("tracking/", "episode/", "learning/")
     others = [name for group in groups for name in sorted(shown) if name.startswith(group)]

@@ -29,8 +29,8 @@ from footfall.train.runs.provenance import PACKAGES, source_revision
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
-SOURCE = "source revision"  # beside the packages' versions
-ENVIRONMENT = "environment.npz"  # left by a replay
+SOURCE = "source revision"  # key of the source revision among the packages' versions
+ENVIRONMENT = "environment.npz"  # written by a replay
 DEVICE_ERROR = "device_error.txt"
 NAMED = 4  # names in a message; the others are counted
 LONGEST_REASON = 200  # characters of a device's error in a message
@@ -49,7 +49,7 @@ class TrainingFailedError(UserError):
 class Failure:
     """The content of RUN/failure/failure.yaml: which iteration failed, and all that it depends on.
 
-    The checkpoint from which the iteration is computed again lies beside it; without one, it is the seed.
+    The checkpoint to replay from lies beside it; without a checkpoint, the replay begins at the seed.
     """
 
     iteration: int  # the first one is 1
@@ -145,8 +145,8 @@ def device_failures(
     """Report a lost or exhausted accelerator in one line with the command to continue; keep the whole text.
 
     Args:
-        run: the run that uses it.
-        errors: exceptions that it raises (`Trainer.device_errors`).
+        run: the run that uses the device.
+        errors: exceptions that the device raises (`Trainer.device_errors`).
         verb: the command that continues the run.
 
     Raises:
@@ -156,7 +156,7 @@ def device_failures(
         yield
     except errors as error:
         text = str(error)
-        if "Traceback (most recent call last)" in text:  # an error of our own code, called from the device
+        if "Traceback (most recent call last)" in text:  # an error in our code, called from the device
             raise
         raise UserError(_device_failure(run, text, verb)) from None
 

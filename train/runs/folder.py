@@ -24,7 +24,7 @@ class Origin:
     sha256: str  # of that file
     robot: str
     robot_digest: str  # of the description that they were trained on
-    changed: tuple[str, ...] = ()  # fields of the contract that are new
+    changed: tuple[str, ...] = ()  # fields of the contract that have changed
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Provenance:
     revision: str
     created: str
     versions: dict[str, str]
-    robot_digest: str = ""  # of the description that is trained on; older runs have none
+    robot_digest: str = ""  # digest of the robot's description; empty in older runs
     started_from: Origin | None = None  # another run's or policy's networks; None: from the seed
 
 
@@ -70,7 +70,7 @@ def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run
     """Make a run folder, with a copy of the networks that it starts from.
 
     Raises:
-        UserError: it holds a run already or other files, or cannot be written.
+        UserError: the folder holds a run or other files, or cannot be written.
     """
     if (folder / "run.yaml").exists():
         raise UserError(

@@ -10,7 +10,7 @@ EPISODE_LENGTH = "episode/length_s"
 
 
 class PendingMetrics:
-    """Hands on an iteration's metrics when they are computed, while the next iteration runs."""
+    """Passes an iteration's metrics to a function when they are computed, while the next iteration runs."""
 
     def __init__(self, receive: Callable[[int, dict[str, float]], None]) -> None:
         """
@@ -21,14 +21,14 @@ class PendingMetrics:
         self._pending: tuple[int, Metrics] | None = None
 
     def report(self, iteration: int, metrics: Metrics) -> None:
-        """Take an iteration's metrics, and hand on those of the one before."""
+        """Store an iteration's metrics, and pass on those of the previous iteration."""
         self.flush()
         self._pending = iteration, metrics
         if not any(isinstance(value, jax.Array) for value in metrics.values()):
             self.flush()
 
     def flush(self) -> None:
-        """Wait for the pending metrics and hand them on."""
+        """Wait for the pending metrics and pass them on."""
         if self._pending is None:
             return
         iteration, metrics = self._pending

@@ -12,7 +12,7 @@ class Speed:
         self._seen = deque([(now_s, steps)])
 
     def after(self, now_s: float, steps: int) -> float:
-        """The speed at this time, after so many steps in all."""
+        """The speed at time `now_s`, with `steps` environment steps done in all."""
         self._seen.append((now_s, steps))
         while now_s - self._seen[1][0] >= WINDOW_S:
             self._seen.popleft()

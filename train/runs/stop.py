@@ -8,7 +8,7 @@ from types import FrameType, TracebackType
 class StopRequest:
     """Turns the first SIGINT or SIGTERM into a flag; the second one raises KeyboardInterrupt.
 
-    Only the main thread receives signals: in another thread it is never requested.
+    Only the main thread receives signals: in any other thread `requested` stays False.
     """
 
     def __init__(self) -> None:

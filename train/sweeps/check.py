@@ -10,7 +10,7 @@ from footfall.train.trainers import find_trainer
 
 
 def reported_metrics(robot: str, config: TrainConfig, trainer: str) -> list[str] | None:
-    """Names of a training's metrics; None: its trainer does not know them before it trains.
+    """Names of a training's metrics; None: its trainer cannot list them before it trains.
 
     They are determined in another process: Ray forks this one and needs all of a GPU's memory for its trials,
     so JAX must not start here.
@@ -19,8 +19,8 @@ def reported_metrics(robot: str, config: TrainConfig, trainer: str) -> list[str]
         UserError: there is no such robot or trainer, or the settings do not fit the robot.
     """
     check_main_guard()
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
-        return apart.submit(_metric_names, robot, config, trainer).result()
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
+        return executor.submit(_metric_names, robot, config, trainer).result()
 
 
 def _metric_names(robot: str, config: TrainConfig, trainer: str) -> list[str] | None:

@@ -10,12 +10,12 @@ DISTRIBUTIONS = (
     "choice", "grid_search", "uniform", "quniform", "loguniform", "qloguniform", "randint", "qrandint",
     "lograndint", "qlograndint", "randn", "qrandn",
 )  # fmt: skip
-OF_A_LIST = ("choice", "grid_search")  # take the list; the others take its elements
+TAKES_LIST = ("choice", "grid_search")  # these take the list; the others take its elements as arguments
 DRAWS_SEED = 0  # a file's draws are the same each time
 
 
 def search_algorithm(config: SweepConfig) -> Any:
-    """The same draws from the space each time, each of them for every seed and grid value."""
+    """Ray's search algorithm: the same draws each time, each one for every seed and grid value."""
     from ray.tune.search.basic_variant import BasicVariantGenerator
 
     return BasicVariantGenerator(
@@ -37,8 +37,8 @@ def search_space(tune: ModuleType, config: SweepConfig) -> dict[str, Any]:
         if not values:
             raise UserError(f"space.{key}: {name}: the list is empty")
         try:
-            space[key] = getattr(tune, name)(*([values] if name in OF_A_LIST else values))
-            if name not in OF_A_LIST:
+            space[key] = getattr(tune, name)(*([values] if name in TAKES_LIST else values))
+            if name not in TAKES_LIST:
                 space[key].sample(random_state=DRAWS_SEED)  # Ray refuses empty bounds only here
         except (TypeError, ValueError, AssertionError, ArithmeticError) as error:
             raise UserError(f"space.{key}: {name}: {' '.join(str(error).split())}") from None

@@ -28,13 +28,13 @@ from footfall.train.sweeps.results import (
     trials_table,
 )
 from footfall.train.sweeps.space import (
-    OF_A_LIST,
+    TAKES_LIST,
     first_draw,
     make_scheduler,
     search_algorithm,
     search_space,
 )
-from footfall.train.sweeps.trial import RAYS_OWN, SPEED, STEPS, train_trial
+from footfall.train.sweeps.trial import RAY_METRICS, SPEED, STEPS, train_trial
 
 SETTINGS = "sweep.yaml"
 RESULTS = "results.csv"  # one row for each trial
@@ -59,7 +59,7 @@ def sweep(file: Path, out: Path) -> SweepResults:
     config = load(file, SweepConfig)
     tune = import_tune()
     scheduler = make_scheduler(tune, config)
-    _try_one(tune, config)
+    _check_first_trial(tune, config)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} exists and is not empty: give another --out, or --resume {out}")
     try:
@@ -121,7 +121,7 @@ def _ray(config: SweepConfig) -> Iterator[None]:
     import ray
 
     environment = {}
-    if 0.0 < config.gpus < 1.0:  # JAX would take three quarters of the memory for each of them
+    if 0.0 < config.gpus < 1.0:  # each trial's JAX would take three quarters of the memory
         environment["XLA_PYTHON_CLIENT_MEM_FRACTION"] = f"{0.9 * config.gpus:.3f}"
     ray.init(
         include_dashboard=False,
@@ -134,11 +134,11 @@ def _ray(config: SweepConfig) -> Iterator[None]:
         yield
     finally:
         if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, before)  # Tune keeps its own where nothing interrupted it
+            signal.signal(signal.SIGINT, before)  # Tune leaves its own handler unless it was interrupted
         ray.shutdown()
 
 
-def _try_one(tune: ModuleType, config: SweepConfig) -> None:
+def _check_first_trial(tune: ModuleType, config: SweepConfig) -> None:
     """Check the settings of a first trial and the metrics that it reports, before anything runs.
 
     Raises:
@@ -148,15 +148,15 @@ def _try_one(tune: ModuleType, config: SweepConfig) -> None:
     robot = load_robot(config.robot)
     one = trial_config(config.preset, drawn, robot)
     for key, declared in config.space.items():
-        for value in (value for name in OF_A_LIST for value in declared.get(name, ())):
+        for value in (value for name in TAKES_LIST for value in declared.get(name, ())):
             trial_config(config.preset, drawn | {key: value}, robot)
     reported = reported_metrics(config.robot, one, config.trainer)
     if reported is None:
         return
     known = [STEPS, SPEED, *reported]
-    asked = {"metric": config.metric, "scheduler: time_attr": config.scheduler.get("time_attr")}
-    for setting, name in asked.items():
-        if name is not None and name not in (*known, *RAYS_OWN):
+    configured = {"metric": config.metric, "scheduler: time_attr": config.scheduler.get("time_attr")}
+    for setting, name in configured.items():
+        if name is not None and name not in (*known, *RAY_METRICS):
             raise UserError(f"{setting}: a trial reports no '{name}': there are {', '.join(known)}")
 
 
@@ -176,7 +176,7 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
         folder = Path(result.path).name
         # After an interruption Ray reports all trials as ended. "done" marks the trials that a scheduler
         # stopped, the policy file those that finished: Ray may forget that of a resumed trial.
-        through = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
+        ended = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
         trials.append(
             Trial(
                 folder=folder,
@@ -184,7 +184,7 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
                 settings=settings,
                 value=_value(metrics, config.metric, out / folder / "metrics.jsonl"),
                 steps=metrics.get(STEPS, 0),
-                error=_last_line(result.error) or ("" if through else UNFINISHED),
+                error=_last_line(result.error) or ("" if ended else UNFINISHED),
             )
         )
     sign = 1.0 if config.mode == "min" else -1.0
@@ -198,7 +198,7 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
 
 def _value(last: dict[str, Any], metric: str, logged: Path) -> float:
     """A trial's result: a mean over its last iterations, or a metric of Ray's own."""
-    return float(last.get(metric, math.nan)) if metric in RAYS_OWN else last_value(logged, metric)
+    return float(last.get(metric, math.nan)) if metric in RAY_METRICS else last_value(logged, metric)
 
 
 def _last_line(error: BaseException | None) -> str:

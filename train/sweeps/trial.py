@@ -15,9 +15,9 @@ from footfall.train.runs.display import Display
 from footfall.train.runs.pending import EPISODE_LENGTH
 from footfall.train.sweeps.config import SweepConfig, trial_config
 
-STEPS = "environment_steps"  # what schedulers may count time in
+STEPS = "environment_steps"  # a time_attr of schedulers
 SPEED = "speed/steps_per_s"
-RAYS_OWN = ("training_iteration", "time_total_s", "time_this_iter_s")  # in every report, by Ray
+RAY_METRICS = ("training_iteration", "time_total_s", "time_this_iter_s")  # added by Ray to every report
 
 
 def train_trial(

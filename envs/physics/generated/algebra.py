@@ -22,7 +22,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def mirrored(matrix: Matrix) -> Matrix:
-    """A symmetric matrix computed twice: with the entries below its diagonal above it, too."""
+    """A symmetric matrix with the entries below its diagonal copied above it."""
     lower = np.tril(np.ones((3, 3), dtype=bool))
     return np.where(lower, matrix, matrix.T)
 
@@ -57,11 +57,11 @@ class Factor:
 
     def __init__(self, matrix: Symmetric, size: int) -> None:
         left = dict(matrix)
-        self._rows: list[list[tuple[int, Scalar]]] = []  # of L, below each diagonal, from the last row on
-        self._inverse: list[Scalar] = []  # of D
+        self._rows: list[list[tuple[int, Scalar]]] = []  # of L, below the diagonal, last row first
+        self._inverse: list[Scalar] = []  # inverse of D's diagonal, last first
         for k in reversed(range(size)):
             inverse = 1.0 / left[k, k]
-            columns = [j for j in reversed(range(k)) if _is_there(left, k, j)]
+            columns = [j for j in reversed(range(k)) if _is_nonzero(left, k, j)]
             scaled = [(i, left[k, i] * inverse) for i in columns]
             for i, factor in scaled:
                 for j in columns:
@@ -83,7 +83,7 @@ class Factor:
         return x
 
 
-def _is_there(matrix: Symmetric, row: int, column: int) -> bool:
+def _is_nonzero(matrix: Symmetric, row: int, column: int) -> bool:
     value = matrix.get((row, column), 0.0)
     return not (isinstance(value, float) and value == 0.0)
 

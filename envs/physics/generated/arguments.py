@@ -1,4 +1,4 @@
-"""What a compiled control step takes and gives, in the order of its arguments."""
+"""Inputs and outputs of a compiled control step, in the order of its arguments."""
 
 from typing import NamedTuple
 

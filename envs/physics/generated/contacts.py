@@ -20,7 +20,7 @@ class Contact(NamedTuple):
     distance: Scalar  # m
     place: Vector  # (3,) m, from the base's origin
     normal: Vector  # (3,) from the first to the second
-    tangents: tuple[Vector, ...]  # none of a smooth one
+    tangents: tuple[Vector, ...]  # empty without friction
     excess: Scalar = 0.0  # m; above 0 there is no contact, however near the geoms are
 
 
@@ -42,7 +42,7 @@ class Geometry:
         base_turn: Matrix,
         base_place: Vector,
     ) -> None:
-        """Give the poses of all links and of the base, which is the frame of all results.
+        """All results are in the base's frame.
 
         Args:
             model: nominal.
@@ -55,16 +55,16 @@ class Geometry:
         self._base_turn, self._base_place = base_turn, base_place
 
     def centre(self, geom: int) -> Vector:
-        """Of a geom, in the base's frame, m, (3,)."""
+        """Centre of a geom, in the base's frame, m, (3,)."""
         body = self._attachment(geom)
         return self._place(body.link, body.place + body.rotation @ self._model.geom_pos[geom])
 
     def in_world(self, place: Vector) -> Vector:
-        """A place given in the base's frame, in the world's."""
+        """The world position of a point in the base's frame, m, (3,)."""
         return self._base_place + self._base_turn @ place
 
     def contacts(self, meeting: Meeting, ground: np.ndarray | None = None) -> list[Contact]:
-        """The contacts that two geoms can make; how many does not depend on where they are.
+        """The contacts that two geoms can make; their number does not depend on the pose.
 
         Args:
             meeting: of the geoms.
@@ -101,7 +101,7 @@ class Geometry:
     def _on_ground(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> list[Contact]:
-        """Of a ball at this offset from a geom's centre: with the plane, and with a higher level if any."""
+        """Contacts of a ball at this offset from a geom's centre, with the plane and with a higher level."""
         plane = self._on_plane(meeting, ground, geom, offset, along)
         if len(ground) == PLANE_NUMBERS:
             return [plane]
@@ -113,7 +113,7 @@ class Geometry:
     ) -> tuple[Contact, Scalar]:
         """The contact of a ball with a higher level, and how far its centre is beyond the edge, m.
 
-        With the nearest place of the level, which fills all space beyond its edge and below its height.
+        The level fills all space beyond its edge and below its height.
         """
         centre, radius = self._ball(geom, offset)
         world = self.in_world(centre)
@@ -124,7 +124,7 @@ class Geometry:
         square = sideways * sideways + upwards * upwards
         length = sqrt(maximum(square, TINY))
         outside = less(TINY, square)
-        through_side = less(above, away)  # which way out is shorter, of a centre inside
+        through_side = less(above, away)  # the shorter way out, for a centre inside
         side = where(outside, sideways / length, where(through_side, 1.0, 0.0))
         up = where(outside, upwards / length, where(through_side, 0.0, 1.0))
         normal = outwards * side + vector(0.0, 0.0, up)
@@ -141,7 +141,7 @@ class Geometry:
     def _on_plane(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> Contact:
-        """Of a ball at this offset from a geom's centre."""
+        """The plane's contact with a ball at this offset from a geom's centre."""
         centre, radius = self._ball(geom, offset)
         normal = self._base_turn.T @ ground[:3]
         distance = ground[:3] @ self._base_place - ground[3] + normal @ centre - radius
@@ -149,7 +149,7 @@ class Geometry:
         return Contact(meeting, distance, place, normal, self._tangents(meeting, ground[:3], along))
 
     def _between(self, meeting: Meeting, one: Vector, two: Vector) -> Contact:
-        """Of balls around two places, the geoms' radii large."""
+        """The contact of two balls around these points, with the geoms' radii."""
         radii = [float(self._model.geom_size[geom][0]) for geom in meeting.geoms]
         away = two - one
         length = sqrt(maximum(away @ away, TINY**2))
@@ -161,7 +161,7 @@ class Geometry:
     def _tangents(self, meeting: Meeting, normal: Vector, along: Vector | None) -> tuple[Vector, ...]:
         """MuJoCo's two directions along the surface, in the base's frame (mju_makeFrame).
 
-        Given are the normal and, of a capsule on a plane, its axis, both in the world's.
+        `normal` is in the world frame, and so is `along`, the axis of a capsule on a plane.
         """
         if meeting.dimensions == SMOOTH:
             return ()
@@ -172,7 +172,7 @@ class Geometry:
         return self._base_turn.T @ first, self._base_turn.T @ cross(normal, first)
 
     def _nearest(self, one: int, two: int) -> tuple[Vector, Vector]:
-        """The places nearest to each other of the axes of spheres and capsules (mjraw_CapsuleCapsule)."""
+        """The closest points on the axes of two spheres or capsules (mjraw_CapsuleCapsule)."""
         first, second = self.centre(one), self.centre(two)
         types = self._model.geom_type
         if types[two] == SPHERE:
@@ -185,7 +185,10 @@ class Geometry:
         ab, u, v = -(a @ b), -(a @ between), b @ between
         determinant = maximum(aa * bb - ab * ab, TINY)
         x, y = (bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant
-        for end in (1.0, -1.0):  # of the first axis: the place on the second that is nearest to it
+        for end in (
+            1.0,
+            -1.0,
+        ):  # clamp to an end of the first axis, then find the nearest point on the second
             beyond = less(end, x) if end > 0 else less(x, end)
             y = where(beyond, (v - end * ab) / bb, y)
         x = x.clip(-1.0, 1.0)
@@ -195,7 +198,7 @@ class Geometry:
         return first + a * x, second + b * y.clip(-1.0, 1.0)
 
     def _axis(self, geom: int) -> Vector:
-        """Of a capsule, a unit vector in the base's frame."""
+        """Axis of a capsule, a unit vector in the base's frame."""
         return self._turn(geom)[:, 2]
 
     def _turn(self, geom: int) -> Matrix:
@@ -210,7 +213,7 @@ class Geometry:
         return pose.place + pose.turn @ place
 
     def _fixed(self, body: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where a body that is fixed to the world lies in it."""
+        """Rotation and position in the world of a body that is fixed to it."""
         turn, place = np.eye(3), np.zeros(3)
         while body != 0:
             own = rotation(self._model.body_quat[body])

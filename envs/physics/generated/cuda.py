@@ -35,9 +35,9 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
     Args:
         substep: one physics step.
         steps: physics steps in a control step.
-        robots: how many there are.
+        robots: number of robots.
         block: threads in a block.
-        blocks: that shall fit on a multiprocessor at once, which bounds the registers of a thread.
+        blocks: blocks that must fit on a multiprocessor at once; bounds the registers of a thread.
     """
     inputs, outputs = arguments(substep)
     names = {array.name: array.name.replace(".", "_") for array in (*inputs, *outputs)}

@@ -1,4 +1,4 @@
-"""NVIDIA's driver, by ctypes: it loads machine code and tells what a GPU can run."""
+"""NVIDIA's driver, by ctypes: loads machine code and reports a GPU's compute capability."""
 
 import ctypes
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ NEEDED = ("cuLibraryLoadData", "cuLibraryGetKernel", "cuKernelGetFunction", "cuL
 
 
 class DriverError(Exception):
-    """The driver is not there, is too old, or failed."""
+    """The driver is missing, too old, or failed."""
 
 
 @cache
@@ -21,15 +21,15 @@ def library() -> ctypes.CDLL:
         driver = ctypes.CDLL(LIBRARY)
     except OSError as error:
         raise DriverError(f"NVIDIA's driver is missing: {error}") from None
-    lacking = [name for name in NEEDED if not hasattr(driver, name)]
-    if lacking:
-        raise DriverError(f"NVIDIA's driver is too old: it has no {lacking[0]}")
+    missing = [name for name in NEEDED if not hasattr(driver, name)]
+    if missing:
+        raise DriverError(f"NVIDIA's driver is too old: it has no {missing[0]}")
     _check(driver.cuInit(0), "cuInit")
     return driver
 
 
 def capability(device: int = 0) -> int:
-    """Compute capability of a GPU, ten times the major version and the minor one; raises DriverError."""
+    """Compute capability of a GPU, 10 * major + minor; raises DriverError."""
     major, minor = ctypes.c_int(), ctypes.c_int()
     for attribute, value in ((MAJOR, major), (MINOR, minor)):
         _check(library().cuDeviceGetAttribute(ctypes.byref(value), attribute, device), "cuDeviceGetAttribute")
@@ -37,16 +37,16 @@ def capability(device: int = 0) -> int:
 
 
 def load(code: bytes, name: str, devices: Iterable[int]) -> int:
-    """A handle of a kernel, for `cuLaunchKernel`.
+    """Load a kernel; returns its handle for `cuLaunchKernel`.
 
     Args:
         code: machine code, for all of the devices.
-        name: of the kernel in it.
-        devices: GPUs that it is loaded into now: to load it at its first launch may be too late, since XLA
-            records launches and repeats them.
+        name: of the kernel in the code.
+        devices: GPUs to load it into now. Its first launch may be too late, since XLA records launches and
+            repeats them.
 
     Raises:
-        DriverError: the driver does not take it.
+        DriverError: the driver refuses the code.
     """
     driver, module, kernel = library(), ctypes.c_void_p(), ctypes.c_void_p()
     _check(
@@ -78,4 +78,4 @@ def launch_address() -> int:
 
 def _check(status: int, call: str) -> None:
     if status:
-        raise DriverError(f"NVIDIA's driver failed: {call} gave {status}")
+        raise DriverError(f"NVIDIA's driver failed: {call} returned {status}")

@@ -27,7 +27,7 @@ class Inertia(NamedTuple):
         return Inertia(self.mass + other.mass, self.moment + other.moment, self.matrix + other.matrix)
 
     def seen_from(self, rotation: Matrix, place: Vector) -> "Inertia":
-        """In the frame in which this one has these axes and this origin (RBDA, equation 2.66)."""
+        """The inertia in another frame, in which this frame has these axes and origin (RBDA, (2.66))."""
         moment = rotation @ self.moment
         shift = 2.0 * (place @ moment) + self.mass * (place @ place)
         outer = np.outer(place, moment)
@@ -37,11 +37,11 @@ class Inertia(NamedTuple):
         return Inertia(self.mass, moment + self.mass * place, matrix)
 
 
-NOTHING = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+NO_INERTIA = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def body_inertia(mass: Scalar, centre: Vector, axes: np.ndarray, principal: Vector) -> Inertia:
-    """Of a body in its own frame.
+    """Inertia of a body in its own frame.
 
     Args:
         mass: kg.
@@ -54,7 +54,7 @@ def body_inertia(mass: Scalar, centre: Vector, axes: np.ndarray, principal: Vect
 
 
 class Dynamics(NamedTuple):
-    """What `dynamics` finds. Forces are in the coordinates of the module's first lines."""
+    """Result of `dynamics`. Forces are in the coordinates that the module's docstring defines."""
 
     mass: Symmetric  # without the hinges' armature
     bias: list[Scalar]  # force that keeps the coordinates' accelerations at 0
@@ -79,8 +79,8 @@ def dynamics(
 ) -> Dynamics:
     """The mass matrix by composite inertias and the bias forces by the recursive Newton-Euler algorithm.
 
-    Both pass through the tree limb by limb (RBDA, tables 6.2 and 5.1; Craig, 6.45 to 6.53), so that few
-    numbers wait for their use.
+    Both traverse the tree limb by limb (RBDA, tables 6.2 and 5.1; Craig, 6.45 to 6.53), so that few
+    intermediate values are live.
 
     Args:
         tree: the robot.
@@ -97,12 +97,12 @@ def dynamics(
     bias: list[Scalar] = [0.0] * (BASE_DOFS + len(tree.hinges))
 
     def visit(link: int, spin: Vector, turning: Vector, acceleration: Vector) -> tuple[Inertia, _Wrench]:
-        """What a link and all beyond it weigh, and the wrench that moves them.
+        """Composite inertia of a link and its descendants, and the wrench that moves them.
 
-        Given are angular velocity, angular acceleration and acceleration of the link's origin, in its frame,
-        of a motion in which no coordinate accelerates.
+        Arguments: angular velocity, angular acceleration, and acceleration of the link's origin, in the
+        link's frame, for a motion in which no coordinate accelerates.
         """
-        whole = inertias.get(link, NOTHING)
+        whole = inertias.get(link, NO_INERTIA)
         m, h, inertia = whole
         force = m * acceleration + cross(turning, h) + cross(spin, cross(spin, h))
         torque = inertia @ turning + cross(spin, inertia @ spin) + cross(h, acceleration)
@@ -122,7 +122,7 @@ def dynamics(
         return whole, _Wrench(force, torque)
 
     def _mass_of_hinge(link: int, beyond: Inertia) -> None:
-        """What accelerating a hinge alone asks of it, of those between it and the base, and of the base."""
+        """Fill a hinge's row of the mass matrix: forces on itself, its ancestors and the base."""
         row, axis = BASE_DOFS + link, tree.hinges[link].axis
         wrench = _Wrench(cross(axis, beyond.moment), beyond.matrix @ axis)
         mass[row, row] = axis @ wrench.torque

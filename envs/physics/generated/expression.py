@@ -1,4 +1,4 @@
-"""Scalar expressions: arithmetic on them writes a straight-line program down instead of computing.
+"""Scalar expressions: arithmetic on them records a straight-line program instead of computing.
 
 An expression stands for one number of one robot. Constants stay Python floats and are folded, equal
 expressions are one node, so that a model's zeros and a robot's symmetries cost nothing. Arrays of expressions
@@ -25,7 +25,7 @@ class Graph:
         self._nodes: dict[tuple, Expression] = {}
 
     def node(self, operation: str, *operands: Operand) -> "Expression":
-        """The node of this operation, new or as it is."""
+        """The node of this operation; equal operations share one."""
         key = (operation, *(o.number if isinstance(o, Expression) else o for o in operands))
         if key not in self._nodes:
             self._nodes[key] = Expression(self, len(self._nodes), operation, operands)
@@ -42,12 +42,12 @@ class Graph:
         return elements.reshape(shape)
 
     def repeat(self, most: int, start: list[Scalar], body: "Body") -> list[Scalar]:
-        """The values that repeating `body` makes of `start`.
+        """The values after repeating `body`, from `start`.
 
         Args:
-            most: how often at most.
-            start: the values before.
-            body: gives from the values the next ones, and a flag: whether to go on.
+            most: largest number of repetitions.
+            start: the initial values.
+            body: returns the next values, and a flag that is true to continue.
         """
         serial = len(self._nodes)
         following, more = body([self.node("variable", serial, k) for k in range(len(start))])
@@ -182,7 +182,7 @@ def _operators(function: Binary) -> tuple[Binary, Binary]:
 
 
 class Expression:
-    """A number that the program computes. Speaks as much of the array interface as the joint law asks for."""
+    """A number that the program computes. Implements the part of the array API that the joint law uses."""
 
     __slots__ = ("graph", "number", "operands", "operation")
 
@@ -210,7 +210,7 @@ class Expression:
 
 
 class Namespace:
-    """What `__array_namespace__` gives: the functions of an array library, for functions written once."""
+    """Result of `__array_namespace__`: array functions, so that the joint law is written once."""
 
     minimum = staticmethod(minimum)
     maximum = staticmethod(maximum)
@@ -224,21 +224,21 @@ class Loop(NamedTuple):
     variables: list[Expression | None]  # None: the body does not read it
     start: list[Scalar]
     following: list[Scalar]
-    more: Scalar  # flag, after the body: whether to go on
-    most: int  # turns
-    body: list[Expression]  # in their order
+    more: Scalar  # flag computed by the body: true to continue
+    most: int  # largest number of repetitions
+    body: list[Expression]  # operands first
 
 
 class Schedule(NamedTuple):
-    """The nodes of a program, operands first, in the order in which they were written down."""
+    """The nodes of a program in the order in which they were recorded: operands first."""
 
-    before: list[Expression]  # those of held inputs alone
+    before: list[Expression]  # nodes that depend on held inputs alone
     step: list[Expression]
     loops: dict[Expression, Loop]  # whose bodies are in neither list
 
 
 def schedule(outputs: Iterable[Scalar], held: Collection[str]) -> Schedule:
-    """What a program of these outputs has to compute.
+    """The nodes that a program with these outputs must compute.
 
     Args:
         outputs: of one physics step.

@@ -1,7 +1,7 @@
-"""The function that XLA calls to launch a kernel, in LLVM's language: it needs no compiler on this machine.
+"""The function that XLA calls to launch a kernel, in LLVM IR: no C compiler is needed on this machine.
 
-XLA calls foreign functions by a C interface. The header of each jaxlib (`jax.ffi.include_dir()`) has the
-structures that are read here by their offsets. Minor versions of the interface only append to them.
+XLA calls foreign functions through a C interface. Its structures, which are read here by offset, are declared
+in jaxlib's header (`jax.ffi.include_dir()`). Minor versions of the interface only append to them.
 """
 
 import ctypes
@@ -53,7 +53,7 @@ LAUNCHER = ctypes.CFUNCTYPE(  # as `cuLaunchKernel`
     ctypes.POINTER(ctypes.POINTER(ctypes.c_void_p)),
     ctypes.c_void_p,
 )
-_NO_HANDLE = ctypes.c_void_p(1)  # of a kernel that is there from the start
+_NO_HANDLE = ctypes.c_void_p(1)  # for a kernel that needs no loading
 
 
 def address_of(function: Any) -> int:
@@ -68,13 +68,13 @@ def compiled(
     wait: int = 0,
     on_stream: bool = True,
 ) -> tuple[object, int]:
-    """The function's machine code, which the first result keeps alive, and its address.
+    """The engine that owns the function's machine code, and the function's address.
 
     Args:
         launch: the kernel's.
-        launcher: address of a function as `cuLaunchKernel`.
+        launcher: address of a function with the signature of `cuLaunchKernel`.
         slot: address of the kernel's handle, which is 0 until the kernel is loaded.
-        wait: address of a function without arguments, which is called if it is 0 and returns once it is not.
+        wait: address of a function without arguments, called while the handle is 0; returns when loaded.
         on_stream: whether there is a stream, as on a GPU.
     """
     from llvmlite import binding  # may be missing
@@ -151,7 +151,7 @@ failed:
 
 
 def _field(name: str, of: str, offset: int, kind: str = "ptr") -> str:
-    """Lines that read a field of a structure into a value of this name."""
+    """Lines that load a field of a structure into a value with this name."""
     return f"%{name}_at = getelementptr i8, ptr %{of}, i64 {offset}\n  %{name} = load {kind}, ptr %{name}_at"
 
 
@@ -161,7 +161,7 @@ def _set(of: str, offset: int, value: str) -> str:
 
 
 def _parameter(number: int, array: str, index: str) -> str:
-    """Lines that make the address of a buffer's data the kernel's parameter of this number."""
+    """Lines that pass the address of a buffer's data as the kernel's parameter with this number."""
     return f"""{_field(f"buffer{number}", array, 8 * int(index))}
   {_field(f"data{number}", f"buffer{number}", DATA)}
   {_set("pointers", 8 * number, f"ptr %data{number}")}

@@ -1,4 +1,4 @@
-"""Kernels by the names under which JAX's programs call them.
+"""Kernels by the names with which JAX's programs call them.
 
 A kernel is compiled in a thread of its own while the program around it is traced and compiled. A program that
 is read from a file finds its kernels in that file (`envs/workarounds/program_cache.py`).
@@ -44,8 +44,8 @@ class _Registered:
         )
         jax.ffi.register_ffi_target(name, handler.capsule(address), platform="CUDA")
 
-    def load_beside(self) -> None:
-        """Load it in a thread of its own; the first launch reports what failed."""
+    def load_in_background(self) -> None:
+        """Load the kernel in a background thread; its first launch reports a failure."""
         with suppress(Exception):
             self.load()
 
@@ -66,12 +66,12 @@ _registering = Lock()
 
 
 def register(name: str, launch: Launch, compile_code: Callable[[], bytes], at_once: bool = True) -> None:
-    """Let programs call a kernel; does nothing if there is one of this name.
+    """Register a kernel for programs to call; does nothing if the name is registered.
 
     Args:
-        name: tells what the kernel computes, and how many robots it is for.
+        name: identifies the kernel's code and number of robots.
         launch: how it is launched.
-        compile_code: gives its machine code.
+        compile_code: returns its machine code.
         at_once: begin to compile it now; otherwise its first launch does.
     """
     with _registering:
@@ -80,15 +80,15 @@ def register(name: str, launch: Launch, compile_code: Callable[[], bytes], at_on
         kernel = _registered[name] = _Registered(name, launch, compile_code)
         kernel.begun = at_once
     if at_once:
-        Thread(target=kernel.load_beside, name="load kernel").start()
+        Thread(target=kernel.load_in_background, name="load kernel").start()
 
 
 def adopt(kernels: Iterable[Kernel]) -> None:
-    """Let programs call kernels that were compiled before."""
+    """Register kernels that are compiled already."""
     for kernel in kernels:
         register(kernel.name, kernel.launch, partial(bytes, kernel.code))
 
 
 def compiled() -> list[Kernel]:
-    """The kernels of this process that were begun to be compiled, once they are."""
+    """All kernels of this process whose compilation has begun; waits for them."""
     return [kernel.load() for kernel in list(_registered.values()) if kernel.begun]

@@ -1,7 +1,7 @@
-"""A physics step as machine code for a processor: vectors of robots, compiled by LLVM within the process.
+"""A physics step as machine code for a CPU: vectors of robots, compiled by LLVM within the process.
 
-Each lane of a vector register holds one robot; the program has no branches but its two loops, over groups of
-robots and over physics steps. A robot's numbers depend on nothing but its own.
+Each lane of a vector register holds one robot. The program has no branches except its two loops, over groups
+of robots and over physics steps. A robot's results depend only on its own inputs.
 """
 
 import ctypes
@@ -16,16 +16,16 @@ from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.expression import Expression, Loop, Scalar, schedule
 from footfall.envs.physics.generated.substep import Substep
 
-SINGLE_LANES = (("avx512f", 16), ("avx", 8))  # by processor feature; else
-LEAST_LANES = 4  # SSE's and Neon's
-OPTIMISATION = 1  # LLVM's level: 2 compiles six times as long, for code that is no faster
+SINGLE_LANES = (("avx512f", 16), ("avx", 8))  # float32 lanes of a register, by CPU feature
+MIN_LANES = 4  # of SSE and Neon
+OPTIMISATION = 1  # LLVM's level: level 2 takes six times as long to compile code that is no faster
 BINARY = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "divide": "fdiv"}
 UNARY = {"sqrt": "sqrt", "abs": "fabs", "round": "rint", "sin": "sin", "cos": "cos"}
 COMPARED = {"minimum": "olt", "maximum": "ogt"}
 
 
 class Program:
-    """A compiled control step. It may run in several threads at once, on other robots in each."""
+    """A compiled control step. Several threads may run it at the same time, on different robots."""
 
     def __init__(
         self, substep: Substep, steps: int, dtype: Any = np.float32, lanes: int | None = None
@@ -41,7 +41,7 @@ class Program:
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         features = llvm.get_host_cpu_features()
-        widest = next((n for name, n in SINGLE_LANES if features.get(name)), LEAST_LANES)
+        widest = next((n for name, n in SINGLE_LANES if features.get(name)), MIN_LANES)
         lanes = lanes or widest * 4 // np.dtype(dtype).itemsize
         if lanes * np.dtype(dtype).itemsize == 64:
             features["prefer-256-bit"] = False
@@ -63,8 +63,8 @@ class Program:
         Args:
             arrays: inputs, then outputs, as `inputs` and `outputs` list them: contiguous, (robots, width) or
                 (robots, steps, width).
-            first: of the robots.
-            last: of the robots.
+            first: index of the first robot.
+            last: index after the last robot.
         """
         self.move([array.ctypes.data for array in arrays], first, last)
 
@@ -138,7 +138,7 @@ class _Writer:
         self._emit("  br i1 %more, label %step, label %leave")
 
     def _leave(self) -> None:
-        """After it: the state goes back to the robots' rows, and on to the next group."""
+        """Emit the end of a group: write the state to the robots' rows, go to the next group."""
         self._emit("leave:")
         for name, width in self._substep.state.items():
             for index in range(width):
@@ -150,7 +150,7 @@ class _Writer:
         self._lines.append(line)
 
     def _robots(self) -> None:
-        """The numbers of the robots in the lanes; lanes too many repeat the last robot, to the same end."""
+        """The robots in the lanes, by index; surplus lanes repeat the last robot, with the same result."""
         whole = f"<{self._lanes} x i64>"
         lanes = ", ".join(f"i64 {lane}" for lane in range(self._lanes))
         for name, value in (("robot", "%robot"), ("final", "%final")):
@@ -164,7 +164,7 @@ class _Writer:
         self._emit(f"  %robots = select {self._flags} %beyond, {whole} %all.final, {whole} %wanted")
 
     def _rows(self, name: str, stride: int) -> None:
-        """Where the rows of the robots in the lanes begin."""
+        """Addresses of the rows of the robots in the lanes."""
         whole = f"<{self._lanes} x i64>"
         strides = ", ".join([f"i64 {stride}"] * self._lanes)
         self._emit(f'  %"start.{name}" = mul {whole} %robots, <{strides}>')
@@ -222,7 +222,7 @@ class _Writer:
         self._lines[-1] = self._lines[-1].replace(f"{value} =", f"{name} =")
 
     def _loop(self, name: str, loop: Loop) -> None:
-        """A block that repeats itself while any robot of the group has to go on."""
+        """A block that repeats while the flag of any robot in the group is true."""
         numbers = range(len(loop.start))
         self._emit(f"  br label %{name}.turn\n{name}.turn:")
         self._emit(f"  %{name}.turns = phi i64 [1, %{self._block}], [%{name}.more, %{name}.turn]")

@@ -24,7 +24,7 @@ GENERATED = {(PLANE, shape) for shape in (SPHERE, CAPSULE, BOX)} | {
     (CAPSULE, CAPSULE),
 }
 SMOOTH, SLIDING = 1, 3  # dimensions of a contact: its normal, and friction along the surface
-LEAST_FRICTION = 1e-5  # MuJoCo's mjMINMU
+MIN_FRICTION = 1e-5  # MuJoCo's mjMINMU
 TINY = 1e-15  # MuJoCo's mjMINVAL
 
 
@@ -35,8 +35,8 @@ class Meeting(NamedTuple):
     dimensions: int
     solref: tuple[float, ...]
     solimp: tuple[float, ...]
-    margin: float  # m; a gap beyond it makes contacts without force
-    friction: tuple[float, float] | None  # None: of the geoms
+    margin: float  # m; contacts in a gap beyond the margin have no force
+    friction: tuple[float, float] | None  # None: the geoms' own
 
 
 def meetings(model: mujoco.MjModel) -> list[Meeting]:
@@ -52,7 +52,7 @@ def meetings(model: mujoco.MjModel) -> list[Meeting]:
 
 
 def contact_refusals(model: mujoco.MjModel) -> Iterator[str]:
-    """What of a model's contacts is not generated, one line each."""
+    """Contacts of a model that the generator does not support, one line each."""
     for meeting in meetings(model):
         names = " and ".join(repr(model.geom(g).name or f"geom {g}") for g in meeting.geoms)
         kinds = tuple(mujoco.mjtGeom(model.geom_type[g]) for g in meeting.geoms)
@@ -89,12 +89,12 @@ def _declared(model: mujoco.MjModel, pair: int) -> Meeting:
         tuple(model.pair_solref[pair].tolist()),
         tuple(model.pair_solimp[pair].tolist()),
         float(model.pair_margin[pair]),
-        (max(LEAST_FRICTION, first), max(LEAST_FRICTION, second)),
+        (max(MIN_FRICTION, first), max(MIN_FRICTION, second)),
     )
 
 
 def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> Meeting:
-    """MuJoCo's mixing of two geoms' parameters: the one's of higher priority, else by their weights."""
+    """MuJoCo's mixing of two geoms' parameters: by priority, or by weight if priorities are equal."""
     one, two = geoms
     margin = model.geom_margin[one] + model.geom_margin[two]
     priority = model.geom_priority

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class NvrtcError(Exception):
-    """The compiler is not there, or does not take the program; the message is its own."""
+    """The compiler is missing or refuses the program; the message is the compiler's."""
 
 
 @cache
@@ -18,8 +18,8 @@ def library() -> ctypes.CDLL:
     folders = [Path(entry) / "nvidia" for entry in sys.path if entry]
     found = [path for folder in folders for path in sorted(folder.glob("*/lib/libnvrtc.so.*"))]
     names = [str(path) for path in found if "alt" not in path.name]
-    of_the_system = ctypes.util.find_library("nvrtc")
-    for name in [*names, *([of_the_system] if of_the_system else [])]:
+    system_library = ctypes.util.find_library("nvrtc")
+    for name in [*names, *([system_library] if system_library else [])]:
         try:
             return ctypes.CDLL(name)
         except OSError:
@@ -32,7 +32,7 @@ def compile_to_cubin(source: str, capability: int) -> bytes:
 
     Args:
         source: one translation unit.
-        capability: of the GPU, ten times the major version and the minor one.
+        capability: compute capability of the GPU, 10 * major + minor.
 
     Raises:
         NvrtcError: there is no compiler, or the source is faulty.

@@ -1,6 +1,6 @@
 """The generated kernel inside a JAX program, on NVIDIA's GPUs.
 
-NVIDIA's run-time compiler makes machine code of it and the driver loads it, both by ctypes. JAX's programs
+NVIDIA's run-time compiler compiles it and the driver loads it, both by ctypes. JAX's programs
 call it as a foreign function (`handler.py`), by the public interface
 https://docs.jax.dev/en/latest/ffi.html: no compiler is needed on the user's machine.
 """
@@ -19,8 +19,8 @@ from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.cuda import kernel_source, layout
 from footfall.envs.physics.generated.handler import Launch
 
-LEAST_CAPABILITY = 80  # Ampere
-THREADS, BLOCKS = 64, 4  # in a block; of them on a multiprocessor: docs/results.md#physics compares others
+MIN_CAPABILITY = 80  # Ampere
+THREADS, BLOCKS = 64, 4  # per block; blocks per multiprocessor: docs/results.md#physics compares other values
 
 
 def unavailable() -> str:
@@ -34,21 +34,21 @@ def unavailable() -> str:
         capability = driver.capability()
     except (nvrtc.NvrtcError, driver.DriverError) as error:
         return str(error)
-    if capability < LEAST_CAPABILITY:
-        return f"the GPU's compute capability, {capability / 10:g}, is below {LEAST_CAPABILITY / 10:g}"
+    if capability < MIN_CAPABILITY:
+        return f"the GPU's compute capability, {capability / 10:g}, is below {MIN_CAPABILITY / 10:g}"
     return ""
 
 
 @lru_cache(maxsize=16)
 def _kernel(substep_of: Any, steps: int, robots: int) -> str:
-    """Name of the kernel for so many robots, which programs may call from now on."""
+    """Register the kernel for this number of robots; returns its name."""
     inputs, outputs = arguments(substep_of())
     source = kernel_source(substep_of(), steps, robots, THREADS, BLOCKS)
     capability = driver.capability()
     digest = hashlib.sha256(f"{capability} {source}".encode()).hexdigest()
     name = f"footfall_control_step_{digest[:16]}"
     launch = Launch(len(inputs), len(outputs), -(-robots // THREADS), THREADS)
-    several = robots > 1  # a single one is traced for its shapes, and seldom called
+    several = robots > 1  # one robot is traced for its shapes, and the kernel is seldom called
     kernels.register(name, launch, lambda: nvrtc.compile_to_cubin(source, capability), at_once=several)
     return name
 
@@ -57,7 +57,7 @@ def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> li
     """A control step of all robots.
 
     Args:
-        substep_of: gives the physics step; the same object for the same step.
+        substep_of: returns the physics step; a cache key, so the same object for the same step.
         steps: physics steps in it.
         robots: their number.
         arrays: of each input, as `arguments` lists them.

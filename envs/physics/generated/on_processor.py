@@ -1,4 +1,4 @@
-"""The generated machine code inside a JAX program, on all of a processor's cores.
+"""The generated machine code inside a JAX program, on all CPU cores.
 
 A program names the code by its content, so that JAX finds the compiled program again in another process.
 """
@@ -22,7 +22,7 @@ from footfall.envs.physics.generated.handler import Launch
 if TYPE_CHECKING:
     from footfall.envs.physics.generated.llvm import Program
 
-LEAST_SHARE = 32  # robots that are worth a thread
+MIN_ROBOTS_PER_THREAD = 32  # with fewer, a thread costs more than it gains
 
 
 @cache
@@ -46,23 +46,23 @@ def _program(substep_of: Any, steps: int) -> "Program":
     return Program(substep_of(), steps)
 
 
-_functions: dict[str, tuple[object, ...]] = {}  # what the functions that JAX calls consist of, by their names
+_functions: dict[str, tuple[object, ...]] = {}  # objects that keep the registered functions alive, by name
 
 
 @cache
 def _function(substep_of: Any, steps: int, robots: int) -> str:
-    """Name of the function that moves so many robots, which JAX's programs may call from now on."""
+    """Register the function that steps this number of robots; returns its name."""
     program = _program(substep_of, steps)
     name = f"footfall_step_{hashlib.sha256(program.text.encode()).hexdigest()[:16]}_{robots}"
     if name in _functions:
         return name
-    parts = max(1, min(usable_cores(), robots // LEAST_SHARE))
+    parts = max(1, min(usable_cores(), robots // MIN_ROBOTS_PER_THREAD))
     bounds = [robots * part // parts for part in range(parts + 1)]
     inputs, outputs = arguments(substep_of())
     count = len(inputs) + len(outputs)
 
     def launch(*given: Any) -> int:
-        """Status 0, or another one, of which XLA makes an error."""
+        """Returns 0, or 1 on failure, which XLA reports as an error."""
         try:
             parameters = given[-2]
             pointers = [parameters[k][0] for k in range(count)]
@@ -84,7 +84,7 @@ def _function(substep_of: Any, steps: int, robots: int) -> str:
 
 
 def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> list[jax.Array]:
-    """A control step of all robots. For the arguments see `on_gpu.run`."""
+    """A control step of all robots; arguments as of `on_gpu.run`."""
     _, outputs = arguments(substep_of())
     shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]
     return list(jax.ffi.ffi_call(_function(substep_of, steps, robots), shapes)(*arrays))

@@ -20,7 +20,7 @@ from footfall.robots.description import Robot
 
 
 def not_generated(model: mujoco.MjModel) -> str:
-    """Why there is no generated physics of this model here, or on this device; empty if there is."""
+    """Why this model or this device has no generated physics; empty if it has."""
     reasons = [*refusals(model), *contact_refusals(model)]
     if reasons:
         return f"the generated physics does not support {reasons[0]}"
@@ -34,7 +34,7 @@ def not_generated(model: mujoco.MjModel) -> str:
 
 
 def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
-    """The motion of a robot whose nominal model this is; `jax.vmap` passes all robots in one call."""
+    """The physics of robots with this nominal model; `jax.vmap` passes all robots in one call."""
 
     @cache
     def step_of(

@@ -12,10 +12,10 @@ import numpy as np
 from footfall.envs.physics.generated.algebra import Vector, cross
 from footfall.envs.physics.generated.contacts import Contact, LinkPose
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
-from footfall.envs.physics.generated.meetings import LEAST_FRICTION, SLIDING, TINY
+from footfall.envs.physics.generated.meetings import MIN_FRICTION, SLIDING, TINY
 from footfall.envs.physics.generated.tree import Tree
 
-LEAST_IMPEDANCE, MOST_IMPEDANCE = 1e-4, 0.9999  # MuJoCo's mjMINIMP, mjMAXIMP
+MIN_IMPEDANCE, MAX_IMPEDANCE = 1e-4, 0.9999  # MuJoCo's mjMINIMP, mjMAXIMP
 
 FREE_POSITIONS = 7  # of a free joint in qpos; the hinges' follow
 Row = dict[int, Scalar]  # of a Jacobian, by degree of freedom
@@ -26,11 +26,11 @@ class Rows(NamedTuple):
 
     jacobian: tuple[Row, ...]  # of the speed along the normal and along each tangent
     friction: tuple[Scalar, ...]  # along each tangent
-    weight: Scalar  # D of all its rows; 0 where it does not touch
+    weight: Scalar  # D of all its rows; 0 without contact
     reference: tuple[Scalar, ...]  # minus the reference acceleration, along normal and tangents
 
     def edges(self, along: list[Scalar]) -> list[Scalar]:
-        """What has these values along normal and tangents, along the edges of the friction pyramid."""
+        """Values along the edges of the friction pyramid, from values along normal and tangents."""
         if not self.friction:
             return along
         normal, *rest = along
@@ -52,12 +52,12 @@ def contact_rows(
     """MuJoCo's constraint of a contact.
 
     Args:
-        contact: where.
+        contact: the contact.
         model: nominal.
         tree: its tree.
         poses: of links.
         velocity: of all degrees of freedom, the base's in its own frame.
-        friction: coefficient of the geoms, where the meeting gives none.
+        friction: the geoms' coefficient, used if the meeting has none.
     """
     meeting = contact.meeting
     jacobian = tuple(
@@ -84,7 +84,7 @@ def contact_rows(
 
 
 def limit_rows(model: mujoco.MjModel, angles: Sequence[Scalar], velocity: list[Scalar]) -> Iterator[Rows]:
-    """MuJoCo's constraint of each joint with limits: a row for the nearer one, which pushes beyond it.
+    """MuJoCo's constraint of each joint with limits: a row for the nearer limit, active beyond it.
 
     Args:
         model: nominal, of a tree of hinges on a free base.
@@ -110,19 +110,19 @@ def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.nd
 
     Args:
         model: nominal.
-        geoms: which.
-        friction: (geoms, 3), perhaps of a robot of its own.
+        geoms: the two geoms.
+        friction: (geoms, 3), possibly randomised.
     """
     one, two = (friction[geom, 0] for geom in geoms)
     first, second = (int(model.geom_priority[geom]) for geom in geoms)
     chosen = maximum(one, two) if first == second else (one if first > second else two)
-    return maximum(chosen, LEAST_FRICTION)
+    return maximum(chosen, MIN_FRICTION)
 
 
 def _row(
     contact: Contact, direction: Vector, model: mujoco.MjModel, tree: Tree, poses: dict[int, LinkPose]
 ) -> Row:
-    """The speed along a direction of the second geom's place of contact less the first one's."""
+    """Row of the relative speed along a direction: the second geom's contact point less the first's."""
     row: Row = {}
     for geom, sign in zip(contact.meeting.geoms, (-1.0, 1.0), strict=True):
         body = int(model.geom_bodyid[geom])
@@ -139,8 +139,8 @@ def _row(
 
 
 def _impedance(depth: Scalar, solimp: Sequence[float]) -> Scalar:
-    """MuJoCo's sigmoid d(r) from d_0 at the surface to d_width, of a depth without its sign."""
-    start, end = (min(max(d, LEAST_IMPEDANCE), MOST_IMPEDANCE) for d in solimp[:2])
+    """MuJoCo's sigmoid d(r), from d_0 at the surface to d_width; `depth` is not negative."""
+    start, end = (min(max(d, MIN_IMPEDANCE), MAX_IMPEDANCE) for d in solimp[:2])
     width, middle, power = max(solimp[2], TINY), solimp[3], solimp[4]
     x = minimum(depth / width, 1.0)
     if power == 1.0:
@@ -152,7 +152,7 @@ def _impedance(depth: Scalar, solimp: Sequence[float]) -> Scalar:
 def _spring(solref: Sequence[float], solimp: Sequence[float], timestep_s: float) -> tuple[float, float]:
     """Stiffness and damping of the reference acceleration, from solref in either of its forms."""
     first, second = solref[:2]
-    width = min(max(solimp[1], LEAST_IMPEDANCE), MOST_IMPEDANCE)
+    width = min(max(solimp[1], MIN_IMPEDANCE), MAX_IMPEDANCE)
     if first <= 0.0:
         return -first / width**2, -second / width
     constant = max(first, 2.0 * timestep_s)  # MuJoCo's refsafe

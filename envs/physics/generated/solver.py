@@ -25,8 +25,8 @@ def newton_step(
         mass: M, with all armature.
         force: of all degrees of freedom, bias forces taken off.
         previous: the last step's acceleration.
-        contacts: all that can touch, and the limits of joints.
-        rounding: relative change of a number that counts as none.
+        contacts: all possible contacts, and joint limits.
+        rounding: relative change of a number that counts as zero.
     """
     smooth = Factor(mass, len(force)).solve(force)
     if not contacts:
@@ -78,10 +78,9 @@ def _cost(contacts: list[Rows], residuals: list[list[Scalar]]) -> Scalar:
 
 
 def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, residual: list[Scalar]) -> None:
-    """Add J^T D min(0, residual) and J^T D J of the rows that push to gradient and Hessian.
+    """Add J^T D min(0, residual) and J^T D J of the active rows to gradient and Hessian.
 
-    In the coordinates along normal and tangents, of which the rows are few combinations, instead of along
-    the pyramid's edges.
+    The sums run over normal and tangents instead of the pyramid's edges, which combine them.
     """
     pushed = [contact.weight * minimum(value, 0.0) for value in residual]
     active = [where(less(value, 0.0), contact.weight, 0.0) for value in residual]
@@ -115,10 +114,10 @@ def _line_search(
     change: list[list[Scalar]],
     rounding: float,
 ) -> Scalar:
-    """Where along the search direction the cost is least.
+    """Step length along the search direction that minimises the cost.
 
-    Its derivative rises piecewise linearly: Newton's steps inside a bracket end at the root itself, most
-    often after three of them. MuJoCo's C finds the same, where its `ls_iterations` suffice.
+    Its derivative rises piecewise linearly: Newton steps inside a bracket end exactly at the root, most
+    often after three steps. MuJoCo's C finds the same length if its `ls_iterations` suffice.
     """
     rows = [
         (residual, step, contact.weight * step, contact.weight * step * step)

@@ -1,4 +1,4 @@
-"""One physics step of one robot, written down: joint law, dynamics, contacts, solver, integration."""
+"""One physics step of one robot as expressions: joint law, dynamics, contacts, solver, integration."""
 
 import math
 from collections.abc import Callable
@@ -50,9 +50,9 @@ def substep(
 
     Args:
         model: nominal.
-        robot: whose joints and feet it has.
-        fields: shapes of the model's fields that are arrays of their own for each robot, of `GROUND` where
-            each of the feet's points has a plane of its own, and of `GRAVITY`; the rest is the model's.
+        robot: the robot of the model.
+        fields: shapes of the fields that differ between robots: model fields, `GROUND` and `GRAVITY`. All
+            others are the model's.
         precision: of the program's numbers.
         effects: optional fields of `Motor` that the motors have.
     """
@@ -199,14 +199,14 @@ def _poses(tree: Tree, turns: list[np.ndarray]) -> dict[int, LinkPose]:
 
 
 def _in_base(to_base: np.ndarray, values: np.ndarray) -> list[Scalar]:
-    """MuJoCo's velocities or accelerations with the base's linear part along the base's axes."""
+    """MuJoCo's velocities or accelerations, with the base's linear part rotated into the base's frame."""
     return [*(to_base @ values[:3]), *values[3:]]
 
 
 def _turned(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """A quaternion after a turn by this vector in the body's frame, rad; of unit length.
+    """A unit quaternion after a rotation by this vector in the body's frame, rad.
 
-    The half angle's sine over the angle and its cosine are power series: 1e-9 at 1 rad.
+    Cosine and sine of the half angle, the latter over the angle, are power series: within 1e-9 at 1 rad.
     """
     half = angle * 0.5
     square = half @ half
@@ -232,19 +232,21 @@ def _series(x: Scalar, coefficients: tuple[float, ...]) -> Scalar:
 
 
 def library_sin_cos(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """The back end's own functions."""
+    """Sine and cosine, by the back end's own functions."""
     return sin(angle), cos(angle)
 
 
 def single_sin_cos(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """Within 2e-7 for angles of a few turns: power series of a quarter of the angle, doubled twice."""
+    """Sine and cosine, within 2e-7 for angles of a few turns.
+
+    Power series of a quarter of the angle; the angle is doubled twice.
+    """
     turns = nearest(angle * (0.5 / math.pi))
     x = (angle - 2.0 * math.pi * turns) * 0.25
     square = x * x
     sine = x * _series(square, (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880))
-    versine = square * _series(
-        square, (1 / 2, -1 / 24, 1 / 720, -1 / 40320)
-    )  # 1 - cosine, to keep its digits
+    # 1 - cosine, which is more accurate near 0 than the cosine.
+    versine = square * _series(square, (1 / 2, -1 / 24, 1 / 720, -1 / 40320))
     for _ in range(2):
         sine, versine = 2.0 * sine * (1.0 - versine), 2.0 * sine * sine
     return sine, 1.0 - versine

@@ -30,7 +30,7 @@ class Hinge(NamedTuple):
 
 
 class Attachment(NamedTuple):
-    """Where a frame lies that is fixed to a link."""
+    """Pose of a frame that is fixed to a link."""
 
     link: int  # or BASE
     rotation: np.ndarray  # (3, 3) to the link's frame
@@ -38,13 +38,13 @@ class Attachment(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """The robot as the generator reads it."""
+    """The robot's hinges and bodies, as the generator uses them."""
 
     hinges: tuple[Hinge, ...]  # parents first; number i has qpos 7 + i and dof 6 + i, after the base's
-    bodies: dict[int, Attachment]  # by the body's id, without the world and bodies fixed to it
+    bodies: dict[int, Attachment]  # by the body's id; the world and bodies fixed to it are not included
 
     def chain(self, link: int) -> list[int]:
-        """The links from the base to this one, the base left out."""
+        """The links from the base to this one, without the base."""
         found = []
         while link != BASE:
             found.append(link)
@@ -92,7 +92,7 @@ def read_tree(model: mujoco.MjModel) -> Tree:
 
 
 def refusals(model: mujoco.MjModel) -> Iterator[str]:
-    """Features of a model that are not supported, without contacts (`contacts.py`): one line each."""
+    """Unsupported features of a model, one line each; contacts are checked in `meetings.py`."""
     option = model.opt
     is_free, is_hinge = (model.jnt_type == kind for kind in (mujoco.mjtJoint.mjJNT_FREE, HINGE))
     free = np.flatnonzero(is_free)
