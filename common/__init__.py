@@ -1,1 +1,1 @@
-"""What all other packages stand on: errors, configuration, files, outputs, rotations, versions."""
+"""Basis of all other packages: errors, configuration, files, outputs, rotations, versions."""

@@ -1,4 +1,4 @@
-"""Where compiled programs are kept."""
+"""The folder of compiled programs."""
 
 import hashlib
 import os
@@ -6,20 +6,15 @@ import platform
 from pathlib import Path
 
 CPU_INFO = Path("/proc/cpuinfo")
-OF_THE_KIND = (
-    "model name",
-    "flags",
-    "CPU implementer",
-    "CPU part",
-    "Features",
-)  # which it tells of
+# Lines of CPU_INFO that identify a kind of CPU.
+KIND_FIELDS = ("model name", "flags", "CPU implementer", "CPU part", "Features")
 
 
 def compilation_cache() -> Path:
-    """Folder of JAX's compilation cache: as the environment sets it, else among the user's caches.
+    """Folder of JAX's compilation cache: from the environment, or else in the user's cache folder.
 
-    There each kind of processor has a folder of its own, since a home may be shared by unlike ones and JAX
-    finds what was compiled for another.
+    There each kind of CPU has a folder of its own: machines may share a home, and JAX would load what was
+    compiled for another CPU.
     """
     named = os.environ.get("JAX_COMPILATION_CACHE_DIR")
     if named is not None:
@@ -29,10 +24,10 @@ def compilation_cache() -> Path:
 
 
 def processor_kind() -> str:
-    """A name for this machine's kind of processor: instruction set, and a digest of model and features."""
+    """A name for this machine's kind of CPU: instruction set, and a digest of model and features."""
     try:
         first, _, _ = CPU_INFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")
     except OSError:  # not Linux
         first = f"model name: {platform.processor()}"
-    facts = sorted(line for line in first.splitlines() if line.partition(":")[0].strip() in OF_THE_KIND)
+    facts = sorted(line for line in first.splitlines() if line.partition(":")[0].strip() in KIND_FIELDS)
     return f"{platform.machine()}-{hashlib.sha256(chr(10).join(facts).encode()).hexdigest()[:8]}"

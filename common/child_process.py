@@ -1,4 +1,4 @@
-"""How a child process that reads its input is ended."""
+"""Ending a child process that reads its standard input."""
 
 import subprocess
 from contextlib import suppress
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def end_by_input(process: "subprocess.Popen[Any]", patience_s: float) -> None:
-    """Close a child's input, whose end tells it to end, and wait; kill it after `patience_s`."""
+    """Close a child's standard input, upon which it exits, and wait; kill it after `patience_s`."""
     assert process.stdin is not None
     assert process.stdout is not None
     with suppress(OSError):

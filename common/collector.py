@@ -1,4 +1,4 @@
-"""Pauses Python's garbage collector while many lasting objects are made."""
+"""Pauses Python's garbage collector while many long-lived objects are created."""
 
 import gc
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_paused() -> Iterator[None]:
-    """No search for garbage inside, as while JAX is imported or a training is traced."""
+    """Context without garbage collection, for imports of JAX and for tracing."""
     was_on = gc.isenabled()
     gc.disable()
     try:

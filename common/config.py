@@ -21,19 +21,19 @@ from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
 
-LARGEST_BYTES = 2**20  # of a file with settings
-LONGEST_VALUE = 80  # characters of a refused value that a message repeats
-MOST_FIELDS = 6  # that a message names for one reason
+LARGEST_BYTES = 2**20  # largest file of settings that is read
+LONGEST_VALUE = 80  # characters of a refused value in a message
+MOST_FIELDS = 6  # fields that a message names for one reason
 
 _converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tuple: list})
 
 
-# YAML 1.1, which PyYAML reads, takes a number of this form for text.
+# YAML 1.1, which PyYAML implements, reads a number of this form as text.
 _EXPONENT_WITHOUT_POINT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
 def _shown(value: Any) -> str:
-    """A refused value, as far as it fits a line."""
+    """A refused value, shortened to fit a line."""
     text = repr(value)
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
@@ -81,10 +81,10 @@ _converter.register_structure_hook_func(lambda cls: get_origin(cls) is Literal, 
 
 
 def _reason(error: BaseException, expected: type | None) -> str:
-    """Why one value was refused: in the words of whoever refused it, where it found any."""
+    """Why one value was refused: the error's own message, if it has one."""
     if isinstance(error, ForbiddenExtraKeysError):
         return no_setting(sorted(map(str, error.extra_fields)), [field.name for field in fields(error.cl)])
-    if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # no keys could be asked for
+    if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # the value is no mapping
         return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())
@@ -92,7 +92,7 @@ def _reason(error: BaseException, expected: type | None) -> str:
 
 
 def _together(reasons: list[str]) -> str:
-    """All reasons as a line; fields that are refused for the same reason share it."""
+    """All reasons in one line; fields that are refused for the same reason share it."""
     where: dict[str, list[str]] = {}
     for reason in map(_field_first, reasons):
         field, colon, why = reason.partition(": ")
@@ -113,7 +113,7 @@ def _field_first(reason: str) -> str:
 
 
 def _joined(reason: str) -> str:
-    """What follows a field's name: 'low: why' as '.low: why', 'why' as ': why'."""
+    """A reason to append to a field's name: 'low: why' becomes '.low: why', and 'why' becomes ': why'."""
     where, colon, _ = reason.partition(": ")
     return f".{reason}" if colon and " " not in where else f": {reason}"
 
@@ -121,7 +121,7 @@ def _joined(reason: str) -> str:
 def require_positive(config: Any, *names: str) -> None:
     """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0.
 
-    Of a field that is a tuple, every item is checked; a field that is None is left alone. Likewise below.
+    Every item of a tuple is checked; None passes. The same holds for the functions below.
     """
     _require(config, names, lambda value: 0 < value < math.inf, "must be above 0")
 
@@ -188,7 +188,7 @@ def structure_value(data: Any, kind: Any, where: str) -> Any:
 
 
 def takes_other_keys(rest: str) -> Callable[[type[T]], type[T]]:
-    """Class decorator: keys in YAML that are no field of a dataclass are gathered in its field `rest`."""
+    """Class decorator: YAML keys that are no field of the dataclass are collected in its field `rest`."""
 
     def register(cls: type[T]) -> type[T]:
         names = {each.name for each in fields(cls)} - {rest}  # type: ignore[arg-type]
@@ -228,13 +228,13 @@ def read_yaml(path: Path) -> Any:
         raise UserError(f"{path} is a named pipe, which may block for ever: give a file")
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST_BYTES + 1)  # a device may have no end
+            content = file.read(LARGEST_BYTES + 1)  # limited: a device may never end
         if len(content) > LARGEST_BYTES:
             raise UserError(f"{path} holds no settings: it is larger than {LARGEST_BYTES:,} bytes")
         return parse_yaml(content.decode())
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:  # no YAML, or no text
+    except ValueError as error:  # neither YAML nor text
         raise UserError(f"{path} is not valid YAML: {error}") from None
 
 
@@ -251,9 +251,9 @@ def merged_terms(listed: list[Any], changes: dict[str, Any]) -> list[Any]:
     """A list of terms with some settings replaced.
 
     Args:
-        listed: mappings with a key "term"; a term goes by its "name", if it has one.
+        listed: mappings with a key "term"; a term is identified by its "name", if it has one.
         changes: settings by name; a number is a weight. A term that is not listed is added if its settings
-            include "weight" or "term", and left out otherwise.
+            include "weight" or "term", and ignored otherwise.
     """
     given = {k: v if isinstance(v, dict) else {"weight": v} for k, v in changes.items()}
     labels = [_label(entry) for entry in listed]
@@ -266,18 +266,18 @@ def merged_terms(listed: list[Any], changes: dict[str, Any]) -> list[Any]:
 
 
 def by_label(value: Any) -> Any:
-    """A list of terms as a mapping by name; anything else as it is."""
+    """A list of terms as a mapping by name; anything else unchanged."""
     return {_label(entry): entry for entry in value} if isinstance(value, list) else value
 
 
 def _label(entry: Any) -> str:
-    keys = ("name", "of", "term")  # a curriculum goes by what it makes harder
+    keys = ("name", "of", "term")  # a curriculum is identified by the section or event that it acts on
     found = next((entry[key] for key in keys if entry.get(key)), "") if isinstance(entry, dict) else ""
     return str(found).rpartition(":")[2]
 
 
 def with_changes(base: Any, path: Path) -> Any:
-    """Plain data with what a YAML file replaces of it (see `merged`); an empty file replaces nothing."""
+    """Plain data, merged with a YAML file (see `merged`); an empty file changes nothing."""
     changes = read_yaml(path)
     return base if changes is None else merged(base, changes)
 

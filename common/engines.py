@@ -1,4 +1,4 @@
-"""Names of the simulated robot's engines, for the command line, which imports no simulated robot."""
+"""Names of the simulated robot's engines; the command line reads them without importing `plant`."""
 
 from typing import Literal
 

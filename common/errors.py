@@ -9,4 +9,4 @@ class UserError(Exception):
 
 
 class CannotWriteError(UserError):
-    """A file could not be written, mostly because the disk is full; what stood there before is whole."""
+    """A file could not be written, mostly because the disk is full; its earlier content is intact."""

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are either complete or absent."""
 
 import os
 import stat
@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 SPARE_DESCRIPTORS = 4
-SHOWN_NAME = 32  # characters of its name that a temporary file keeps: a name has 255 bytes at most
+SHOWN_NAME = 32  # characters of a file's name in its temporary file's: a name has 255 bytes at most
 
 
 def write_atomically(path: Path, content: bytes, mode: int | None = None) -> None:
@@ -17,7 +17,7 @@ def write_atomically(path: Path, content: bytes, mode: int | None = None) -> Non
     The data reaches the disk before the name does.
 
     Args:
-        mode: permissions (default: as the user's umask has it).
+        mode: permissions (default: by the user's umask).
     """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:SHOWN_NAME]}.")
     try:
@@ -38,7 +38,7 @@ def write_atomically(path: Path, content: bytes, mode: int | None = None) -> Non
 
 
 def is_named_pipe(path: Path) -> bool:
-    """Whether a path is a FIFO in a folder, which blocks whoever opens it; not /dev/stdout, nor `<(...)`."""
+    """Whether a path is a FIFO in a folder: opening it may block. /dev/stdout and `<(...)` are not."""
     try:
         return stat.S_ISFIFO(os.stat(path).st_mode) and os.path.exists(os.path.realpath(path))
     except OSError:
@@ -47,7 +47,7 @@ def is_named_pipe(path: Path) -> bool:
 
 @contextmanager
 def spare_descriptors() -> Iterator[list[int]]:
-    """Some file descriptors for the end of a run that has used up all others: close them before writing."""
+    """Reserve file descriptors: close them to write files when a run has used up all others."""
     spare = [os.open(os.devnull, os.O_RDONLY) for _ in range(SPARE_DESCRIPTORS)]
     try:
         yield spare
@@ -56,7 +56,7 @@ def spare_descriptors() -> Iterator[list[int]]:
 
 
 def release(spare: list[int]) -> None:
-    """Close spare descriptors; those closed already are left alone."""
+    """Close spare descriptors; those closed already are skipped."""
     while spare:
         with suppress(OSError):
             os.close(spare.pop())

@@ -1,7 +1,7 @@
-"""Locks on what one process at a time may use, such as a CAN bus or a log.
+"""Locks on resources that one process at a time may use, such as a CAN bus or a log.
 
 The holder listens on a socket with the lock's name in Linux' abstract namespace. The kernel closes the socket
-when the process ends, even if it is killed, and gives others the process id of the holder. Like CAN
+when the process ends, even if it is killed, and tells other processes the holder's process id. Like CAN
 interfaces, such names are visible within one network namespace.
 """
 
@@ -17,7 +17,7 @@ from footfall.common.errors import UserError
 
 NAMESPACE = "footfall"
 CREDENTIALS = struct.Struct("3i")  # struct ucred: process, user, group
-LONGEST_READABLE = 80  # bytes of a name; the kernel takes 107
+LONGEST_READABLE = 80  # bytes of a name; the kernel accepts 107
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def held(name: str, what: str) -> Iterator[None]:
 
     Args:
         name: name of the lock, the same in every process.
-        what: the locked thing in words, for the message.
+        what: name of the locked resource, for the message.
 
     Raises:
         UserError: a process holds the lock; the message has the process id.

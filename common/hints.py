@@ -1,4 +1,4 @@
-"""Hints at the name that a misspelt one stands for."""
+"""Hints for misspelt names."""
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches

@@ -4,13 +4,13 @@ import threading
 from collections.abc import Callable
 
 PATIENCE_S = 2.0
-_NAME = "act that may block"
+_NAME = "call that may block"
 
 
 def in_time(act: Callable[[], None], patience_s: float = PATIENCE_S) -> BaseException | None:
     """Call `act` in a thread of its own, and wait at most `patience_s` for its end.
 
-    A terminal that is stopped (Ctrl-S), a connection that hangs or a pipe that nobody reads would block the
+    A stopped terminal (Ctrl-S), a hanging connection or a pipe without a reader would otherwise block the
     caller for ever.
 
     Returns:
@@ -28,10 +28,10 @@ def in_time(act: Callable[[], None], patience_s: float = PATIENCE_S) -> BaseExce
     thread.start()
     thread.join(patience_s)
     if thread.is_alive():
-        return TimeoutError("it takes no output")
+        return TimeoutError("it accepts no output")
     return raised[0] if raised else None
 
 
 def any_blocked() -> bool:
-    """Whether an act has not returned yet: an exit that flushes outputs would wait for it."""
+    """Whether a call has not returned yet: an exit that flushes outputs would wait for it."""
     return any(thread.name == _NAME for thread in threading.enumerate())

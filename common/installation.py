@@ -19,7 +19,7 @@ NAME = "footfall"
 
 
 def install(*arguments: str) -> str:
-    """A command of this environment's pip; by its short name if a shell finds the same pip."""
+    """An install command for this environment's pip; `pip` alone if that is the same pip in a shell."""
     found = shutil.which("pip")
     ours = found is not None and Path(found).parent == Path(sys.executable).parent
     pip = ["pip"] if ours else [sys.executable, "-m", "pip"]
@@ -29,8 +29,8 @@ def install(*arguments: str) -> str:
 def install_extras(*extras: str) -> str:
     """The command that adds extras of footfall to this environment.
 
-    It names the clone or the wheel that footfall was installed from. Where that is gone, or came from an
-    index, it names the packages of the extras.
+    It names the clone or the wheel that footfall was installed from. If that is gone, or footfall came from
+        an index, it names the packages of the extras.
     """
     origin = _recorded_origin()
     path = _local_path(origin.get("url", ""))
@@ -43,7 +43,7 @@ def install_extras(*extras: str) -> str:
 
 @contextmanager
 def needs_extra(extra: str, task: str) -> Iterator[None]:
-    """Around imports of an extra's libraries.
+    """Context for imports of an extra's libraries.
 
     Raises:
         UserError: one of them is not installed; the text begins with the task ("training needs").
@@ -70,7 +70,7 @@ def requirements(extra: str = "") -> Iterator[Requirement]:
             continue
         requirement.marker = None
         if requirement.name == NAME:
-            for included in sorted(requirement.extras):  # a set: in another order in each process
+            for included in sorted(requirement.extras):  # a set's order differs between processes
                 yield from requirements(included)
         else:
             yield requirement
@@ -83,7 +83,7 @@ def _is_of(extra: str, marker: Marker | None) -> bool:
 
 
 def missing(extra: str = "") -> list[Requirement]:
-    """Requirements that are not installed, or in a version that does not fit."""
+    """Requirements that are not installed, or in a wrong version."""
     return [requirement for requirement in requirements(extra) if not _installed(requirement)]
 
 

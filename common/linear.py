@@ -1,4 +1,4 @@
-"""Linear equations of a few unknowns, many at a time."""
+"""Small linear systems, many at a time."""
 
 from collections.abc import Callable
 
@@ -6,12 +6,12 @@ import numpy as np
 
 _solve: Callable[[np.ndarray, np.ndarray], np.ndarray]
 try:
-    # What `numpy.linalg.solve` calls in the end: LAPACK's gesv on a stack of matrices. Of a stack of 3 by 3
-    # its own checks take longer than the solution, and a control loop needs two in each tick.
+    # `numpy.linalg.solve` calls this: LAPACK's gesv on a stack of matrices. For 3 by 3 matrices its checks
+    # take longer than the solution, and a control loop solves two systems in each tick.
     from numpy.linalg import _umath_linalg
 
     _solve = _umath_linalg.solve
-except (ImportError, AttributeError):  # a NumPy that has it elsewhere
+except (ImportError, AttributeError):  # another NumPy version
     _solve = np.linalg.solve
 
 
@@ -24,6 +24,6 @@ def solve_regular(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
 def solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The x (..., m, k) of matrices (..., m, m) x = right (..., m, k), all of them floats.
 
-    Where a matrix is singular, x is not a number.
+    If a matrix is singular, its x is NaN.
     """
     return _solve(matrices, right)

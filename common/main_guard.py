@@ -8,12 +8,12 @@ from footfall.common.errors import UserError
 
 
 def check_main_guard() -> None:
-    """Make sure that the calling script's main part stands under `if __name__ == "__main__":`.
+    """Check that the calling script's main part is under `if __name__ == "__main__":`.
 
     Without it, each process that Python spawns would run the script again, and fail in forty lines.
 
     Raises:
-        UserError: the main part stands elsewhere.
+        UserError: it is not.
     """
     main = sys.modules.get("__main__")
     frame = sys._getframe()
@@ -31,5 +31,5 @@ def check_main_guard() -> None:
     ):
         raise UserError(
             f"{script.name}, line {frame.f_lineno} starts processes that import {script.name}:"
-            ' put what it does under if __name__ == "__main__":'
+            ' put its main part under if __name__ == "__main__":'
         )

@@ -1,4 +1,4 @@
-"""Files that a command writes: refused before the work if they cannot be, whole or not there after it."""
+"""Output files of commands: checked before the work begins, and written completely or not at all."""
 
 import errno
 import json
@@ -17,7 +17,7 @@ from footfall.common.files import is_named_pipe, write_atomically
 
 
 def check_outputs(*paths: Path | None) -> None:
-    """Make sure that files can be written, without leaving a trace.
+    """Check that files can be written, without leaving a trace.
 
     Raises:
         UserError: one cannot, or two are the same.
@@ -27,7 +27,7 @@ def check_outputs(*paths: Path | None) -> None:
         if reason := _why_not(path):
             raise UserError(f"cannot write {path}: {reason}")
     if len({_target(path) for path in given}) < len(given):
-        raise UserError(f"cannot write two outputs to {given[0]}: give each a name of its own")
+        raise UserError(f"cannot write two outputs to {given[0]}: give each its own name")
 
 
 def _why_not(path: Path) -> str:
@@ -53,7 +53,7 @@ def _why_not(path: Path) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file as a whole; a device such as /dev/stdout is written to as it is.
+    """Write a complete file; a device such as /dev/stdout is written to directly.
 
     Raises:
         UserError: it cannot be written.
@@ -68,18 +68,18 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path | None, content: Any) -> None:
-    """Write figures as JSON, if a path is given; numbers that JSON does not know become null."""
+    """Write figures as JSON, if a path is given; NaN and infinity become null."""
     if path is not None:
         write_text(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 
 def is_device(path: Path) -> bool:
-    """Whether a path is there but neither a file nor a folder: /dev/stdout, a pipe."""
+    """Whether a path exists and is neither a file nor a folder: /dev/stdout, a pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _target(path: Path) -> Path:
-    """Where a path leads; of links in a circle, which `Path.resolve` fails on, the path itself."""
+    """The path with links resolved; circular links, on which `Path.resolve` fails, stay as they are."""
     return Path(os.path.realpath(path))
 
 

@@ -1,6 +1,6 @@
-"""Objects of the user's own, named by where Python finds them: MODULE:NAME.
+"""A user's own objects, named MODULE:NAME.
 
-Modules of the working folder can be imported.
+Modules in the working folder can be imported.
 """
 
 import re
@@ -14,11 +14,11 @@ from typing import Any
 from footfall.common.errors import UserError
 
 _PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-_OTHERS = {"site-packages", "dist-packages"}  # folders of modules that are not the user's own
+_OTHERS = {"site-packages", "dist-packages"}  # folders of installed modules, which are not the user's own
 
 
 def is_place(spec: str) -> bool:
-    """Whether this reads MODULE:NAME."""
+    """Whether a text has the form MODULE:NAME."""
     return _PLACE.fullmatch(spec) is not None
 
 
@@ -48,9 +48,9 @@ def in_a_line(error: Exception) -> str:
 
 
 def sources(places: list[str]) -> list[tuple[str, bytes]]:
-    """The source of the modules of these places, and of every imported module that lies beside one of them.
+    """The source of these places' modules, and of every imported module in the same folders.
 
-    A program that was compiled from the code of these places depends on nothing else of the user's.
+    A program compiled from these places depends on no other code of the user's.
 
     Returns:
         Names of modules and the content of their files, sorted.
@@ -81,11 +81,11 @@ def _root(module: ModuleType) -> Path:
 def _imported(name: str) -> ModuleType:
     folder = str(Path.cwd())
     if folder not in sys.path:
-        sys.path.append(folder)  # last: no file of the user's replaces a library
+        sys.path.append(folder)  # last, so that no file in it hides a library
     try:
         return import_module(name)
-    except Exception as error:  # whatever it is, it is the module's
-        lacking = error.name if isinstance(error, ModuleNotFoundError) else None
-        if lacking is None or not f"{name}.".startswith(f"{lacking}."):
+    except Exception as error:  # any error is the module's
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing is None or not f"{name}.".startswith(f"{missing}."):
             raise UserError(f"importing '{name}': {in_a_line(error)}") from error
-    raise UserError(f"no module '{lacking}': neither {folder} nor what is installed has it to import")
+    raise UserError(f"no module '{missing}': it is neither in {folder} nor installed")

@@ -1,4 +1,4 @@
-"""Files that only their owner can have written: content that is executed must come from this user."""
+"""Files that no other user can have written: needed for content that is executed."""
 
 import os
 import stat
@@ -16,7 +16,7 @@ class NotPrivateError(Exception):
 
 
 def read_private(path: Path) -> bytes:
-    """Content of a file in a folder, both owned by this user and writable by no other.
+    """Content of a file. File and folder must belong to this user and be writable by no other.
 
     Raises:
         NotPrivateError: one of them is not.
@@ -24,7 +24,7 @@ def read_private(path: Path) -> bytes:
     """
     _check(path.parent, os.stat(path.parent, follow_symlinks=False))
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
-        _check(path, os.fstat(file.fileno()))  # of the very file that is read
+        _check(path, os.fstat(file.fileno()))  # the opened file, not the path, which may change meanwhile
         return file.read()
 
 
@@ -41,7 +41,7 @@ def write_private(path: Path, content: bytes) -> None:
 
 
 def make_private_folder(folder: Path) -> None:
-    """A folder that no other user can have written to, nor to the files in it.
+    """Make or check a folder: no other user may be able to write to it or to the files in it.
 
     Raises:
         NotPrivateError: others can.
@@ -53,7 +53,7 @@ def make_private_folder(folder: Path) -> None:
     if status.st_mode & OTHERS_MAY_ENTER:
         with os.scandir(folder) as entries:
             for entry in entries:
-                with suppress(FileNotFoundError):  # another process clears up
+                with suppress(FileNotFoundError):  # deleted by another process
                     _check(Path(entry.path), entry.stat(follow_symlinks=False))
 
 

@@ -1,10 +1,10 @@
-"""The processor cores that this process has."""
+"""The CPU cores of this process."""
 
 import os
 
 
 def usable_cores() -> int:
-    """Cores that this process may run on."""
+    """Number of cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

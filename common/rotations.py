@@ -1,6 +1,6 @@
-"""Rotations, written once for NumPy and JAX arrays.
+"""Rotations for NumPy and JAX arrays.
 
-Quaternions are w, x, y, z, of unit length, and turn body vectors into world vectors. Angles are in rad.
+Quaternions are w, x, y, z, of unit length, and rotate body vectors to world vectors. Angles are in rad.
 """
 
 import math
@@ -58,21 +58,21 @@ def normalised(vector: Array) -> Array:
 
 
 def random_rotation(u: Array) -> Array:
-    """A rotation drawn evenly from all, w x y z, from uniform numbers (3,): Shoemake, Graphics Gems III."""
+    """A uniformly random rotation, w x y z, from uniform numbers (3,): Shoemake, Graphics Gems III."""
     xp = u.__array_namespace__()
     low, high, turn, other = xp.sqrt(1 - u[0]), xp.sqrt(u[0]), 2 * np.pi * u[1], 2 * np.pi * u[2]
     return xp.stack([high * xp.cos(other), low * xp.sin(turn), low * xp.cos(turn), high * xp.sin(other)])
 
 
 def turn_down(vector: Array) -> Array:
-    """The smallest rotation that turns a vector (3,) to point down, w x y z; it must not point up."""
+    """The smallest rotation that makes a vector (3,) point down, w x y z; the vector must not point up."""
     xp = vector.__array_namespace__()
     x, y, z = normalised(vector)
     return normalised(xp.stack([1.0 - z, -y, x, xp.zeros_like(z)]))
 
 
 def tilt(quaternion: Array) -> Array:
-    """Angle between the body's z axis and the vertical, shape (...). Takes a sequence of four floats, too."""
+    """Angle between the body's z axis and the vertical, (...). A sequence of four floats is accepted too."""
     _, x, y, _ = _components(quaternion)
     cosine = 1 - 2 * (x * x + y * y)
     if isinstance(cosine, float):
@@ -82,11 +82,11 @@ def tilt(quaternion: Array) -> Array:
 
 
 def shift_gravity(quaternion: Sequence[float], offset: Sequence[float]) -> list[float]:
-    """The nearest quaternion with a projected gravity shifted by an offset and normalised again.
+    """The nearest quaternion whose projected gravity is shifted by an offset and normalised.
 
-    Projected gravity is g; it shall be h, parallel to g + offset. The shortest rotation that takes h to g,
-    applied first, does that and leaves the heading alone. In plain numbers, since sensors are simulated so
-    at every tick.
+    The projected gravity g becomes h, parallel to g + offset. The shortest rotation from h to g, applied
+    first, does that and keeps the heading. Computed in Python floats for speed: the simulated sensors call
+    it at every tick.
     """
     g = _gravity(quaternion)
     h = _unit([a + b for a, b in zip(g, offset, strict=True)])
@@ -107,13 +107,13 @@ def heading(quaternion: Array) -> Array:
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:
-    """`heading` of one quaternion, in plain numbers."""
+    """`heading` of one quaternion, in Python floats for speed."""
     w, x, y, z = quaternion
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Angles of a matrix (3, 3), R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Roll, pitch and yaw of a rotation matrix (3, 3), R = Rz(yaw) Ry(pitch) Rx(roll)."""
     (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = rotation.tolist()
     pitch = math.asin(min(1.0, max(-1.0, -forward_z)))
     return math.atan2(left_z, up_z), pitch, math.atan2(forward_y, forward_x)
@@ -175,8 +175,8 @@ def _unit(vector: list[float]) -> list[float]:
 def _components(vector: Array) -> Sequence[Any]:
     """The components of vectors (..., k), each of shape (...).
 
-    Of a single NumPy vector they are Python's floats: arithmetic with these takes a tenth of the time, and
-    a control loop turns one quaternion after another.
+    For a single NumPy vector they are Python floats: arithmetic with these takes a tenth of the time, and
+    a control loop rotates one vector at a time.
     """
     if isinstance(vector, np.ndarray) and vector.ndim == 1:
         return vector.tolist()
@@ -186,7 +186,7 @@ def _components(vector: Array) -> Sequence[Any]:
 
 
 def _stacked(like: Array, components: list[Any]) -> Array:
-    """Vectors (..., k) of their components, of the same library and dtype as `like`."""
+    """Vectors (..., k) from their components, with the library and dtype of `like`."""
     xp = like.__array_namespace__()
     vectors = xp.asarray(components, dtype=like.dtype)
     return vectors if vectors.ndim == 1 else xp.moveaxis(vectors, 0, -1)

@@ -1,17 +1,10 @@
-"""Our own source files, as they lie on the disk."""
+"""footfall's own source files on the disk."""
 
 from collections.abc import Iterable
 from pathlib import Path
 
-TRAINING = (
-    "common",
-    "domain_rand",
-    "envs",
-    "policies",
-    "robots",
-    "terrain",
-    "train",
-)  # packages that training imports
+# Packages that training imports.
+TRAINING = ("common", "domain_rand", "envs", "policies", "robots", "terrain", "train")
 
 
 def read_sources(
@@ -21,8 +14,8 @@ def read_sources(
 
     Args:
         root: folder of the packages; paths are relative to it.
-        packages: names.
-        kinds: of files, as patterns.
+        packages: their names.
+        kinds: patterns of file names.
     """
     found = {path for package in packages for kind in kinds for path in (root / package).rglob(kind)}
     return [(path.relative_to(root), path.read_bytes()) for path in sorted(found)]

@@ -1,4 +1,4 @@
-"""Terms: functions with typed parameters of their own, which YAML lists and sets.
+"""Terms: functions with typed parameters, listed and configured in YAML.
 
 A term is a function whose keyword-only arguments are its parameters, or a dataclass whose fields are. Types,
 defaults and limits come from the signature:
@@ -21,7 +21,7 @@ from footfall.common.outside import find, in_a_line, is_place
 
 
 class Between(NamedTuple):
-    """Limits of a number, for `Annotated`; both belong to the range."""
+    """Limits of a number, for `Annotated`; both are allowed values."""
 
     low: float
     high: float
@@ -30,9 +30,9 @@ class Between(NamedTuple):
 @takes_other_keys("settings")
 @dataclass(frozen=True)
 class TermConfig:
-    """One entry of a list of terms: which term, and its parameters as they stand in YAML."""
+    """One entry of a list of terms: the term, and its parameters as in YAML."""
 
-    term: str  # a name of those that ship, or MODULE:NAME
+    term: str  # name of a shipped term, or MODULE:NAME
     _: KW_ONLY
     settings: dict[str, Any] = field(default_factory=dict)
 
@@ -54,7 +54,7 @@ class Parameter(NamedTuple):
     """A parameter of a term."""
 
     type: Any
-    default: Any  # Argument.empty: it must be given
+    default: Any  # Argument.empty: required
     limits: Between | None
 
     @property
@@ -63,7 +63,7 @@ class Parameter(NamedTuple):
 
 
 def parameters(term: Callable[..., Any]) -> dict[str, Parameter]:
-    """The parameters of a term by name: of a function its keyword-only arguments, of a class all."""
+    """The parameters of a term by name: a function's keyword-only arguments, or all of a class."""
     constructor: Any = vars(term).get("__init__", term) if isinstance(term, type) else term
     hints = get_type_hints(constructor, include_extras=True)
     kinds = (Argument.KEYWORD_ONLY, Argument.POSITIONAL_OR_KEYWORD)
@@ -79,7 +79,7 @@ def parameters(term: Callable[..., Any]) -> dict[str, Parameter]:
 
 
 def choose(name: str, available: Mapping[str, Any], what: str, where: str) -> Any:
-    """The term of a name, or the object at MODULE:NAME.
+    """The shipped term with this name, or the object at MODULE:NAME.
 
     Args:
         name: as a configuration gives it.
@@ -98,10 +98,10 @@ def choose(name: str, available: Mapping[str, Any], what: str, where: str) -> An
 
 
 def bind(term: Any, settings: Mapping[str, Any], where: str) -> Any:
-    """A term with its parameters set: an object of a class, or a function that takes the rest.
+    """A term with its parameters set: an instance of a class, or a partial function.
 
     Raises:
-        UserError: the term cannot have these parameters; the message begins with `where` and the parameter.
+        UserError: a parameter is unknown, missing or wrong; the message begins with `where` and its name.
     """
     if not callable(term):
         raise UserError(f"{where}: expected a function or a class, not {type(term).__name__}")
@@ -120,7 +120,7 @@ def bind(term: Any, settings: Mapping[str, Any], where: str) -> Any:
         return term(**values)
     except ValueError as error:
         raise UserError(f"{where}: {' '.join(str(error).split())}") from None
-    except Exception as error:  # whatever it is, it is the class's
+    except Exception as error:  # any other error is the class's
         raise UserError(f"{where}: {in_a_line(error)}") from error
 
 

@@ -1,11 +1,11 @@
-"""YAML as settings need it: what PyYAML's safe loader reads, less what would be read otherwise than meant."""
+"""YAML for settings: PyYAML's safe loader, with content refused that is easily misread."""
 
 from typing import Any
 
 import yaml
 from yaml.composer import Composer
 
-MOST_NODES = 2**18  # mappings, lists and scalars, counted wherever an alias repeats them
+MOST_NODES = 2**18  # mappings, lists and scalars, with those that aliases repeat
 _KEYS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "merge")}
 
 
@@ -13,8 +13,8 @@ def parse_yaml(text: str) -> Any:
     """Plain data of a YAML text. Keys of mappings are text or whole numbers, each once.
 
     Raises:
-        ValueError: it is no YAML, a key is neither text nor a whole number, or stands twice, or aliases make
-            more of it than settings are; the message is one line.
+        ValueError: it is no YAML, a key is neither text nor a whole number, or is repeated, or aliases repeat
+            too much; the message is one line.
     """
     if _FastLoader is not None:
         try:
@@ -28,24 +28,24 @@ def parse_yaml(text: str) -> Any:
     except yaml.MarkedYAMLError as error:
         parts = (_at(error.context, error.context_mark), _at(error.problem, error.problem_mark))
         raise ValueError(", ".join(filter(None, parts))) from None
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, too many digits
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: an impossible date, too many digits
         message = str(error).replace(' in "<unicode string>"', "")  # PyYAML's name for a text
         raise ValueError(" ".join(message.split())) from None
 
 
 class _Checks(Composer):
-    """Checks of each mapping and list as soon as it is whole."""
+    """Checks each mapping and list as soon as it is complete."""
 
-    _sizes: dict[int, int]  # by the identity of a node: how many nodes it is, written out
+    _sizes: dict[int, int]  # number of nodes in a node, aliases written out, by identity
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
         seen = set()
-        for key, _ in node.value:  # before what is merged in, which a key of its own may replace
+        for key, _ in node.value:  # checked before merge keys are expanded: own keys may replace merged ones
             if key.tag not in _KEYS:
                 raise _refused(f"the key {key.value} is neither text nor a whole number", key)
             if key.value in seen:
-                raise _refused(f"the key {key.value} stands twice", key)
+                raise _refused(f"the key {key.value} is repeated", key)
             seen.add(key.value)
         self._count(node, [part for pair in node.value for part in pair])
         return node
@@ -56,11 +56,11 @@ class _Checks(Composer):
         return node
 
     def _count(self, node: yaml.Node, parts: list[yaml.Node]) -> None:
-        """Refuse aliases of what they stand in, and a few lines of aliases that stand for millions."""
+        """Refuse aliases inside their own anchor, and aliases that expand to millions of nodes."""
         size = 1
         for part in parts:
             if isinstance(part, yaml.CollectionNode) and id(part) not in self._sizes:
-                raise _refused("an alias stands inside of what it repeats", part)
+                raise _refused("an alias is inside the value that it repeats", part)
             size += self._sizes.get(id(part), 1)
         if size > MOST_NODES:
             raise _refused(f"its aliases repeat more than {MOST_NODES:,} values", node)
@@ -76,7 +76,7 @@ class _Loader(_Checks, yaml.SafeLoader):
 
 
 def _fast_loader() -> type | None:
-    """The same with the scanner of libyaml, three times as fast, where PyYAML was built with it."""
+    """The same loader with libyaml's scanner, three times as fast; None if PyYAML was built without it."""
     if not yaml.__with_libyaml__:
         return None
     from yaml._yaml import CParser
@@ -100,7 +100,7 @@ def _refused(why: str, node: yaml.Node) -> yaml.MarkedYAMLError:
 
 
 def _at(what: str | None, mark: yaml.Mark | None) -> str:
-    """The reader's complaint with its place; empty without one."""
+    """A problem with its line and column; empty without a problem."""
     if what is None:
         return ""
     return what if mark is None else f"{what} (line {mark.line + 1}, column {mark.column + 1})"

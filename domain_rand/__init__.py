@@ -1,1 +1,1 @@
-"""What may differ: distributions over bodies, motors, sensors, delays and pushes."""
+"""Domain randomisation: distributions over bodies, motors, sensors and delays."""

@@ -8,7 +8,7 @@ Array = Any  # a NumPy or a JAX array
 
 
 class Accelerometer(NamedTuple):
-    """The accelerometer of a robot. The defaults are a perfect one."""
+    """Errors of a robot's accelerometer; by default none."""
 
     bias: Array = 0.0  # m/s^2, along each axis
     noise: Array = 0.0  # m/s^2, half-width of the uniform noise of each sample

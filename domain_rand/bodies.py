@@ -1,4 +1,4 @@
-"""How a sample changes the fields of a MuJoCo model: arithmetic for NumPy and JAX arrays alike."""
+"""Changes of a sample to the fields of a MuJoCo model, for NumPy and JAX arrays."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     shaped = np.isin(model.geom_type, GROUND_SHAPES)
     ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides & shaped)
     geoms = np.union1d(feet, ground)
-    if not len(feet):  # a plant whose feet nobody found: whatever can touch the ground
+    if not len(feet):  # a plant with unknown feet: all geoms that can touch the ground
         geoms = np.flatnonzero(collides)
     _, dofs = joint_addresses(model, robot)
     return BodyMap(int(model.jnt_bodyid[free]), tuple(geoms.tolist()), tuple(dofs.tolist()))
@@ -43,9 +43,9 @@ def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, A
     Args:
         model: an `MjModel` or an `mjx.Model`, nominal; read only.
         sample: one draw.
-        where: the robot's parts in this model.
+        where: indices of the robot's parts in this model.
 
-    A mass scale carries the body's inertia with it. A payload is a point mass at the base's centre of
+    A mass scale also scales the body's inertia. A payload is a point mass at the base's centre of
     mass: it adds weight and leaves the inertia about that point. Derived constants that MuJoCo keeps for
     constraint scaling (`body_invweight0`, `dof_invweight0`) stay nominal in the dictionary; the C plant
     recomputes them (see `apply_to_model`).
@@ -60,9 +60,9 @@ def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, A
 
 
 def apply_to_model(model: mujoco.MjModel, sample: Sample, where: BodyMap) -> None:
-    """Turn a compiled MuJoCo model into the sampled robot.
+    """Change a compiled MuJoCo model, in place, to the sampled robot.
 
-    `mj_setConst` updates what depends on the fields: derived constants, which frames coincide
+    `mj_setConst` updates everything that depends on the fields: derived constants, which frames coincide
     (`body_sameframe`), and the bounding volumes of bodies, without which contacts of a base with a moved
     centre of mass would be missed.
     """

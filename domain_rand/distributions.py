@@ -1,4 +1,4 @@
-"""Distributions, declared once and drawn through their quantile functions.
+"""Distributions, drawn through their quantile functions.
 
 A quantile function turns uniform numbers in [0, 1) into draws by plain arithmetic, so the same
 declaration serves JAX (whole batches on an accelerator) and NumPy (one plant at a time).
@@ -25,7 +25,7 @@ class Distribution:
             raise ValueError(f"a log-uniform distribution needs low above 0, not {self.low}")
 
     def quantile(self, u: Array) -> Array:
-        """The draw that belongs to uniform numbers u in [0, 1); same shape as u."""
+        """Draws from uniform numbers u in [0, 1); same shape as u."""
         if self.shape == "log_uniform":
             return self.low * (self.high / self.low) ** u
         return self.low + (self.high - self.low) * u

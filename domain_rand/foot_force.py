@@ -10,7 +10,7 @@ Array = Any  # a NumPy or a JAX array
 
 
 class ForceSensors(NamedTuple):
-    """The sensors of a robot: arrays that broadcast to (feet,). The defaults are perfect ones."""
+    """Errors of a robot's force sensors: arrays that broadcast to (feet,); by default none."""
 
     scale: Array = 1.0  # reading over force
     offset: Array = 0.0  # N
@@ -23,6 +23,6 @@ def randomised_sensors(sample: Sample) -> ForceSensors:
 
 
 def measured(force: np.ndarray, sensors: ForceSensors, u: np.ndarray) -> np.ndarray:
-    """What sensors report of forces, N, (feet,), given uniform numbers u in [0, 1), (feet,)."""
+    """Readings of the sensors, N, (feet,), from forces, N, and uniform numbers u in [0, 1), (feet,)."""
     found: np.ndarray = sensors.scale * force + sensors.offset + sensors.noise * (2.0 * u - 1.0)
     return found

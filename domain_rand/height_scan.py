@@ -1,4 +1,4 @@
-"""Errors of height scans: declared once, drawn for training and for the simulated robot alike."""
+"""Errors of height scans, for training and for the simulated robot."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ NEVER_S = 1e9
 
 @dataclass(frozen=True)
 class HeightScanErrors:
-    """What is wrong with height scans. All zeros: they are exact, complete and arrive at once."""
+    """Errors of height scans. All zeros: scans are exact, complete and without delay."""
 
     noise_m: float = 0.0  # half-width, of each height in each scan
     offset_m: float = 0.0  # half-width, of all heights, for an episode
-    drift_m_s: float = 0.0  # half-width, of how fast the offset changes, for an episode
+    drift_m_s: float = 0.0  # half-width, of the rate at which the offset changes, for an episode
     shift_m: float = 0.0  # half-width, of all points along each horizontal axis, for an episode
     lag_s: Range = (0.0, 0.0)  # from a scan to its arrival, for an episode
-    missing_share: float = 0.0  # of points that are unknown; an episode draws its own, up to this one
-    lost_share: float = 0.0  # of episodes in which scans cease, half of them before the first one
-    lost_before_s: float = 10.0  # the other half at a moment before this time
-    useless_share: float = 0.0  # of episodes whose heights have nothing to do with the ground
+    missing_share: float = 0.0  # largest share of unknown points; each episode draws its own
+    lost_share: float = 0.0  # of episodes in which scans stop, half of these before the first scan
+    lost_before_s: float = 10.0  # the other half stop at a random time up to this one
+    useless_share: float = 0.0  # of episodes whose heights are independent of the ground
     useless_m: float = 0.3  # half-width of such heights
 
     def __post_init__(self) -> None:
@@ -36,18 +36,18 @@ class HeightScanErrors:
 
 
 class EpisodeErrors(NamedTuple):
-    """The errors of an episode's scans, scalars but for the shift."""
+    """The errors of an episode's scans; all except the shift are scalars."""
 
     offset_m: Array
     drift_m_s: Array
     shift_m: Array  # (2,) forward, leftward
     lag_s: Array
     missing_share: Array
-    end_s: Array  # no scan is taken from then on
+    end_s: Array  # no scan is taken from this time on
     useless: Array  # bool
 
 
-NUMBERS = 9  # that `draw_errors` takes
+NUMBERS = 9  # uniform numbers that `draw_errors` takes
 
 
 def draw_errors(errors: HeightScanErrors, u: Array) -> EpisodeErrors:
@@ -69,12 +69,12 @@ def draw_errors(errors: HeightScanErrors, u: Array) -> EpisodeErrors:
 def with_errors(
     heights: Array, errors: HeightScanErrors, episode: EpisodeErrors, taken_s: Array, u: Array
 ) -> Array:
-    """Heights as they are delivered, NaN where they are unknown.
+    """Heights as delivered to the policy, NaN if unknown.
 
     Args:
         heights: of a scan, above the base, m, (points,).
         errors: the declaration.
-        episode: what was drawn of it.
+        episode: the errors drawn for this episode.
         taken_s: time of the scan since the episode began, s.
         u: uniform numbers in [0, 1), (2, points).
     """

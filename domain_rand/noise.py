@@ -21,7 +21,7 @@ def biased(readings: Readings, sample: Sample) -> Readings:
 
 
 def noisy(readings: Readings, noise: Noise, u: Array) -> Readings:
-    """Readings with fresh noise, from uniform numbers u in [0, 1) of shape (..., readings_size)."""
+    """Readings with noise, from uniform numbers u in [0, 1) of shape (..., readings_size)."""
     signed = from_vector(2.0 * u - 1.0, readings["joint_position"].shape[-1])
     return {
         name: _shifted(name, value, getattr(noise, name) * signed[name]) for name, value in readings.items()
@@ -29,6 +29,6 @@ def noisy(readings: Readings, noise: Noise, u: Array) -> Readings:
 
 
 def _shifted(name: str, value: Array, offset: Array) -> Array:
-    """A reading plus an offset; a direction keeps its unit length, as that of an attitude filter does."""
+    """A reading plus an offset; a direction is normalised again, as by an attitude filter."""
     shifted = value + offset
     return normalised(shifted) if READINGS[name].unit_length else shifted

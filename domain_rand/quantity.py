@@ -1,4 +1,4 @@
-"""What the declaration of a randomised quantity says: its kind, its nominal value and its effects.
+"""The declaration of a randomised quantity: its kind, its nominal value and its effects.
 
 An effect is the same in training (JAX, MJX models) and on the simulated robot (NumPy, MuJoCo models).
 """
@@ -14,31 +14,31 @@ from footfall.robots.kinds import Kind
 from footfall.robots.readings import READINGS
 
 Array = Any
-SCALE, OFFSET = 1.0, 0.0  # nominal values of what multiplies and of what is added
+SCALE, OFFSET = 1.0, 0.0  # nominal values of factors and of summands
 
 
 @dataclass(frozen=True)
 class BodyMap:
-    """Where the parts that a sample speaks of lie in a model."""
+    """Indices in a model of the parts that a sample changes."""
 
     base: int  # body
-    contact_geoms: tuple[int, ...]  # geoms whose friction decides foot-ground contact
+    contact_geoms: tuple[int, ...]  # geoms whose friction determines foot-ground contact
     dofs: tuple[int, ...]  # the joints', in joint order
 
 
 class Effect(NamedTuple):
-    """A change of some fields of a model, of the motors or of a joint command."""
+    """A change of some fields of a model, of motors, of a joint command or of another declared class."""
 
     fields: tuple[str, ...]
-    change: Callable[..., Array]  # of a field's value and the drawn one; of models, with their BodyMap
+    change: Callable[..., Array]  # from the field's and the drawn value (models: also BodyMap) to the new one
 
 
 class Quantity(NamedTuple):
     """The declaration of a quantity that differs from robot to robot, with at least one effect."""
 
     kind: Kind  # its shape, and its mirror image
-    nominal: float | None  # None: the robot's own
-    least: float = -math.inf  # what makes sense for any robot
+    nominal: float | None  # None: the robot's own value
+    least: float = -math.inf  # limits of sensible values for any robot
     most: float = math.inf
     model: Effect | None = None  # on the fields of a MuJoCo model
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
@@ -49,7 +49,7 @@ class Quantity(NamedTuple):
     actions: Effect | None = None  # on the fields of domain_rand.transport.Transport, for commands
     readings: Effect | None = None  # likewise, for readings
     bias_of: str | None = None  # reading that it is added to
-    charge: bool = False  # it is the battery's charge at first, 0 to 1
+    charge: bool = False  # whether it is the battery's initial charge, 0 to 1
 
 
 def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
@@ -58,7 +58,7 @@ def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
 
 
 def check_quantity(name: str, declared: Quantity) -> None:
-    """Raises ValueError for a declaration that would act on nothing."""
+    """Raise ValueError for a declaration without an effect."""
     effects = (
         declared.model,
         declared.motor,
@@ -81,17 +81,17 @@ def check_quantity(name: str, declared: Quantity) -> None:
 
 
 def scales(*names: str) -> Effect:
-    """The drawn value multiplies these fields; one that is absent (None) stays absent."""
+    """The drawn value multiplies these fields; a field that is None stays None."""
     return Effect(names, lambda nominal, drawn: None if nominal is None else nominal * drawn)
 
 
 def adds_to(*names: str) -> Effect:
-    """The drawn value is added to these fields; it is the value of one that is absent (None)."""
+    """The drawn value is added to these fields; a field that is None gets the drawn value."""
     return Effect(names, lambda nominal, drawn: drawn if nominal is None else nominal + drawn)
 
 
 def scales_bodies(*names: str) -> Effect:
-    """One drawn value per body (the world left out) multiplies these model fields (bodies, ...)."""
+    """One drawn value per body (without the world) multiplies these model fields (bodies, ...)."""
 
     def change(nominal: Array, drawn: Array, _: BodyMap) -> Array:
         xp = nominal.__array_namespace__()
@@ -127,7 +127,7 @@ def scales_joints(*names: str) -> Effect:
 
 
 def sets_sliding_friction() -> Effect:
-    """The drawn value is the sliding friction of the geoms that decide foot-ground contact."""
+    """The drawn value is the sliding friction of the geoms that determine foot-ground contact."""
 
     def change(nominal: Array, drawn: Array, where: BodyMap) -> Array:
         xp = nominal.__array_namespace__()

@@ -1,4 +1,4 @@
-"""The declaration of what may differ between robots."""
+"""The quantities that may differ between robots, and their ranges."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -25,17 +25,17 @@ from footfall.robots.description import Robot
 
 FULL = 1.0  # charge of a nominal battery
 DEFAULT = Path(__file__).parent / "default.yaml"
-OWN_FILE = "randomisation.yaml"  # in a robot's folder: what fits no robot of another size
+OWN_FILE = "randomisation.yaml"  # in a robot's folder: ranges that suit this robot only
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """What differs from one episode to the next: ranges. A field that is absent keeps its nominal value.
+    """Ranges of the quantities that differ between episodes. An absent field keeps its nominal value.
 
-    A field is all that a quantity needs: its value is a setting, its default declares the quantity.
+    Each field declares a quantity: its range and its effect.
 
     Raises:
-        ValueError: a range leaves what makes sense for any robot.
+        ValueError: a range exceeds the limits of its quantity.
     """
 
     # body
@@ -94,7 +94,7 @@ class Randomisation:
         kinds.VECTOR, OFFSET, least=-1.0, most=1.0, bias_of="gravity"
     )
 
-    # motors, each joint: effects that a nominal motor may lack
+    # motors, each joint: effects that a nominal motor may not have
     torque_lag_s: Distribution | None = quantity(  # time constant of the torque, beyond robot.yaml's
         kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.1, motor=adds_to("lag_s")
     )
@@ -119,7 +119,7 @@ class Randomisation:
     ambient_k: Distribution | None = quantity(  # of the air, beyond 25 degrees Celsius
         kinds.SCALAR, OFFSET, least=-100.0, most=100.0, winding=adds_to("ambient")
     )
-    winding_rise_k: Distribution | None = quantity(  # at first, above the air's, each joint
+    winding_rise_k: Distribution | None = quantity(  # initial, above the air's, each joint
         kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=200.0, winding=adds_to("start_rise")
     )
     winding_heating: Distribution | None = quantity(  # thermal resistance times copper loss, each joint
@@ -145,13 +145,13 @@ class Randomisation:
     )
 
     # timing that changes within an episode, see domain_rand/transport.py
-    action_jitter_s: Distribution | None = quantity(  # most by which a command is later, drawn for each
+    action_jitter_s: Distribution | None = quantity(  # largest extra delay, drawn for each command
         kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("jitter_s")
     )
     observation_jitter_s: Distribution | None = quantity(
         kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("jitter_s")
     )
-    action_swing_s: Distribution | None = quantity(  # by which the delay rises and falls, in 4 s
+    action_swing_s: Distribution | None = quantity(  # amplitude of the delay's rise and fall, period 4 s
         kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("swing_s")
     )
     observation_swing_s: Distribution | None = quantity(
@@ -178,7 +178,7 @@ def declared_quantities(cls: type[Randomisation]) -> dict[str, Quantity]:
     """The quantities that a class declares, by name.
 
     Raises:
-        ValueError: a quantity would act on nothing; names it.
+        ValueError: a quantity has no effect; the message names it.
     """
     declared = {each.name: each.metadata["declares"] for each in fields(cls)}
     for name, each in declared.items():
@@ -190,9 +190,9 @@ QUANTITIES: dict[str, Quantity] = declared_quantities(Randomisation)
 
 
 def require_delays(randomisation: Randomisation, of: Literal["actions", "readings"], most_s: float) -> None:
-    """Raises UserError naming a quantity if actions or readings may be delayed by more than `most_s`.
+    """Raise UserError, naming the quantity, if actions or readings may be delayed by more than `most_s`.
 
-    Lost frames do not count: the wait for the next frame has no bound.
+    Lost frames do not count: the delay until the next frame has no bound.
     """
     effects = {name: getattr(quantity, of) for name, quantity in QUANTITIES.items()}
     drawn = {
@@ -207,20 +207,20 @@ def require_delays(randomisation: Randomisation, of: Literal["actions", "reading
 
 
 def require_parts(name: str, robot: Robot) -> None:
-    """Raises UserError if a robot lacks the part that the quantity `name` is about."""
-    declared, lacking = QUANTITIES[name], ""
+    """Raise UserError if a robot does not have the part that the quantity `name` belongs to."""
+    declared, missing = QUANTITIES[name], ""
     if declared.force_sensor is not None and not robot.foot_sensors:
-        lacking = "force_bus"
+        missing = "force_bus"
     elif declared.winding is not None and robot.winding is None:
-        lacking = "thermal_resistance_k_w"
+        missing = "thermal_resistance_k_w"
     elif declared.charge and robot.description.battery is None:
-        lacking = "battery"
-    if lacking:
-        raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no {lacking} in robot.yaml")
+        missing = "battery"
+    if missing:
+        raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no {missing} in robot.yaml")
 
 
 def refuse_unread_sensors(randomisation: Randomisation) -> None:
-    """Raises UserError if errors of sensors are drawn in training, where nothing reads them."""
+    """Raise UserError if training randomises sensors that no learned policy reads."""
     for name, declared in QUANTITIES.items():
         unread = declared.force_sensor or declared.accelerometer
         if unread is not None and getattr(randomisation, name) is not None:
@@ -236,7 +236,7 @@ def load_randomisation(path: Path = DEFAULT) -> Randomisation:
 
 
 def randomisation_of(robot: Robot) -> Randomisation:
-    """What may differ between robots of one kind: the default, but for what the robot's folder says itself.
+    """The randomisation of a robot: the default, changed by the file in the robot's folder.
 
     Raises:
         UserError: the robot's `randomisation.yaml` is malformed.
@@ -248,13 +248,13 @@ def randomisation_of(robot: Robot) -> Randomisation:
 
 
 def default_ranges() -> dict[str, tuple[float, float]]:
-    """Lowest and highest of each quantity that the default lets differ, by name."""
+    """Lowest and highest value of each quantity that the default randomises, by name."""
     default = load_randomisation()
     found = {name: getattr(default, name) for name in QUANTITIES}
     return {name: (each.low, each.high) for name, each in found.items() if each is not None}
 
 
 def own_ranges(robot: Robot) -> dict[str, Distribution | None]:
-    """Of `randomisation_of`, the quantities that are other than the default, by name."""
+    """The quantities of `randomisation_of` that differ from the default, by name."""
     own, default = randomisation_of(robot), load_randomisation()
     return {name: getattr(own, name) for name in QUANTITIES if getattr(own, name) != getattr(default, name)}

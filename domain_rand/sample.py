@@ -1,4 +1,4 @@
-"""One draw: how a particular robot differs from the nominal one."""
+"""One draw: the differences of a particular robot from the nominal one."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -12,13 +12,13 @@ from footfall.robots.winding import Winding
 Array = Any
 T = TypeVar("T", bound=NamedTuple)
 
-# Differences that last for an episode, by the quantity's name; what is absent is nominal. Shapes as
-# `sample_shapes` gives them, units and meanings as `Randomisation` does.
+# Drawn values for an episode, by the quantity's name; absent quantities are nominal. For shapes see
+# `sample_shapes`, for units and meanings `Randomisation`.
 Sample = dict[str, Array]
 
 
 def sample_shapes(joints: int, bodies: int, foot_sensors: int = 0) -> dict[str, tuple[int, ...]]:
-    """Shape of each quantity, the world not among the bodies."""
+    """Shape of each quantity; the world does not count as a body."""
     parts = Parts(joints, bodies, foot_sensors)
     return {name: quantity.kind.shape(parts) for name, quantity in QUANTITIES.items()}
 
@@ -30,13 +30,13 @@ def draw(
     bodies: int,
     foot_sensors: int = 0,
 ) -> Sample:
-    """One robot out of the declared family.
+    """Draw one robot.
 
     Args:
         randomisation: the declaration.
-        uniform: gives k independent numbers in [0, 1), shape (k,); called once.
+        uniform: returns k independent numbers in [0, 1), shape (k,); called once.
         joints: number of joints.
-        bodies: number of bodies of the model, the world left out.
+        bodies: number of bodies of the model, without the world.
         foot_sensors: number of force sensors at the feet.
     """
     parts = Parts(joints, bodies, foot_sensors)
@@ -57,7 +57,7 @@ def towards_nominal(sample: Sample, share: Array | float, friction: float) -> Sa
 
     Args:
         sample: a draw.
-        share: of its distance from the nominal robot that is kept, 0 to 1.
+        share: share of the distance from the nominal robot to keep, 0 to 1.
         friction: nominal coefficient of the feet on the ground.
     """
     moved = {}
@@ -74,23 +74,23 @@ def randomised_motor(motor: Motor, sample: Sample) -> Motor:
 
 
 def randomised_command(command: JointCommand, sample: Sample) -> JointCommand:
-    """The command as the sampled robot's motors carry it out: their true stiffness and damping."""
+    """The command with the true stiffness and damping of the sampled robot's motors."""
     return changed(command, sample, "command")
 
 
 def randomised_winding(winding: Winding | None, sample: Sample) -> Winding | None:
-    """The thermal parameters of the sampled robot, from the nominal ones; None for none."""
+    """The thermal parameters of the sampled robot, from the nominal ones; None without a thermal model."""
     return None if winding is None else changed(winding, sample, "winding")
 
 
 def sensor_bias(sample: Sample, reading: str) -> Array | None:
-    """What the sampled robot's sensor adds to a reading, shape of the reading; None where nothing."""
+    """Bias of the sampled robot's sensor, in the shape of the reading; None without bias."""
     drawn = [sample[name] for name, each in QUANTITIES.items() if each.bias_of == reading and name in sample]
     return sum(drawn[1:], start=drawn[0]) if drawn else None
 
 
 def battery_charge(sample: Sample, otherwise: float | None = None) -> Any:
-    """Charge of the sampled robot's battery at first, 0 to 1; `otherwise` where none is drawn."""
+    """Initial charge of the sampled robot's battery, 0 to 1; `otherwise` if it is not randomised."""
     drawn = (sample[name] for name, each in QUANTITIES.items() if each.charge and name in sample)
     return next(drawn, otherwise)
 

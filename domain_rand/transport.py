@@ -1,6 +1,6 @@
-"""How late commands and readings arrive, from one moment of an episode to the next.
+"""Delays of commands and readings that change within an episode.
 
-`Randomisation` declares the ranges. Training (JAX) turns a lost frame into the time until the next one; the
+`Randomisation` declares the ranges. In training (JAX) a lost frame becomes a delay until the next frame; the
 simulated robot (NumPy) loses the frame itself.
 """
 
@@ -14,17 +14,17 @@ from footfall.domain_rand.sample import Sample, changed
 Array = Any  # a NumPy or a JAX array
 Way = Literal["actions", "readings"]
 
-SWING_PERIOD_S = 4.0  # in which a delay rises by its swing and falls back
-JITTER_PERIOD_S = 0.02  # for which the simulated robot keeps a drawn jitter: a control step at 50 Hz
+SWING_PERIOD_S = 4.0  # period in which a delay rises by its swing and falls back
+JITTER_PERIOD_S = 0.02  # how long the simulated robot keeps a drawn jitter: a control step at 50 Hz
 FRAME_PERIOD_S = 0.002  # between two frames of a motor: the deploy loop's default joint rate
 
 
 class Transport(NamedTuple):
-    """The way of commands, or of readings, on a robot. What is None is absent."""
+    """Delay and loss of commands, or of readings, on a robot. None: the effect is absent."""
 
     delay_s: Array | None = None  # constant in an episode
-    jitter_s: Array | None = None  # most by which it is later, drawn anew for each control step
-    swing_s: Array | None = None  # by which the delay rises and falls in `SWING_PERIOD_S`
+    jitter_s: Array | None = None  # largest extra delay, drawn for each control step
+    swing_s: Array | None = None  # amplitude of the delay's rise and fall in `SWING_PERIOD_S`
     lost: Array | None = None  # share of the frames that never arrive
 
     @property
@@ -48,7 +48,7 @@ def delay_now_s(transport: Transport, time_s: Array | float, jitter: Array | flo
 
     Args:
         transport: of the sampled robot.
-        time_s: since the episode's begin.
+        time_s: time since the beginning of the episode.
         jitter: uniform number in [0, 1).
     """
     delay_s: Array | float = 0.0 if transport.delay_s is None else transport.delay_s
@@ -60,12 +60,12 @@ def delay_now_s(transport: Transport, time_s: Array | float, jitter: Array | flo
 
 
 def waiting_s(lost: Array, u: Array) -> Array:
-    """Time until the first frame that arrives, s: k frames in a row are lost with probability `lost` ** k.
+    """Time until a frame arrives, s: k frames in a row are lost with probability `lost` ** k.
 
     Args:
         lost: share of the frames that never arrive, below 1.
         u: uniform numbers in [0, 1), of any shape.
     """
     xp = library(u)
-    with np.errstate(divide="ignore"):  # the logarithm of a share of 0: no frame is lost
+    with np.errstate(divide="ignore"):  # log(0), if no frames are lost
         return FRAME_PERIOD_S * xp.floor(xp.log(1.0 - u) / xp.log(lost))

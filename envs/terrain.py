@@ -1,6 +1,6 @@
-"""The ground of episodes: flat, or tiles by kind and level of difficulty, and each robot's current tile.
+"""The ground of episodes: flat, or pieces by kind and level of difficulty, and each robot's current piece.
 
-Every episode has a tile of its own around the world's origin. Once a control step the physics gets, for each
+Every episode has a piece of its own around the world's origin. Once a control step the physics gets, for each
 foot point, the plane below it and the nearest edge of a higher level.
 """
 
@@ -93,9 +93,9 @@ class LevelGround:
 
 
 class Walked(NamedTuple):
-    """Tile and progress of an episode's robot."""
+    """Piece and progress of an episode's robot."""
 
-    piece: jax.Array  # () index of the tile
+    piece: jax.Array  # () index of the piece
     feet: jax.Array  # (points, 3) m, world, the feet's points after the last physics step
     ahead: jax.Array  # (points, 3) m, the same extrapolated to the middle of the next control step
     along: jax.Array  # () m, path along the commanded direction
@@ -104,7 +104,7 @@ class Walked(NamedTuple):
 
 
 class Pieces:
-    """Tiles of ground at rising levels of difficulty; holds constants only."""
+    """Pieces of ground at rising levels of difficulty; holds constants only."""
 
     def __init__(
         self, config: EnvConfig, terrain: TerrainConfig, model: mujoco.MjModel, scene: Scene
@@ -135,12 +135,12 @@ class Pieces:
         return _with(state, Walked(piece, feet, feet, nothing, nothing, nothing))
 
     def _first(self, u: jax.Array) -> jax.Array:
-        """The tile of a first episode, at one of the lowest levels, from two uniform numbers."""
+        """The piece of a first episode, at one of the lowest levels, from two uniform numbers."""
         kind, level = u * jnp.array([len(self._config.grounds), self._config.start_levels])
         return jnp.int32(kind) * self._config.levels + jnp.int32(level)
 
     def _next(self, walked: Walked, u: jax.Array) -> jax.Array:
-        """The tile of the next episode: a level up, down or the same; past the top, a random level."""
+        """The piece of the next episode: a level up, down or the same; past the top, a random level."""
         config, levels = self._config, self._config.levels
         kind, level = walked.piece // levels, walked.piece % levels
         share, known = walked.along / jnp.maximum(walked.asked, TINY), walked.asked > MIN_PATH_M

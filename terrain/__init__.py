@@ -1,1 +1,1 @@
-"""What robots walk on: height and normal as functions of place, declared shapes, files of the user's own."""
+"""The ground that robots walk on: height and slope as functions of position, shapes, height maps."""

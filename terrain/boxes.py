@@ -1,4 +1,4 @@
-"""A stepped ground as boxes: neighbouring cells of one height together."""
+"""A stepped ground as boxes: neighbouring cells of equal height are merged."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ def boxes(ground: Ground) -> np.ndarray:
     """Rectangles that cover a ground of one stepped piece.
 
     Returns:
-        x from, x to, y from, y to and height of each, m, (boxes, 5).
+        Each rectangle's lower x, upper x, lower y, upper y and height, m, (boxes, 5).
     """
     heights = np.asarray(ground.heights)[0, :-1, :-1]
     free = np.ones(heights.shape, dtype=bool)

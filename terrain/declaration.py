@@ -25,7 +25,7 @@ class GroundConfig:
 
     shape: str
     _: KW_ONLY
-    size_m: float = 10.0  # side of the piece; beyond it the rim goes on
+    size_m: float = 10.0  # side of the piece; beyond it the ground continues at the rim's height
     cell_m: float = 0.05
     settings: dict[str, Any] = field(default_factory=dict)
 
@@ -46,12 +46,12 @@ def parameters_of_shapes() -> list[str]:
 
 
 def check_ground(config: GroundConfig, where: str = "ground") -> None:
-    """Raise UserError if the shape has no such parameter, or not with this value."""
+    """Raise UserError if a parameter of the shape is unknown or wrong."""
     bind(SHAPES[config.shape].heights, config.settings, where)
 
 
 def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Ground:
-    """The ground that a declaration describes, of one piece; its random heights follow from the seed.
+    """The ground of a declaration, one piece; the seed determines its random heights.
 
     Raises:
         UserError: as `check_ground`; the message begins with `where`.
@@ -61,7 +61,7 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
     cells = round(config.size_m / config.cell_m)
     half_m = 0.5 * cells * config.cell_m
     along = np.arange(cells + 1) * config.cell_m - half_m
-    if shape.stepped:  # of the middles of cells; the last one again, which no place is in
+    if shape.stepped:  # heights at cell centres; the last one is a copy that no point reads
         along = np.minimum(along, along[-2]) + 0.5 * config.cell_m
     x, y = np.meshgrid(along, along, indexing="ij")
     made = heights(Places(x, y, half_m), np.random.default_rng(seed))
@@ -69,7 +69,7 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
 
 
 def at_difficulty(config: GroundConfig, share: float) -> GroundConfig:
-    """A ground with each parameter that is given as [easiest, hardest] at a share of the way, 0 to 1."""
+    """A ground with each parameter [easiest, hardest] interpolated: `share` 0 is easiest, 1 hardest."""
 
     def chosen(value: Any) -> Any:
         is_range = isinstance(value, list) and len(value) == 2
@@ -100,14 +100,14 @@ def named_grounds() -> Mapping[str, GroundConfig]:
 
 
 def load_ground(spec: str, seed: int = 0) -> Ground:
-    """The ground that a user names: one that ships, with changes, or a height map in a file.
+    """The ground that a user names: a shipped ground, with changes, or a height map in a file.
 
     Args:
         spec: `stairs`, `stairs,step_m=0.1`, or the path of a .npy or .png file (see `height_map`).
         seed: of random heights.
 
     Raises:
-        UserError: there is no such ground, or it cannot be as asked.
+        UserError: there is no such ground, or a change is wrong.
     """
     name, *changes = spec.split(",")
     known = named_grounds()

@@ -1,22 +1,22 @@
-"""Pieces of ground: heights on square grids, and the height, the slope and the nearest edge at any place.
+"""Pieces of ground: heights on square grids; height, slope and nearest edge at any point.
 
 The middle of each piece is the origin; its first axis is x, its second y. Beyond the grid the heights of its
-rim go on. Written once for NumPy and JAX.
+rim continue. For NumPy and JAX.
 """
 
 from typing import Any, NamedTuple
 
 MOST_CELLS = 2048  # along a side
-SAME_M = 1e-3  # cells whose heights differ by less are of one level
-NOWHERE_M = -1e3  # where a level is that nothing can touch
+SAME_M = 1e-3  # cells whose heights differ by less belong to one level
+NOWHERE_M = -1e3  # height of a level that nothing can touch
 
 Array = Any  # a NumPy or a JAX array
 
 
 class Ground(NamedTuple):
-    """Pieces of one size. A stepped one is constant in each cell, any other bilinear between grid points."""
+    """Pieces of one size. A stepped piece is constant in each cell, others are bilinear in between."""
 
-    heights: Array  # (pieces, n, n) m, at grid points; of a stepped piece those of the cells that begin there
+    heights: Array  # (pieces, n, n) m, at grid points; in a stepped piece, of the cell that begins there
     stepped: Array  # (pieces,) bool
     cell_m: float  # side of a cell
 
@@ -27,18 +27,18 @@ class Ground(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """Height and slope of the ground at places."""
+    """Height and slope of the ground at points."""
 
     height: Array  # (...) m
     slope: Array  # (..., 2) change of the height along x and y; 0 on a stepped piece
 
 
 class Edge(NamedTuple):
-    """The edge of a level that is nearest to a place of a stepped piece, and both levels."""
+    """The edge that is nearest to a point of a stepped piece, and the levels on both sides."""
 
     away: Array  # (..., 2) horizontal unit normal, from the higher level to the lower one
     offset: Array  # (...) m, of the edge from the origin along that normal
-    low: Array  # (...) m, height of the lower level; without an edge that of the place
+    low: Array  # (...) m, height of the lower level; without an edge, of the point's cell
     high: Array  # (...) m, height of the higher one; without an edge far below everything
 
 
@@ -67,9 +67,9 @@ def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2
 
     Args:
         ground: the pieces.
-        place: where.
-        piece: on which one, one or (...).
-        reach: how many cells away an edge may be.
+        place: the points.
+        piece: index of the piece, one or (...).
+        reach: largest distance of an edge, in cells.
     """
     xp = place.__array_namespace__()
     row, column, share, _ = _cell(ground, place)
@@ -106,7 +106,7 @@ def _unit(xp: Any, axis: int, like: Array) -> Array:
 
 
 def _cell(ground: Ground, place: Array) -> tuple[Array, Array, Array, Array]:
-    """Row, column and share of the way through the cells at places; which axes lie within the grid."""
+    """Row, column and position within the cell, 0 to 1, of points; which axes lie within the grid."""
     xp = place.__array_namespace__()
     along = (place[..., :2] + ground.half_m) / ground.cell_m
     last = ground.heights.shape[-1] - 1

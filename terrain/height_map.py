@@ -12,11 +12,11 @@ HIGHEST_M = 10.0
 
 
 def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Ground:
-    """A smooth ground from a file; its middle lies at height 0.
+    """A smooth ground from a file; its middle is at height 0.
 
     Args:
         path: .npy with heights in m, first axis x, second y; or .png, a map from above with x upwards and y
-            to the left, whose black is 0 and whose white is `top_m`.
+            to the left; black is 0 and white is `top_m`.
         cell_m: distance between two heights.
         top_m: height of white.
 
@@ -39,8 +39,8 @@ def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Gro
 
 def _square(heights: np.ndarray) -> np.ndarray:
     """The same map with its rim repeated along its shorter axis."""
-    lacking = max(heights.shape) - np.array(heights.shape)
-    return np.pad(heights, [(each // 2, each - each // 2) for each in lacking], mode="edge")
+    missing = max(heights.shape) - np.array(heights.shape)
+    return np.pad(heights, [(each // 2, each - each // 2) for each in missing], mode="edge")
 
 
 def _from_array(path: Path) -> np.ndarray:
@@ -59,4 +59,4 @@ def _from_picture(path: Path, top_m: float) -> np.ndarray:
             white = 65535.0 if picture.mode.startswith("I") else 255.0
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise UserError(f"cannot read the picture {path}: {error}") from None
-    return top_m * grey[::-1, ::-1] / white  # upwards in the picture is x, to the left y
+    return top_m * grey[::-1, ::-1] / white  # x is upwards in the picture, y to the left

@@ -1,7 +1,7 @@
-"""Shapes of ground around a level start: each is a function of place, with typed parameters of its own.
+"""Shapes of ground around a level start: functions of position, with typed parameters.
 
-A shape takes the places of its cells or grid points and a random generator and gives their heights. The start
-is level at height 0, and the rim has one height all around, so that the ground beyond it can go on.
+A shape returns heights for the positions of its cells or grid points, from a random generator. The start is
+level at height 0. The rim has one height all around, at which the ground beyond it continues.
 """
 
 import math
@@ -21,7 +21,7 @@ Angle = Annotated[float, Between(-60.0, 60.0)]
 
 
 class Places(NamedTuple):
-    """Where the heights of a ground are."""
+    """Positions at which a shape computes heights."""
 
     x: np.ndarray  # (n, n) m
     y: np.ndarray  # (n, n) m
@@ -29,7 +29,7 @@ class Places(NamedTuple):
 
     @property
     def ring(self) -> np.ndarray:
-        """Distance from the middle along the farther axis, m, (n, n): squares around the start."""
+        """Distance from the middle in the maximum norm, m, (n, n): equal on squares around the start."""
         return np.maximum(np.abs(self.x), np.abs(self.y))
 
     def room_m(self, start_m: float) -> float:
@@ -37,7 +37,7 @@ class Places(NamedTuple):
         return max(0.0, self.half_m - RIM_M - start_m)
 
     def between(self, start_m: float) -> np.ndarray:
-        """Which places lie neither in the start nor in the rim, (n, n) bool."""
+        """Whether each position is outside both the start and the rim, (n, n) bool."""
         return (self.ring > start_m) & (self.ring < self.half_m - RIM_M)
 
 
@@ -73,7 +73,7 @@ def rough(
     spacing_m: Length = 0.1,
     start_m: Start = 1.0,
 ) -> np.ndarray:
-    """Random heights up to `roughness_m` above and below, `spacing_m` apart, with slopes between them."""
+    """Random heights up to `roughness_m` above and below 0, `spacing_m` apart, interpolated linearly."""
     points = math.ceil(2.0 * places.half_m / spacing_m) + 2
     drawn = roughness_m * rng.uniform(-1.0, 1.0, (points, points))
     row, column = ((at + places.half_m) / spacing_m for at in (places.x, places.y))
