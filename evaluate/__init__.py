@@ -1,1 +1,1 @@
-"""How good a policy is: scenarios, metrics, comparison, report."""
+"""Evaluation of policies: scenarios, metrics, comparison, report."""

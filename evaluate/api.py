@@ -1,4 +1,4 @@
-"""What the command line calls: evaluate one policy, or compare several."""
+"""Evaluate one policy or compare several; the command line calls these functions."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -40,16 +40,16 @@ def evaluate_policy(
 
     Args:
         policy_spec: as `footfall.policies.registry.load_policy` takes it.
-        config: robot, scenarios, seed and what else an evaluation runs.
+        config: robot, scenarios, seed and other settings of the evaluation.
         json_path: file for the results.
-        console: where the table and the progress bar go; the terminal if None.
+        console: for the table and the progress bar; None: the terminal.
 
     Returns:
         {"policy", "robot", "seed", ..., "scenarios": {name: figures}}; episodes that raised are counted in a
         scenario's "failed_episodes" and score nothing.
 
     Raises:
-        UserError: something named does not exist or does not fit, or the output cannot be written.
+        UserError: a named item does not exist or does not fit, or the output cannot be written.
     """
     console = console or Console()
     robot, file, policies = _load(config, [policy_spec])
@@ -68,7 +68,7 @@ def weakest_of(
     json_path: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Find the smallest disturbances that fell a policy, print them, write the JSON.
+    """Find the smallest disturbances that make a policy fall, print them, write the JSON.
 
     Args as for `evaluate_policy`; `names` are those of `footfall.evaluate.weakest.DISTURBANCES`.
 
@@ -95,7 +95,7 @@ def compare_policies(
     html_path: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Run several policies through the same scenarios and the test course; table, JSON, HTML report.
+    """Run several policies through the same scenarios and the test course; write table, JSON, HTML report.
 
     Args as for `evaluate_policy`; `html_path` is the file for the report, which needs the extra `report`.
 
@@ -103,7 +103,7 @@ def compare_policies(
         {policy: as `evaluate_policy` returns it, with "compute_ms": {"p50", "p99"} on the course, alone}
 
     Raises:
-        UserError: something named does not exist, is named twice or does not fit, a library is missing, or an
+        UserError: a named item does not exist, is named twice or does not fit, a library is missing, or an
             output cannot be written.
     """
     console = console or Console()
@@ -149,7 +149,7 @@ def compare_policies(
 
 
 def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict[str, Policy]]:
-    """Everything that is named, so that what does not exist or fit is known before the long run."""
+    """Load every named item, so that errors appear before the long run."""
     if not specs:
         raise UserError("nothing to compare: name at least one policy")
     twice = next((spec for spec in specs if specs.count(spec) > 1), None)
@@ -209,9 +209,9 @@ def _score(
 
 
 def policy_names(policies: Mapping[str, Policy]) -> dict[str, str]:
-    """A name for each spec: the policy's own, or what the user typed where two share one.
+    """A name for each spec: the policy's own, or the text that the user typed if two policies share a name.
 
-    A file's name may hold bytes that are no UTF-8, which neither JSON nor a page can hold.
+    Bytes of a file name that are not UTF-8 are replaced, since neither JSON nor a page can contain them.
     """
     own = [policy.name for policy in policies.values()]
     names = {spec: policy.name if own.count(policy.name) == 1 else spec for spec, policy in policies.items()}
@@ -220,7 +220,7 @@ def policy_names(policies: Mapping[str, Policy]) -> dict[str, str]:
 
 @contextmanager
 def _progress(console: Console) -> Iterator[Callable[[int, int], None]]:
-    """A bar on a terminal, nothing elsewhere; gives what `run_suite` reports to."""
+    """A progress bar on a terminal, nothing elsewhere; yields the callback for `run_suite`."""
     columns = (TextColumn("episodes"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("episodes", total=None)

@@ -18,10 +18,10 @@ class PolicyResult:
     """One policy of a comparison."""
 
     name: str
-    spec: str  # what the user typed
-    origin: str  # how it was made, one sentence
+    spec: str  # the text that the user typed
+    origin: str  # trainer or controller, one sentence
     period_ms: float
-    result: Mapping[str, Any]  # as it stands in the JSON
+    result: Mapping[str, Any]  # as in the JSON
     course: CourseWalk
 
 

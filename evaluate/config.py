@@ -1,4 +1,4 @@
-"""What an evaluation runs: scenarios, episodes, seed, plant, processes."""
+"""Settings of an evaluation: scenarios, episodes, seed, plant, processes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,18 +16,18 @@ YAML = (".yaml", ".yml")  # of a mission's file
 
 @dataclass(frozen=True)
 class EvaluationConfig:
-    """What all policies of an evaluation share."""
+    """Settings that all policies of an evaluation share."""
 
     robot: str = DEFAULT_ROBOT  # name or folder
     scenarios: tuple[str, ...] = ("nominal", "push")  # names, see evaluate/scenarios.yaml
-    seed: int = 0  # of everything that is drawn
-    episodes: int | None = None  # of each scenario; None for the scenario's own number
+    seed: int = 0  # of all random draws
+    episodes: int | None = None  # of each scenario; None: the scenario's own number
     plant: Path | None = None  # another MJCF than the robot's own
-    ground_truth: bool = False  # hand policies the true base velocity and height
+    ground_truth: bool = False  # give policies the true base velocity and height
     workers: int | None = None  # processes; None for one per core
-    scenario_file: Path | None = None  # the user's scenarios, beside those of footfall
-    metrics: tuple[str, ...] = ()  # the user's, MODULE:NAME each, see evaluate/own_metrics.py
-    engine: EngineName = DEFAULT_ENGINE  # what moves the simulated robot's bodies
+    scenario_file: Path | None = None  # the user's scenarios, in addition to the shipped ones
+    metrics: tuple[str, ...] = ()  # the user's metrics, MODULE:NAME each, see evaluate/own_metrics.py
+    engine: EngineName = DEFAULT_ENGINE  # physics engine of the simulated robot
     get_up: str | None = None  # policy that gets the robot up after a fall; None: a fall ends the episode
     missions: Mapping[str, Path] = field(default_factory=dict)  # files of missions among the scenarios
     mission_run: "MakeMission | None" = None  # makes missions; scenarios with one need it
@@ -37,14 +37,14 @@ DEFAULT_EVALUATION = EvaluationConfig()
 
 
 class Named(NamedTuple):
-    """What --scenarios names."""
+    """The scenarios and mission files in --scenarios."""
 
     scenarios: tuple[str, ...]  # names
-    missions: dict[str, Path]  # files of those that are missions, by name
+    missions: dict[str, Path]  # files of the missions among them, by name
 
 
 def named(given: Sequence[str]) -> Named:
-    """Names of scenarios; a mission's file is one by the name of its file, without the suffix."""
+    """Names of scenarios; a mission's file becomes a scenario with the file's name, without suffix."""
     missions = {each: Path(each) for each in given if Path(each).suffix.lower() in YAML}
     names = tuple(missions[each].stem if each in missions else each for each in given)
     return Named(names, {path.stem: path for path in missions.values()})

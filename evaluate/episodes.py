@@ -1,4 +1,4 @@
-"""One task of a worker process: build what an episode needs, run it, score it."""
+"""One task of a worker process: set up an episode, run it, score it."""
 
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -40,26 +40,26 @@ class EpisodeTask:
     plant: Path | None = None
     engine: str = DEFAULT_ENGINE
     ground_truth: bool = False
-    get_up: str | None = None  # likewise a policy, after a fall
+    get_up: str | None = None  # policy that gets the robot up after a fall, like `policy`
     keep_trace: bool = False
     metrics: tuple[str, ...] = ()  # of the user, MODULE:NAME each
-    mission_run: MakeMission | None = None  # where the plan has a mission
+    mission_run: MakeMission | None = None  # needed if the plan has a mission
 
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What an episode left behind."""
+    """The result of an episode."""
 
     metrics: EpisodeMetrics
     levels: Levels
     compute_ms: np.ndarray  # (policy steps,)
     period_ms: float  # of the policy
-    trouble: str  # why it fell or stopped; empty after an orderly end
+    trouble: str  # why the robot fell or stopped; empty after an orderly end
     notes: tuple[str, ...]
     trace: Trace | None
     own: dict[str, float] = field(default_factory=dict)  # metrics of the user by name
-    recovery_s: tuple[float, ...] | None = None  # from each fall until the robot stood; None if it may not
-    mission: MissionScore | None = None  # where the scenario has one
+    recovery_s: tuple[float, ...] | None = None  # from each fall until the robot stood; None without `get_up`
+    mission: MissionScore | None = None  # if the scenario has a mission
 
 
 def run_task(task: EpisodeTask) -> EpisodeOutcome:
@@ -72,7 +72,7 @@ def run_task(task: EpisodeTask) -> EpisodeOutcome:
 
 
 def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
-    """Run one episode in lockstep with this policy, whatever the task calls its own.
+    """Run one episode in lockstep with this policy instead of the task's.
 
     Raises:
         UserError: as `run_task`.
@@ -118,7 +118,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
 
 
 def _mission(policy: Policy, task: EpisodeTask, robot: Robot) -> MissionRun | None:
-    """The mission that steers, if one does."""
+    """The mission that steers the robot, or None."""
     plan = task.plan
     if plan.mission is None:
         return None
@@ -126,12 +126,12 @@ def _mission(policy: Policy, task: EpisodeTask, robot: Robot) -> MissionRun | No
 
 
 def sample_of(plan: EpisodePlan, robot: Robot, bodies: int) -> Sample | None:
-    """How the robot of an episode differs from the nominal one; None if it does not.
+    """Differences of an episode's robot from the nominal one; None if there are none.
 
     Args:
-        plan: the episode; its levels hold for all joints or bodies alike, above what is drawn.
-        robot: that acts in it.
-        bodies: of the plant, the world left out.
+        plan: the episode; its levels apply to all joints or bodies, and override drawn values.
+        robot: the robot.
+        bodies: number of bodies of the plant, without the world.
     """
     sample: Sample = {}
     joints = len(robot.joint_names)
@@ -144,7 +144,7 @@ def sample_of(plan: EpisodePlan, robot: Robot, bodies: int) -> Sample | None:
 
 
 def _weight(model: mujoco.MjModel, robot: Robot, sample: Sample | None) -> float:
-    """Weight of the robot as it was simulated, N."""
+    """Weight of the simulated robot, N."""
     changed = {} if sample is None else randomised_fields(model, sample, body_map(model, robot))
     mass = changed.get("body_mass", model.body_mass)
     return float(mass.sum() * np.linalg.norm(model.opt.gravity))

@@ -1,11 +1,11 @@
-"""Episodes that could not be run to their end: how many, and why."""
+"""Number and reasons of episodes that ended in an exception."""
 
 from collections import Counter
 from collections.abc import Sequence
 
 from footfall.evaluate.figures import Summary
 
-REASONS = 3  # that a line names
+REASONS = 3  # reasons in a line
 
 
 def failures(summaries: Sequence[Summary]) -> str:

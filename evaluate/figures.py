@@ -13,13 +13,13 @@ from footfall.common.config import load
 Summary = Mapping[str, Any]
 NOTHING = "–"
 COUNTS = ("falls", "successes", "missions_done", "missions_arrived", "legs_touch_episodes")  # of episodes
-RATES = {  # their intervals, as shares
+RATES = {  # keys of their intervals, which are shares
     "falls": "fall_rate_interval",
     "successes": "success_rate_interval",
     "missions_arrived": "arrival_rate_interval",
 }
-# A bootstrap over fewer episodes gives an interval that is too narrow to rank anybody by.
-LEAST_EPISODES = 8
+# A bootstrap over fewer episodes gives an interval that is too narrow to rank policies.
+MIN_EPISODES = 8
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Figure:
     better: Literal["low", "high", ""] = ""
     upright: bool = False
     headline: bool = False
-    leads: str = ""  # what the leader of a headline figure does
+    leads: str = ""  # phrase about the leader of a headline figure: "falls least often"
 
     @property
     def title(self) -> str:
@@ -50,13 +50,13 @@ class FigureFile:
 
 @cache
 def figures() -> dict[str, Figure]:
-    """All figures by key, in the order in which they are shown."""
+    """All figures by key, in display order."""
     found = load(Path(__file__).parent / "figures.yaml", FigureFile).figures
     return {figure.key: figure for figure in found}
 
 
 def value(figure: Figure, summary: Summary) -> float | None:
-    """The number; None if not measured, infinite for a median push beyond the strongest one tried."""
+    """The figure's value; None if not measured, infinite for a median push above the strongest tested."""
     if figure.key == "dv50" and summary.get("dv50") is None:
         return math.inf if _stood_most_pushes(summary) else None
     found: Any = summary
@@ -66,11 +66,11 @@ def value(figure: Figure, summary: Summary) -> float | None:
 
 
 def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
-    """Its 95 % interval, of falls as a share of episodes; None where there is none."""
+    """The figure's 95 % interval (of falls: as a share of episodes); None if it has none."""
     key = RATES.get(figure.key, f"{figure.key}_interval")
     if key not in summary or (figure.key != "dv50" and value(figure, summary) is None):
         return None
-    if figure.key == "dv50":  # None stands for beyond the strongest push
+    if figure.key == "dv50":  # None means above the strongest push
         low, high = (math.inf if edge is None else edge for edge in summary[key])
         return low, high
     low, high = summary[key]
@@ -78,7 +78,7 @@ def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
 
 
 def text(figure: Figure, summary: Summary) -> str:
-    """The number as it is shown."""
+    """The figure's value as text."""
     number = value(figure, summary)
     if figure.key in COUNTS and number is not None:
         return f"{number:.0f} of {summary['episodes']}"
@@ -90,7 +90,7 @@ def text(figure: Figure, summary: Summary) -> str:
 
 
 def interval_text(figure: Figure, summary: Summary) -> str:
-    """Its 95 % interval as it is shown, or nothing."""
+    """The figure's 95 % interval as text; empty if it has none."""
     edges = interval(figure, summary)
     if edges is None or math.isinf(edges[0]) or value(figure, summary) is None:
         return ""
@@ -101,7 +101,7 @@ def interval_text(figure: Figure, summary: Summary) -> str:
 
 
 def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
-    """Whether a figure deserves a row: a policy has a value; emergency stops, only if there were any."""
+    """Whether a figure gets a row: a policy has a value; emergency stops, only if there were any."""
     if figure.key == "emergency_stops":
         return any(summary.get("emergency_stops") for summary in summaries)
     if figure.key == "dv50":
@@ -110,13 +110,13 @@ def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
 
 
 def beats(figure: Figure, one: Summary, other: Summary) -> bool:
-    """Whether one policy is clearly better than another: their intervals lie apart.
+    """Whether one policy is clearly better than another: their intervals do not overlap.
 
     In an `upright` figure, a policy that fell more often is never better: a robot that falls early makes few
     errors and uses little energy.
     """
     mine, theirs = interval(figure, one), interval(figure, other)
-    few = min(one["episodes"], other["episodes"]) < LEAST_EPISODES and figure.key not in RATES
+    few = min(one["episodes"], other["episodes"]) < MIN_EPISODES and figure.key not in RATES
     if mine is None or theirs is None or few:
         return False
     if figure.upright and one["fall_rate"] > other["fall_rate"]:
@@ -136,7 +136,7 @@ def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
 
 
 def best(figure: Figure, summaries: Sequence[Summary]) -> int | None:
-    """The one policy that beats all others, if there is one."""
+    """Index of the policy that beats all others, if there is one."""
     first = leaders(figure, summaries)
     return first.pop() if len(first) == 1 else None
 

@@ -26,7 +26,7 @@ class EpisodeMetrics:
     fell: bool  # fell, tipped over, or stopped in an emergency, after which a robot lies on the ground
     emergency_stop: bool
     walked_s: float
-    scored_s: float  # of it, later than a second after any change of command
+    scored_s: float  # part of walked_s, later than a second after any change of command
     lin_vel_mse: float  # m^2/s^2
     yaw_rate_mse: float  # rad^2/s^2
     mean_velocity: tuple[float, float, float]  # forward m/s, leftward m/s, yaw rad/s, over scored time
@@ -34,25 +34,25 @@ class EpisodeMetrics:
     progress: float  # share of the commanded path
     electrical_j: float  # shaft work and copper loss
     mechanical_j: float  # net shaft work
-    positive_j: float  # shaft work where a motor drives, without what it takes back when it brakes
+    positive_j: float  # shaft work of driving motors, without recovered braking work
     weight_n: float
     peak_torque_nm: float
-    peak_torque_share: float  # of the motor's own limit, worst joint
+    peak_torque_share: float  # torque over the motor's limit, worst joint
     foot_slip_m_s: float  # mean horizontal speed of feet that bear load
     stance_s: float  # time that feet bore load, summed over feet
-    legs_touch_share: float  # of the time, in which two different legs press on each other
+    legs_touch_share: float  # share of the time in which two different legs press on each other
     target_rate_rad_s: float  # root mean square over joints and time
-    torque_rate_nm_s: float  # the same of the motors' torque
+    torque_rate_nm_s: float  # likewise, for the motors' torque
     estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN without an estimator
 
     @property
     def succeeded(self) -> bool:
         """Whether the robot stayed up and followed its command over most of the path."""
-        return not self.fell and not self.progress < ARRIVED  # NaN: it was to stand
+        return not self.fell and not self.progress < ARRIVED  # NaN: the command was to stand
 
 
 def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
-    """Score an episode; `weight_n` is the weight of the simulated robot with what it carries."""
+    """Score an episode; `weight_n` is the weight of the simulated robot with its payload, N."""
     stopped = trace.final_state == "ESTOP"
     dt_s = 1.0 / trace.record_rate_hz
     settled = settled_samples(trace)
@@ -91,7 +91,7 @@ def progress(command: np.ndarray, velocity: np.ndarray) -> float:
 
     Args:
         command: horizontal velocity, m/s, body frame, (T, 2).
-        velocity: that the base had, likewise.
+        velocity: true horizontal velocity of the base, likewise.
     """
     speed = np.linalg.norm(command, axis=1)
     moving = speed > 0.0
@@ -100,7 +100,7 @@ def progress(command: np.ndarray, velocity: np.ndarray) -> float:
 
 
 def settled_samples(trace: Trace) -> np.ndarray:
-    """Which samples lie later than `SETTLE_S` after the last change of command, bool (T,)."""
+    """Whether each sample is later than `SETTLE_S` after the last change of command, bool (T,)."""
     if not len(trace.time_s):
         return np.zeros(0, dtype=bool)
     changed = np.any(np.diff(trace.command, axis=0) != 0.0, axis=1)
@@ -110,7 +110,7 @@ def settled_samples(trace: Trace) -> np.ndarray:
 
 
 def _slip(trace: Trace) -> tuple[float, float]:
-    """Mean horizontal speed of loaded feet, m/s, and for how long they were loaded, s."""
+    """Mean horizontal speed of loaded feet, m/s, and the loaded time summed over feet, s."""
     speed = np.linalg.norm(trace.foot_velocity[..., :2], axis=-1)[trace.foot_contact]
     return _mean(speed), len(speed) / trace.record_rate_hz
 

@@ -1,7 +1,7 @@
-"""Missions as scenarios: what an evaluation needs of one, and its score.
+"""Missions as scenarios: the interface that an evaluation needs, and the score.
 
-Missions are of `operate`, which an evaluation does not import: its caller hands in what makes one
-(`EvaluationConfig.mission_run`; the command line gives `operate.missions.run.mission_run`).
+Missions belong to `operate`, which `evaluate` does not import: the caller passes the function that makes one
+(`EvaluationConfig.mission_run`; the command line passes `operate.missions.run.mission_run`).
 """
 
 import math
@@ -23,44 +23,44 @@ from footfall.plant.trace import Trace
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-ARRIVED_M = 0.10  # at most from the place that a mission leads to
-EPISODES = 5  # of a mission's file
+ARRIVED_M = 0.10  # largest distance from a mission's goal that counts as arrived
+EPISODES = 5  # of a scenario from a mission's file
 
 
 class MissionProgress(Protocol):
-    """How far a mission is."""
+    """Progress of a mission."""
 
     @property
     def done(self) -> bool:
-        """Whether all of it was done."""
+        """Whether all steps are done."""
 
     @property
     def outcome(self) -> str:
-        """Empty until it is over; then why it gave up, unless it is done."""
+        """Why the mission gave up; empty while it runs and after success."""
 
 
 class MissionSource(CommandSource, Protocol):
-    """A mission that steers."""
+    """A mission as a command source."""
 
     @property
     def progress(self) -> MissionProgress:
-        """How far it is."""
+        """Its progress."""
 
     @property
     def goal(self) -> Pose:
-        """Where its latest step that moves the robot leads, in the frame of where the mission began."""
+        """Target pose of the latest step that moves the robot, relative to the mission's start."""
 
 
 class MissionRun(Protocol):
-    """A mission that has not begun."""
+    """A mission before its start."""
 
     @property
     def source(self) -> MissionSource:
-        """What steers."""
+        """The command source."""
 
     @property
     def others(self) -> Mapping[str, Policy]:
-        """Policies that it names beside the first one, by spec."""
+        """Policies that it names besides the first one, by spec."""
 
 
 class MakeMission(Protocol):
@@ -69,7 +69,7 @@ class MakeMission(Protocol):
     def __call__(
         self, data: Mapping[str, Any], where: str, spec: str, policy: Policy, robot: Robot
     ) -> MissionRun:
-        """The mission; `where` begins each message, `spec` names the policy that decides at first.
+        """The mission; `where` begins each message, `spec` names the policy that runs at first.
 
         Raises:
             UserError: the data is no mission, or a step cannot be done.
@@ -82,7 +82,7 @@ def make_mission(
     """The mission of a scenario.
 
     Raises:
-        UserError: nothing makes missions here, the data is no mission, or a step cannot be done.
+        UserError: `make` is None, the data is no mission, or a step cannot be done.
     """
     if make is None:
         raise UserError(
@@ -94,16 +94,16 @@ def make_mission(
 
 @dataclass(frozen=True)
 class MissionScore:
-    """How a mission ended."""
+    """Result of a mission."""
 
     done: bool
-    trouble: str  # why it gave up; empty if it is done, or the robot fell
+    trouble: str  # why it gave up; empty after success or a fall
     lasted_s: float  # of walking
-    final_error_m: float  # true distance from where it leads, at the end
+    final_error_m: float  # true distance from the goal, at the end
 
     @property
     def arrived(self) -> bool:
-        """Whether it is done, and ended where it leads."""
+        """Whether it is done and ended at its goal."""
         return self.done and self.final_error_m <= ARRIVED_M
 
 
@@ -122,7 +122,7 @@ def score_mission(source: MissionSource, trace: Trace) -> MissionScore:
 
 
 def mission_figures(scores: Sequence[MissionScore]) -> dict[str, Any]:
-    """Figures of one scenario; errors and times are of missions that were done, NaN without one."""
+    """Figures of one scenario; errors and times are of completed missions, NaN without any."""
     done = [score for score in scores if score.done]
     arrived = sum(score.arrived for score in scores)
     return {
@@ -135,7 +135,7 @@ def mission_figures(scores: Sequence[MissionScore]) -> dict[str, Any]:
 
 
 def scenario_of(path: Path) -> Scenario:
-    """A mission's file as a scenario.
+    """The scenario of a mission's file.
 
     Raises:
         UserError: it cannot be read, or holds no mapping.

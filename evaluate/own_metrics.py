@@ -1,4 +1,4 @@
-"""Metrics of the user: functions of a trace, named by their place, MODULE:NAME.
+"""The user's own metrics: functions of a trace, named MODULE:NAME.
 
     def highest_base_m(trace: Trace, robot: Robot) -> float:
         '''Highest point of the base, m.'''
@@ -39,7 +39,7 @@ def name_of(place: str) -> str:
 
 
 def score_own(places: Sequence[str], trace: Trace, robot: Robot) -> dict[str, float]:
-    """Value of each metric for one episode, NaN where there was nothing to measure.
+    """Value of each metric for one episode, NaN if there was nothing to measure.
 
     Raises:
         UserError: a metric raises, or returns something else than a number.
@@ -50,13 +50,13 @@ def score_own(places: Sequence[str], trace: Trace, robot: Robot) -> dict[str, fl
             values[name_of(place)] = float(load_metric(place)(trace, robot))
         except UserError:
             raise
-        except Exception as error:  # of any type: the function is the user's
+        except Exception as error:  # any error of the user's function
             raise UserError(f"metric {place} fails: {in_a_line(error)}") from error
     return values
 
 
 def check_metrics(places: Sequence[str]) -> None:
-    """Raise UserError for a metric that cannot be loaded, or for two of one name."""
+    """Raise UserError for a metric that cannot be loaded, or for two metrics with one name."""
     names = [name_of(place) for place in places]
     for place, name in zip(places, names, strict=True):
         load_metric(place)
@@ -65,13 +65,13 @@ def check_metrics(places: Sequence[str]) -> None:
 
 
 def own_figures(summaries: Sequence[Summary]) -> list[Figure]:
-    """A table row for each metric of the user that the summaries hold."""
+    """A table row for each of the user's metrics in the summaries."""
     names = dict.fromkeys(name for summary in summaries for name in summary.get(SECTION, {}))
     return [_figure(name, "") for name in names]
 
 
 def definitions(places: Sequence[str]) -> list[Figure]:
-    """What each metric is, by the first line of its docstring."""
+    """Definition of each metric: the first line of its docstring."""
     lines = [(load_metric(place).__doc__ or "").strip().splitlines() for place in places]
     return [_figure(name_of(place), next(iter(each), "")) for place, each in zip(places, lines, strict=True)]
 

@@ -1,4 +1,4 @@
-"""From a scenario to episodes: which commands, pushes and conditions each of them meets."""
+"""From a scenario to episodes: the commands, pushes and conditions of each."""
 
 import math
 import zlib
@@ -27,7 +27,7 @@ Levels = dict[str, float]
 
 @dataclass(frozen=True)
 class CommandSchedule:
-    """Commands (forward m/s, leftward m/s, yaw rad/s) and the times from which they hold."""
+    """Commands (forward m/s, leftward m/s, yaw rad/s) and the times from which they apply."""
 
     from_s: tuple[float, ...]  # rising, the first is 0
     commands: tuple[Command, ...]
@@ -51,17 +51,17 @@ class EpisodePlan:
     levels: Levels
     randomised: bool
     ground: GroundConfig | None = None  # None is level
-    mission: dict[str, Any] | None = None  # that steers in place of the schedule
+    mission: dict[str, Any] | None = None  # steers instead of the schedule
 
 
 def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None = None) -> list[EpisodePlan]:
-    """The episodes of a scenario. Episode i is the same however many follow it.
+    """The episodes of a scenario. Episode i does not depend on the number of episodes.
 
     Args:
         name: the scenario's name; other scenarios draw other numbers from the same seed.
         scenario: its definition.
-        seed: of everything drawn.
-        episodes: how many; the scenario's own number if None.
+        seed: of all random draws.
+        episodes: number of episodes; None: the scenario's own.
 
     Raises:
         UserError: there are more than `MOST_EPISODES`.
@@ -96,8 +96,8 @@ def spread_levels(
 ) -> list[Levels]:
     """A level of each factor for each episode.
 
-    The first factor's levels take turns, so any number of episodes spreads evenly over them; each of its
-    levels meets every combination of the others, in an order of its own, before it meets one twice.
+    The first factor's levels alternate, so any number of episodes is spread evenly over them. Each of its
+        levels is combined with every combination of the other factors, in random order, before one repeats.
     """
     if not levels:
         return [{} for _ in range(episodes)]
@@ -136,7 +136,7 @@ def _draw_commands(commands: DrawnCommands, duration_s: float, rng: np.random.Ge
 
 
 def _drawn_push(level: Levels, between_s: Range | None, rng: np.random.Generator) -> tuple[Push, ...]:
-    """The push of the push levels, at a time drawn so that it meets any phase of the gait."""
+    """The push of the push levels, at a random time, and so at any phase of the gait."""
     if between_s is None or "push_m_s" not in level:
         return ()
     angle = math.radians(level.get("push_direction_deg", 0.0))

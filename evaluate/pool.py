@@ -1,7 +1,7 @@
-"""Runs independent tasks in processes; each task ends in a value or in an error.
+"""Runs independent tasks in processes; each task returns a value or an error.
 
-pebble's pool also names the task of a process that died, but waits forever if the process ended with status 0
-(seen with 5.2.3).
+pebble's pool also reports the task of a process that died, but waits forever if the process ended with
+status 0 (seen with 5.2.3).
 """
 
 import multiprocessing
@@ -28,12 +28,12 @@ ONE_THREAD = {
     "MKL_NUM_THREADS": "1",
 }
 
-# The signals by which a user or an operating system ends a run.
+# The signals with which a user or an operating system ends a run.
 ENDS = {signal.SIGINT, signal.SIGTERM}
 
 
 class TaskResult(NamedTuple, Generic[R]):
-    """Result of a task: its value, or why there is none."""
+    """Result of a task: its value, or an error."""
 
     value: R | None
     error: str = ""
@@ -54,13 +54,13 @@ def run_all(
 
     Args:
         function: picklable, as are tasks and values.
-        tasks: what it is called with.
-        workers: processes; one for each core if None.
+        tasks: its arguments.
+        workers: number of processes; None: one for each core.
         done: called with the number of finished tasks.
         environment: variables for the processes.
 
     Raises:
-        UserError: a task raised it, which means that the input was bad.
+        UserError: a task raised it, because of bad input.
     """
     if workers is not None and workers < 1:
         raise UserError(f"workers is {workers}: it must be 1 or more")
@@ -91,7 +91,7 @@ def _run_until_broken(
     workers: int,
     settle: Callable[[int, TaskResult[R]], None],
 ) -> list[int]:
-    """Run tasks until all are settled or a process dies; returns those that were in flight then."""
+    """Run tasks until all are settled or a process dies; returns the tasks in flight at that time."""
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_exit_with_parent)
     queue = iter(indices)
@@ -124,7 +124,7 @@ def _launch(
     in_flight: dict[Future[R], int],
     workers: int,
 ) -> None:
-    """Keep at most one task per worker in flight, so that few are suspects when a process dies."""
+    """Keep at most one task per worker in flight, so that few tasks are suspects when a process dies."""
     while len(in_flight) < workers:
         index = next(queue, None)
         if index is None:
@@ -136,10 +136,10 @@ def _launch(
 
 @contextmanager
 def _signals_wait() -> Iterator[None]:
-    """Ctrl-C and SIGTERM take effect after the block, and in processes that it starts once they say so.
+    """Delay Ctrl-C and SIGTERM until after the block; processes started in it unblock them themselves.
 
-    Until then they load modules, which a KeyboardInterrupt would end with a traceback, as would a parent
-    that is interrupted before it has told them what to do.
+    Before that, a KeyboardInterrupt would end their imports with a traceback, and so would a parent that is
+    interrupted before it has sent them their task.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDS)
     try:
@@ -149,9 +149,9 @@ def _signals_wait() -> Iterator[None]:
 
 
 def _exit_with_parent() -> None:
-    """In a worker: end when the parent is gone, however it went; its queue alone would wait forever.
+    """In a worker: exit when the parent has ended for any reason; its queue alone would wait forever.
 
-    Ctrl-C ends a worker without a traceback of its own, whenever it came.
+    Ctrl-C ends a worker without a traceback.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)

@@ -1,4 +1,4 @@
-"""What figures were measured with."""
+"""Machine, packages and policies with which figures were measured."""
 
 import platform
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ def machine() -> str:
 
 
 def origin(policy: Policy, changes: Sequence[str] = ()) -> str:
-    """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any.
+    """Description of a policy, one sentence: its trainer if the file names it, its motion prior if any.
 
     Args:
-        policy: built.
-        changes: of a controller's settings, from `footfall.policies.registry.changed_settings`.
+        policy: the policy.
+        changes: changed settings of a controller, from `footfall.policies.registry.changed_settings`.
     """
     contract = policy.contract
     if contract is None:

@@ -1,4 +1,4 @@
-"""Requirements on the figures of an evaluation, such as `nominal.falls <= 0`; their outcome as JUnit XML."""
+"""Requirements on figures of an evaluation, such as `nominal.falls <= 0`, and their outcome as JUnit XML."""
 
 import math
 import operator
@@ -31,13 +31,13 @@ class Requirement:
     limit: float
 
     def met(self, number: float | None) -> bool:
-        """Whether a figure meets it; a figure that was not measured does not."""
+        """Whether a figure meets the requirement; a figure that was not measured does not."""
         return number is not None and COMPARISONS[self.comparison](number, self.limit)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a policy reached in a scenario."""
+    """A policy's figure in a scenario, compared with its requirement."""
 
     policy: str
     scenario: str
@@ -59,10 +59,10 @@ class Outcome:
 def parse_requirements(
     texts: Iterable[str], scenarios: Sequence[str], metrics: Iterable[str] = ()
 ) -> list[Requirement]:
-    """Requirements from their texts, before anything is run.
+    """Parse requirements, before anything is run.
 
     Args:
-        texts: SCENARIO.FIGURE, a comparison and a number each; without SCENARIO it holds in all scenarios.
+        texts: SCENARIO.FIGURE, a comparison and a number each; without SCENARIO, for all scenarios.
         scenarios: names of the scenarios that are run.
         metrics: the user's own metrics, MODULE:NAME each.
 
@@ -95,7 +95,7 @@ def _parse(text: str, scenarios: tuple[str, ...], known: Mapping[str, Figure]) -
 
 
 def outcomes_of(requirements: Iterable[Requirement], results: Results) -> list[Outcome]:
-    """What each policy reached, for each requirement in each of its scenarios."""
+    """Outcome of each requirement, for each policy and scenario."""
     return [
         Outcome(policy, scenario, requirement, value(requirement.figure, result["scenarios"][scenario]))
         for requirement in requirements
@@ -105,7 +105,7 @@ def outcomes_of(requirements: Iterable[Requirement], results: Results) -> list[O
 
 
 def junit_xml(outcomes: Sequence[Outcome]) -> str:
-    """A test case for each outcome, as continuous integration reads them (JUnit's XML)."""
+    """JUnit XML with a test case for each outcome, for continuous integration."""
     unmet = sum(not outcome.met for outcome in outcomes)
     suite = ElementTree.Element(
         "testsuite", name="footfall", tests=str(len(outcomes)), failures=str(unmet), errors="0"

@@ -1,4 +1,4 @@
-"""Scenarios as data: what policies are put through, read from `scenarios.yaml`."""
+"""Scenarios as data, read from `scenarios.yaml`."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ from footfall.terrain.declaration import GroundConfig, check_ground, parameters_
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
-SHARES = {  # of what, in a file
+SHARES = {  # keys in a file that are shares, and the quantities they scale
     "forward_share": "forward_m_s",
     "leftward_share": "leftward_m_s",
     "yaw_share": "yaw_rad_s",
@@ -46,8 +46,8 @@ LEVEL_LIMITS = {
     "push_m_s": (0.0, FASTEST),
     **{name: (each.least, each.most) for name, each in QUANTITIES.items()},
 }
-MOST_EPISODES = 100_000  # of one scenario: weeks
-SHORTEST_HOLD_S = 0.01  # no policy decides more often
+MOST_EPISODES = 100_000  # of one scenario: would run for weeks
+MIN_HOLD_S = 0.01  # shorter than the period of any policy
 
 Range = tuple[float, float]
 
@@ -60,18 +60,18 @@ class DrawnCommands:
     leftward_m_s: Range
     yaw_rad_s: Range
     hold_s: Range
-    standing_share: float = 0.0  # of commands that ask to stand still
+    standing_share: float = 0.0  # of commands to stand still
 
     def __post_init__(self) -> None:
         require_ordered(self, *COMMAND_AXES, "hold_s")
         require_between(self, -FASTEST, FASTEST, *COMMAND_AXES)
-        require_between(self, SHORTEST_HOLD_S, LONGEST_S, "hold_s")
+        require_between(self, MIN_HOLD_S, LONGEST_S, "hold_s")
         require_between(self, 0.0, 1.0, "standing_share")
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A command that holds from a time on."""
+    """A command that applies from a time on."""
 
     at_s: float
     forward_m_s: float = 0.0
@@ -87,17 +87,17 @@ class Scenario:
     """One kind of episode. Commands are drawn, or scripted, or among the levels."""
 
     about: str
-    episodes: int  # unless asked otherwise
+    episodes: int  # default number
     duration_s: float
     commands: DrawnCommands | None = None
     script: tuple[Waypoint, ...] = ()
     pushes: tuple[Push, ...] = ()
     levels: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    push_between_s: Range | None = None  # when the push of the push levels comes
+    push_between_s: Range | None = None  # time range of the push of the push levels
     ground: GroundConfig | None = None  # parameters that are levels may be left out; None is level
-    randomised: bool = False  # the robot is drawn from the declaration in domain_rand
-    rows: tuple[str, ...] = ()  # levels by which results are listed as well
-    mission: dict[str, Any] | None = None  # that steers, for duration_s at most
+    randomised: bool = False  # whether the robot is randomised by domain_rand
+    rows: tuple[str, ...] = ()  # levels for which results are also listed separately
+    mission: dict[str, Any] | None = None  # steers instead of commands, for duration_s at most
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.levels if name not in LEVEL_NAMES]
@@ -168,7 +168,9 @@ class ScenarioFile:
 
     noise: Noise  # of the readings, in every scenario
     scenarios: dict[str, Scenario]
-    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)  # as the noise
+    height_scan_errors: HeightScanErrors = field(
+        default_factory=HeightScanErrors
+    )  # in every scenario, as the noise
 
     def select(self, names: Sequence[str]) -> dict[str, Scenario]:
         """The named scenarios, in the order given.
@@ -188,7 +190,7 @@ class ScenarioFile:
 
 
 def described() -> dict[str, Scenario]:
-    """Our scenarios by name, as they are listed: commands and loads are shares of a robot's ranges."""
+    """The shipped scenarios by name; commands and loads are shares of a robot's ranges."""
     shares = dict.fromkeys(SHARES.values(), (-1.0, 1.0))
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
 
@@ -201,18 +203,20 @@ def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
         own: the user's file; its scenarios come after those of footfall, or replace those of the same name.
 
     Raises:
-        UserError: a file is malformed, or takes more off the robot's base than its mass.
+        UserError: a file is malformed, or a negative payload exceeds the mass of the robot's base.
     """
     default = read_yaml(DEFAULT)
     data = default if own is None else with_changes(default, own)
     source = str(own or DEFAULT)
     file = structure(_in_units(data, _ranges(robot)), ScenarioFile, source)
     _check_loads(file, robot, source)
-    return replace(file, scenarios={name: _told(scenario) for name, scenario in file.scenarios.items()})
+    return replace(
+        file, scenarios={name: _with_ranges(scenario) for name, scenario in file.scenarios.items()}
+    )
 
 
 def _ranges(robot: Robot) -> dict[str, Range]:
-    """What shares are of: the robot's commands, and its load at random, which may be none."""
+    """The ranges that shares refer to: the robot's commands, its randomised payload, its height."""
     load = randomisation_of(robot).payload_kg
     height_m = robot.description.standing_height_m
     return {
@@ -236,7 +240,7 @@ def _check_loads(file: ScenarioFile, robot: Robot, source: str) -> None:
 
 
 def _in_units(data: Any, ranges: Mapping[str, Range]) -> Any:
-    """Plain data with shares of the robot's ranges replaced by amounts."""
+    """Plain data with shares of the robot's ranges converted to units."""
     if isinstance(data, list):
         return [SHARES.get(item, item) if isinstance(item, str) else _in_units(item, ranges) for item in data]
     if not isinstance(data, dict):
@@ -250,7 +254,7 @@ def _in_units(data: Any, ranges: Mapping[str, Range]) -> Any:
 
 
 def _scaled(share: Any, limits: Range) -> Any:
-    """A share of a range, or each of a list, as an amount; what is no number stays as it is."""
+    """A share of a range, or each of a list, in units; anything that is no number is unchanged."""
     if isinstance(share, list):
         return [_scaled(item, limits) for item in share]
     if not isinstance(share, int | float):
@@ -258,8 +262,8 @@ def _scaled(share: Any, limits: Range) -> Any:
     return share * limits[1] if share >= 0 else -share * limits[0]
 
 
-def _told(scenario: Scenario) -> Scenario:
-    """The scenario, saying in what ranges its commands are drawn."""
+def _with_ranges(scenario: Scenario) -> Scenario:
+    """The scenario with the ranges of its drawn commands in its description."""
     drawn = scenario.commands
     if drawn is None:
         return scenario

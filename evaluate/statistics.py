@@ -1,6 +1,6 @@
-"""Confidence intervals of rates, means and the push that half of all robots survive.
+"""Confidence intervals of rates, of means, and of the push that half of all robots survive.
 
-SciPy has the first two, but its 143 MB are too much for a robot's small computer. The tests compare with it.
+SciPy has the first two, but its 143 MB are too much for a robot's small computer. Tests compare with SciPy.
 """
 
 import math
@@ -52,7 +52,7 @@ def bootstrap_mean_interval(values: ArrayLike, weights: ArrayLike, seed: int = 0
 
 
 class Survival(NamedTuple):
-    """Chance to survive a push: 1 / (1 + exp((x - dv50) / width)). Infinite dv50: beyond what was tried."""
+    """Chance to survive a push: 1 / (1 + exp((x - dv50) / width))."""
 
     dv50: float  # m/s; infinite if most survive the strongest push tried, 0 if few survive the weakest
     width: float  # m/s
@@ -66,7 +66,7 @@ class Survival(NamedTuple):
 def fit_survival(delta_v: ArrayLike, survived: ArrayLike, seed: int = 0) -> Survival:
     """Logistic fit of survival against the size of the push, with a bootstrap interval of its 50 % point.
 
-    A weak ridge on the steepness keeps the fit finite where a push size separates survivors from fallen.
+    A weak ridge on the steepness keeps the fit finite if a push size separates survivors from fallen robots.
 
     Args:
         delta_v: sizes (N,), m/s.

@@ -1,4 +1,4 @@
-"""Runs policies through scenarios, in parallel processes, and collects what is reported."""
+"""Runs policies through scenarios in parallel processes, and collects the figures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.summary import Summary, compute_figures, summarise
 from footfall.plant.trace import Trace
 
-COURSE = "course"  # the scenario that is filmed, and on which time per step is taken
+COURSE = "course"  # the scenario that is filmed and on which time per step is measured
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class CourseWalk:
     plan: EpisodePlan
     trace: Trace | None
     compute: Summary  # compute_ms and missed_deadlines
-    error: str  # why there is no trace
+    error: str  # the reason if there is no trace
 
 
 def run_suite(
@@ -34,11 +34,11 @@ def run_suite(
 ) -> dict[str, dict[str, Summary]]:
     """Figures of each policy on each scenario: {policy: {scenario: figures}}.
 
-    The figures, time per step apart, do not depend on the number of workers.
+    Only the time per step depends on the number of workers.
 
     Args:
         policies: as `load_policy` takes them, each once.
-        config: what they share.
+        config: the settings that they share.
         file: the scenarios' definitions.
         done: called with the number of finished episodes and of all.
 
@@ -70,7 +70,7 @@ def run_suite(
 def run_course(
     policies: Sequence[str], config: EvaluationConfig, file: ScenarioFile
 ) -> dict[str, CourseWalk]:
-    """Each policy once over the course, one after the other, so that nothing of ours disturbs its timing."""
+    """Each policy once over the course, one at a time, so that other episodes do not disturb its timing."""
     (plan,) = plan_episodes(COURSE, file.scenarios[COURSE], config.seed, 1)
     tasks = [_task(policy, plan, config, file, keep_trace=True) for policy in policies]
     outcomes = run_all(run_task, tasks, workers=1)

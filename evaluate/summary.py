@@ -41,7 +41,7 @@ _ENERGY_PER_DISTANCE = {
     "cost_of_transport_mechanical": ("mechanical_j", True),
     "positive_work_j_m": ("positive_j", False),
 }
-_LEAST_DISTANCE_M = 0.1  # a robot that stands still has no cost of transport
+_MIN_DISTANCE_M = 0.1  # a robot that stands still has no cost of transport
 
 
 def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]], seed: int) -> Summary:
@@ -100,7 +100,7 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
         figures[name] = weighted_mean(values, weights)
         figures[f"{name}_interval"] = bootstrap_mean_interval(values, weights, seed)
     distance = _column(metrics, "distance_m")
-    travelled = np.where(distance > _LEAST_DISTANCE_M, distance, 0.0)
+    travelled = np.where(distance > _MIN_DISTANCE_M, distance, 0.0)
     for name, (energy, by_weight) in _ENERGY_PER_DISTANCE.items():
         weights = travelled * (_column(metrics, "weight_n") if by_weight else 1.0)
         ratios = np.divide(
@@ -147,7 +147,7 @@ def _compute(finished: Sequence[EpisodeOutcome]) -> Summary:
 
 
 def _successes(finished: Sequence[EpisodeOutcome]) -> Summary:
-    """Number of episodes in which the robot stayed up and got along, with its interval."""
+    """Number of episodes in which the robot stayed up and followed its command, with its interval."""
     successes = sum(outcome.metrics.succeeded for outcome in finished)
     return {
         "successes": successes,
@@ -163,7 +163,7 @@ def _recoveries(finished: Sequence[EpisodeOutcome]) -> Summary:
 
 
 def _rows(scenario: Scenario, finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:
-    """Figures for each combination of levels that occurred, in rising order."""
+    """Figures for each combination of levels, in rising order."""
     names = scenario.rows
     groups: dict[tuple[float, ...], list[EpisodeOutcome]] = {}
     for outcome in finished:
@@ -207,7 +207,7 @@ def _largest(metrics: Sequence[EpisodeMetrics], name: str) -> float:
 
 
 def _plain(value: Any) -> Any:
-    """The value with lists for tuples, and None for NaN and infinities."""
+    """The value with lists instead of tuples, and None instead of NaN and infinities."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

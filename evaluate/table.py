@@ -17,11 +17,11 @@ _FIGURE = re.compile(r"\d+(\.\d+)?")
 
 
 def print_results(results: Mapping[str, Mapping[str, Any]], console: Console) -> None:
-    """One table per scenario, a column per policy, then the verdict and whatever went wrong.
+    """Print one table per scenario, a column per policy, then the verdict and warnings.
 
     Args:
         results: {policy: {"scenarios": {scenario: summary}, ...}}.
-        console: where to.
+        console: the terminal.
     """
     names = list(results)
     by_scenario = {
@@ -36,7 +36,7 @@ def print_results(results: Mapping[str, Mapping[str, Any]], console: Console) ->
 
 
 def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) -> Table:
-    """Figures in rows, policies in columns, each with its 95 % interval; clearly best is green."""
+    """Figures in rows, policies in columns, each with its 95 % interval; a clear winner is green."""
     table = Table(title=scenario, title_justify="left", title_style="bold")
     table.add_column("")
     for name in names:
@@ -57,7 +57,7 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
 
 
 def weakest_table(policy: str, found: Mapping[str, Any]) -> Table:
-    """What fells a policy, a row for each disturbance (`footfall.evaluate.weakest.weakest`)."""
+    """Disturbances that make a policy fall, one a row (`footfall.evaluate.weakest.weakest`)."""
     table = Table(title=f"what fells {policy}", title_justify="left", title_style="bold")
     for heading in ("", "smallest", "median", "95 % interval", "walked on"):
         table.add_column(heading, justify="right" if heading else "left")
@@ -66,19 +66,21 @@ def weakest_table(policy: str, found: Mapping[str, Any]) -> Table:
             parts = ", ".join(f"{part} {value:.3g}" for part, value in each["values"].items())
             table.add_row(f"together, {each['size']:.2f} of each alone", parts)
             continue
-        low, high = (_fells(end) for end in each["interval"])
+        low, high = (_size_text(end) for end in each["interval"])
         title = f"{name}, {each['unit']}" if each["unit"] else name
         walked_on = f"{each['never_fell']} of {each['episodes']}"
-        table.add_row(title, _fells(each["smallest"]), _fells(each["median"]), f"{low} to {high}", walked_on)
+        table.add_row(
+            title, _size_text(each["smallest"]), _size_text(each["median"]), f"{low} to {high}", walked_on
+        )
     return table
 
 
-def _fells(value: float | None) -> str:
+def _size_text(value: float | None) -> str:
     return "nothing" if value is None else f"{value:.3g}"
 
 
 def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """One line for each scenario with episodes that failed, and for each thing changed or lacking."""
+    """One line for each scenario with failed episodes, and one for each note of an episode."""
     lines = []
     notes: set[str] = set()
     for policy, result in results.items():
@@ -90,7 +92,7 @@ def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _once_each(notes: Iterable[str]) -> list[str]:
-    """Notes that differ in nothing but their figures, as one line."""
+    """Notes that differ only in their numbers, merged into one line."""
     alike: dict[str, list[str]] = {}
     for note in sorted(notes):
         alike.setdefault(_FIGURE.sub("", note), []).append(note)

@@ -1,11 +1,11 @@
-"""One sentence: which policy is better at what, and how certain that is."""
+"""The verdict in one sentence: which policy leads in which figure, and how certain that is."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from footfall.evaluate.figures import (
-    LEAST_EPISODES,
+    MIN_EPISODES,
     Figure,
     Summary,
     figures,
@@ -21,7 +21,7 @@ Headline = tuple[Figure, str]  # a figure and the scenario that it is taken from
 
 
 def headlines(by_scenario: Mapping[str, Summaries]) -> list[Headline]:
-    """The figures that a report opens with: of the first scenario, and of the first one with pushes.
+    """The figures at the top of a report: of the first scenario, and of the first one with pushes.
 
     Args:
         by_scenario: {scenario: {policy: summary}}.
@@ -48,10 +48,10 @@ def verdict(by_scenario: Mapping[str, Summaries]) -> str:
     used = {scenario: by_scenario[scenario] for _, scenario in rows}
     if len(next(iter(used.values()))) == 1:
         return _alone(rows, used)
-    if min(_episodes(each) for each in used.values()) < LEAST_EPISODES:
+    if min(_episodes(each) for each in used.values()) < MIN_EPISODES:
         return (
-            f"Too few episodes to say who is better ({_counted(used)}): an interval over fewer than"
-            f" {LEAST_EPISODES} promises more than it knows."
+            f"Too few episodes to rank the policies ({_counted(used)}): an interval over fewer than"
+            f" {MIN_EPISODES} is too narrow."
         )
     return _ranking([row for row in rows if row[0].better], used)
 
@@ -85,7 +85,7 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
                 f" but {'falls' if one else 'fall'} more often than others"
             )
         else:
-            # Of falls there are some in every scenario: a reader would take these for all of them.
+            # Falls are counted in every scenario: name the scenario, or a reader would take these for all.
             among = figure.key == "falls" and len(by_scenario) > 1
             unclear.append(_lower(figure.label) + (f" in {scenario}" if among else ""))
     claims = [f"{_listed(group)} {_listed(done)}" for group, done in clear.items()] + marred
@@ -98,7 +98,7 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
 
 
 def _evidence(figure: Figure, names: Sequence[str], summaries: Sequence[Summary]) -> str:
-    """The leaders' numbers and that of the best of the others."""
+    """The leaders' values and the best value of the others."""
     first = leaders(figure, summaries)
     own = _listed([text(figure, summaries[index]) for index in sorted(first)])
     others = [index for index in range(len(names)) if index not in first]

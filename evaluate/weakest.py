@@ -1,8 +1,8 @@
-"""The smallest push, latency, lack of friction or loss of motor strength that a policy does not bear.
+"""The smallest push, latency, loss of friction or loss of motor strength at which a policy fails.
 
-It falls, or it stays up and gets nowhere, as on ice. In each episode a bisection finds where that begins:
-below it may be other failures, which no bisection sees. Of several disturbances together, CMA-ES looks for
-the direction in which the fewest suffice.
+The robot falls, or it stays up without progress, as on ice. In each episode a bisection finds where failures
+begin; it cannot see failures at smaller disturbances. For several disturbances together, CMA-ES searches the
+direction in which the smallest combination fails.
 """
 
 import math
@@ -23,8 +23,8 @@ from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.statistics import CONFIDENCE
 from footfall.plant.episode import Push
 
-SCENARIO = "push"  # whose walks are disturbed; its pushes' times and directions are kept
-HALVINGS = 8  # the result is as fine as 1/256 of a disturbance's range
+SCENARIO = "push"  # scenario that is disturbed; times and directions of its pushes are kept
+HALVINGS = 8  # resolution: 1/256 of a disturbance's range
 EPISODES = 12
 GENERATIONS, POPULATION, START_STEP = 8, 6, 0.3  # of CMA-ES
 RESAMPLES = 1000
@@ -32,7 +32,7 @@ RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A quantity that grows worse from `mild` to `worst`."""
+    """A quantity whose effect grows from `mild` to `worst`."""
 
     unit: str
     mild: float
@@ -55,14 +55,14 @@ Severities = dict[str, float]  # of disturbances by name, each from 0 to 1
 
 @dataclass(frozen=True)
 class Ray:
-    """One bisection: severities grow together, in one episode."""
+    """One bisection, in one episode: all severities grow in proportion."""
 
     task: EpisodeTask
-    direction: Severities  # at the ray's end, 1
+    direction: Severities  # severities at share 1
 
 
 def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
-    """An episode of the scenario with these disturbances in the place of its push."""
+    """An episode of the scenario with these disturbances instead of its push."""
     (push,) = plan.pushes
     norm = math.hypot(*push.delta_v_m_s)
     size = DISTURBANCES["push"].at(severities.get("push", 0.0)) / norm
@@ -76,7 +76,7 @@ def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
 
 
 def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
-    """Smallest share, from 0 to 1, at which something falls; infinite if it does not at 1."""
+    """Smallest share, from 0 to 1, at which `falls` is true; infinite if it is false at 1."""
     if not falls(1.0):
         return math.inf
     low, high = 0.0, 1.0
@@ -87,20 +87,20 @@ def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
 
 
 def bisect(ray: Ray) -> float:
-    """Share of a ray at which its policy falls, or gets nowhere; infinite if it walks on at the end.
+    """Share of a ray from which on its policy falls or makes no progress; infinite if it does not.
 
-    A push changes the way itself: on rays with a push, and for a policy that does not walk, only falls count.
+    A push changes the path: on rays with a push, and for a policy that does not walk, only falls count.
     """
 
     def run(share: float) -> EpisodeOutcome:
         severities = {name: min(1.0, share * end) for name, end in ray.direction.items()}
         return run_task(replace(ray.task, plan=disturbed(ray.task.plan, severities)))
 
-    way_counts = "push" not in ray.direction and run(0.0).metrics.progress >= ARRIVED
+    progress_counts = "push" not in ray.direction and run(0.0).metrics.progress >= ARRIVED
 
     def fails(share: float) -> bool:
         outcome = run(share)
-        return bool(outcome.trouble) or (way_counts and outcome.metrics.progress < ARRIVED)
+        return bool(outcome.trouble) or (progress_counts and outcome.metrics.progress < ARRIVED)
 
     return smallest(fails)
 
@@ -108,7 +108,7 @@ def bisect(ray: Ray) -> float:
 def weakest(
     policy: str, config: EvaluationConfig, file: ScenarioFile, names: Sequence[str]
 ) -> dict[str, Any]:
-    """What a policy does not bear, for each disturbance alone, and for all together if there are several.
+    """Smallest disturbances at which a policy fails, each alone, and all combined if there are several.
 
     Args:
         policy: as `load_policy` takes it.
@@ -139,7 +139,7 @@ def weakest(
     found = {name: _figures(name, row, config.seed) for name, row in zip(names, shares, strict=True)}
     if len(names) > 1:
         alone = dict(zip(names, np.minimum(shares[:, 0], 1.0).tolist(), strict=True))
-        found["together"] = _together(tasks[0], alone, config)
+        found["together"] = _combined(tasks[0], alone, config)
     return found
 
 
@@ -152,7 +152,7 @@ def _run(rays: Sequence[Ray], workers: int | None) -> list[float]:
 
 
 def _figures(name: str, shares: np.ndarray, seed: int) -> dict[str, Any]:
-    """Smallest and median disturbance that fells, in its own unit; None where nothing does."""
+    """Smallest and median disturbance that makes the robot fall, in its unit; None if none does."""
     resamples = np.random.default_rng(seed).choice(shares, (RESAMPLES, len(shares)))
     middles = np.sort(np.quantile(resamples, 0.5, axis=1, method="lower"))
     tail = (1 - CONFIDENCE) / 2
@@ -171,10 +171,10 @@ def _value(name: str, share: float) -> float | None:
     return None if math.isinf(share) else DISTURBANCES[name].at(float(share))
 
 
-def _together(task: EpisodeTask, alone: Severities, config: EvaluationConfig) -> dict[str, Any]:
-    """The smallest combination that fells in one episode.
+def _combined(task: EpisodeTask, alone: Severities, config: EvaluationConfig) -> dict[str, Any]:
+    """The smallest combination of disturbances at which the policy fails in one episode.
 
-    Its size is a norm: each disturbance counts as a share of what fells alone, so that 1 is no better.
+    Its size is the norm of each disturbance over its size alone: 1 is no smaller than a single disturbance.
     """
     names, scale = list(alone), math.sqrt(len(alone))
     search = _library()(

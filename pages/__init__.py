@@ -1,1 +1,1 @@
-"""A page that shows a run's newest policy walking beside the run's curves. It reads the run folder only."""
+"""Pages in the browser: a run's newest policy with its curves, a live run in 3-D, and the cockpit."""

@@ -1,4 +1,4 @@
-"""The page of a run that this process is about to train, served by another process at low priority."""
+"""The page of a run that this process trains, served by another process at low priority."""
 
 import multiprocessing
 import os
@@ -17,7 +17,7 @@ NICENESS = 10
 
 @contextmanager
 def watched(run: Path, host: str, port: int) -> Iterator[None]:
-    """Serve the page of a run for as long as the context lasts."""
+    """Serve the page of a run while the context lasts."""
     arguments = (run, host, port)
     process = multiprocessing.get_context("spawn").Process(target=_serve, args=arguments, name="watch")
     process.start()

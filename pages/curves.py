@@ -1,4 +1,4 @@
-"""The curves of a training, drawn into one place of the page."""
+"""The curves of a training, in one container of the page."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +12,12 @@ if TYPE_CHECKING:
 
 POINTS = 400  # of a curve, at most
 HEIGHT_PX = 100
-PADDING_PX = (9, 18, 0, 0)  # top, right, bottom, left of a chart: the highest tick's number is not cut off
+PADDING_PX = (
+    9,
+    18,
+    0,
+    0,
+)  # top, right, bottom, left of a chart: room for the highest tick label
 COLOUR = "#{:02x}{:02x}{:02x}".format(*BRAND)
 WAITING = "No curves yet: they begin with the second iteration."
 NONE_KEPT = "No curves: the folder holds the policy without the metrics of its training."
@@ -20,7 +25,7 @@ AXIS = "Over million environment steps:"
 
 
 class Curve(NamedTuple):
-    """One chart: title, metric, and the size of its unit."""
+    """One chart: title, metric, and the value of one unit of its axis."""
 
     title: str
     metric: str
@@ -38,7 +43,7 @@ CURVES = (
 
 
 class Curves:
-    """A chart for each metric that the run has, or why there is none."""
+    """A chart for each metric of the run, or the reason why there is none."""
 
     def __init__(self, gui: "GuiApi", place: "GuiTabHandle | GuiFolderHandle") -> None:
         self._gui, self._place = gui, place
@@ -48,7 +53,7 @@ class Curves:
             self._text = gui.add_markdown(WAITING)
 
     def draw(self, metrics: MetricsFile, finished: bool) -> None:
-        """Draw what is new. A finished run without metrics will have no curves."""
+        """Draw new values. A finished run without metrics will have no curves."""
         if metrics.last_step != self._drawn_step:
             self._drawn_step = metrics.last_step
             for curve in CURVES:

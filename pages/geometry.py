@@ -1,4 +1,4 @@
-"""What a robot looks like: the visible geoms of its model as triangles."""
+"""The visible geoms of a robot's model, as triangles."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -8,8 +8,8 @@ import numpy as np
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-COLLISION_GROUP = 3  # by custom, geoms of this group and above only collide
-UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that was given none
+COLLISION_GROUP = 3  # by convention, geoms of this group and above only collide
+UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default colour
 
 
 class Shape(NamedTuple):
@@ -25,7 +25,7 @@ class Shape(NamedTuple):
 
 
 def visible_shapes(model: mujoco.MjModel) -> list[Shape]:
-    """All geoms that are meant to be seen, but for planes and height fields: the ground is drawn apart."""
+    """All visible geoms except planes and height fields: the ground is drawn separately."""
     shapes = []
     for geom in np.flatnonzero(model.geom_group < COLLISION_GROUP).tolist():
         mesh = _triangles(model, geom)
@@ -45,7 +45,7 @@ def visible_shapes(model: mujoco.MjModel) -> list[Shape]:
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """A geom's own colour, or its material's where it has none of its own."""
+    """A geom's own colour, or its material's if it has none of its own."""
     own, material = model.geom_rgba[geom], model.geom_matid[geom]
     return (model.mat_rgba[material] if material >= 0 and np.allclose(own, UNPAINTED) else own).copy()
 

@@ -1,9 +1,9 @@
 """Additions to viser's web server: a check of the client, and a page with footfall's title and colour scheme.
 
 viser 1.1 accepts a WebSocket from any page that the visitor has open, so that any web site could move the
-robot shown. It offers no hook for its handshake and none for its page, hence this replacement of the
-function that it starts its server with. It can go when viser compares Origin with Host (then
-`tests/pages/test_handshake.py` passes without it) and lets title and colour scheme be set.
+robot on the page. It has no hook for its handshake and none for its page. Therefore this module replaces the
+function with which viser starts its server. Remove it when viser compares Origin with Host (then
+`tests/pages/test_handshake.py` passes without it) and has settings for title and colour scheme.
 """
 
 import socket
@@ -15,16 +15,16 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-HEAD = Path(__file__).with_name("head.html")  # takes the place of the page's title
+HEAD = Path(__file__).with_name("head.html")  # replaces the page's title
 PAGE = ("/", "/index.html")
 
 
 def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
     """Why a request is refused; None if it is not.
 
-    A page may connect to the server that it came from and to no other. A program that is no browser sends no
-    origin and is let in. The name by which the server is asked for must be one that cannot be made to point
-    here by another machine: an IP address, localhost, this machine's name, or the one that was given.
+    A page may connect only to the server that it came from. A program other than a browser sends no origin
+        and is accepted. The server's name in the request must be one that no other machine can redirect here:
+        an IP address, localhost, this machine's name, or `served_at`.
 
     Args:
         host: the request's Host header, NAME[:PORT].
@@ -33,7 +33,7 @@ def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
     """
     try:
         name = urlsplit(f"//{host or ''}").hostname or ""
-    except ValueError:  # such as an IPv6 address that has no end
+    except ValueError:  # such as an incomplete IPv6 address
         return "the request names no host"
     machine = socket.gethostname().lower()
     if not _is_address(name) and name not in {"localhost", served_at.lower(), machine, f"{machine}.local"}:
@@ -53,7 +53,7 @@ def _is_address(name: str) -> bool:
 
 @contextmanager
 def own_handshake(served_at: str) -> Iterator[None]:
-    """A viser server that is started meanwhile checks each request and serves our page."""
+    """A viser server that is started in this context checks each request and serves footfall's page."""
     from websockets.asyncio import server
 
     serve = server.serve
@@ -65,7 +65,7 @@ def own_handshake(served_at: str) -> Iterator[None]:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
             if request.path.partition("?")[0] not in PAGE:
                 return process_request(connection, request)
-            request.headers.pop("Accept-Encoding", None)  # viser's page is compressed as it is
+            request.headers.pop("Accept-Encoding", None)  # viser would send its compressed page
             response = process_request(connection, request)
             return response if response is None else _ours(response)
 
@@ -79,7 +79,7 @@ def own_handshake(served_at: str) -> Iterator[None]:
 
 
 def _ours(response: Any) -> Any:
-    """The page with our head."""
+    """The page with footfall's head."""
     response.body = response.body.replace(b"<title>Viser</title>", HEAD.read_bytes(), 1)
     del response.headers["Content-Length"]
     response.headers["Content-Length"] = str(len(response.body))

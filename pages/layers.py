@@ -1,4 +1,4 @@
-"""What the visitor wants to see in the 3-D view."""
+"""Checkboxes that show and hide layers of the 3-D view."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def offer_layers(gui: "GuiApi", layers: Mapping[str, Any]) -> None:
-    """A checkbox for each layer that hides it: labels and the frames of the scene that layers hang on."""
+    """Add a checkbox for each layer; `layers` maps labels to the layers' frames in the scene."""
     with gui.add_folder("Show"):
         for label, frame in layers.items():
             gui.add_checkbox(label, True).on_update(partial(_show, frame))

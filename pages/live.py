@@ -1,4 +1,4 @@
-"""The 3-D page of a run that is under way: it reads the run's feed, and commands nothing."""
+"""The 3-D page of a live run: it reads the run's feed and sends no commands."""
 
 import signal
 import time
@@ -18,13 +18,13 @@ from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, plant_model
 from footfall.robots.readings import Sensed
 
-LAST = 1e6  # place of the curves, which are long
+LAST = 1e6  # order of the curves: at the end
 FRAME_S = 0.033
-SMOOTHING = 0.1  # of the velocity that the arrow shows, for each frame
+SMOOTHING = 0.1  # weight of the newest velocity in the shown one, per frame
 
 
 class Pose:
-    """Poses the bodies of a robot's model as a moment has them, with the feet on level ground."""
+    """Poses a robot's model as in a moment, with the feet on level ground."""
 
     def __init__(self, robot: Robot) -> None:
         self.model = plant_model(robot)
@@ -46,15 +46,15 @@ class Pose:
 
 
 def show_run(robot: Robot, path: Path, host: str, port: int) -> None:
-    """Serve the page of a run until its process is gone.
+    """Serve the page of a run until its process has ended.
 
     Args:
-        robot: that runs.
-        path: of the run's feed.
+        robot: the robot.
+        path: socket of the run's feed.
         host, port: where to listen.
 
     Raises:
-        UserError: viser is missing, or the address cannot be had.
+        UserError: viser is missing, or the address is not available.
     """
     with serving(host, port, f"footfall: {robot.name}") as server:
         text = server.gui.add_markdown("**waiting for the run**")

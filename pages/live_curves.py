@@ -1,4 +1,4 @@
-"""Curves of the last seconds: commanded and measured velocity, tilt, and the torque of the hardest joint."""
+"""Curves of the last seconds: commanded and measured velocity, tilt, and the largest joint load."""
 
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -36,7 +36,7 @@ CHARTS: dict[str, tuple[Line, ...]] = {
 
 
 class LiveCurves:
-    """Charts of a walking robot, drawn into one place of the page."""
+    """Charts of a walking robot, in one container of the page."""
 
     def __init__(self, gui: "GuiApi", place: Any, robot: Robot) -> None:
         """`place` is a folder or tab."""
@@ -47,9 +47,9 @@ class LiveCurves:
         self._next_s = 0.0
 
     def add(self, moment: Moment) -> None:
-        """Take in a moment; draws now and then."""
+        """Add a moment; draws every `EVERY_S`."""
         values, time_s = self._values, moment.time_s
-        if values and time_s < values[-1][0]:  # the robot begins again
+        if values and time_s < values[-1][0]:  # a new episode
             values.clear()
             self._next_s = 0.0
         moving, command = moment.moving.tolist(), np.asarray(moment.command).tolist()

@@ -1,4 +1,4 @@
-"""What is drawn about a robot: footholds and paths of its feet, contacts and forces, balance."""
+"""Annotations of a robot: footholds and paths of its feet, contacts and forces, balance."""
 
 from collections import deque
 from typing import TYPE_CHECKING, Any
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
     from viser import ViserServer
 
 LAYERS = {"Footholds, paths": "feet", "Forces": "forces", "Balance": "balance"}
-SHAPED_S = 0.06  # between changes of lines and surfaces: a browser builds each of them anew
-TRAIL_POINTS = 24  # of the path of each foot that is drawn, one for each moment
-WAY_POINTS = 9  # of the way to a foothold
+SHAPED_S = 0.06  # between changes of lines and surfaces, which a browser rebuilds each time
+TRAIL_POINTS = 24  # of each foot's path, one for each moment
+WAY_POINTS = 9  # of the path to a foothold
 CORNERS = 24  # of the support polygon, at most
-FLAT_M = 0.002  # height of what lies on the ground above it
+FLAT_M = 0.002  # height of flat marks above the ground
 UP = np.array([0.0, 0.0, FLAT_M])
-FORCE_LENGTH = 1.2  # standing heights that the arrow of the robot's whole weight is long
-LIFT = 0.15  # standing heights by which the way to a foothold rises
+FORCE_LENGTH = 1.2  # length of the arrow for the robot's whole weight, in standing heights
+LIFT = 0.15  # rise of the path to a foothold, in standing heights
 
 
 class Marks:
     """Draws a robot's footholds, forces and balance. Each layer can be hidden.
 
-    Layers go with the robot, and lines in them are given from the point below it.
+    Layers follow the robot; their coordinates are relative to the point on the ground below it.
     """
 
     def __init__(self, server: "ViserServer", robot: Robot, world: str) -> None:
@@ -66,7 +66,7 @@ class Marks:
         )  # fmt: skip
 
     def begin(self) -> None:
-        """Forget the paths of the feet: the robot begins again."""
+        """Clear the paths of the feet, at the beginning of an episode."""
         self._trail.clear()
         self._shaped_s = -np.inf
 
@@ -93,7 +93,7 @@ class Marks:
             self._shape(balance, goals, below)
 
     def _shape(self, balance: Balance, goals: np.ndarray, below: np.ndarray) -> None:
-        """Draw lines and surfaces, of which none is longer than there is something to draw."""
+        """Draw lines and surfaces; unused segments have no length."""
         feet = balance.foot - below
         path = np.array(self._trail) - below
         path = np.concatenate([np.repeat(path[:1], TRAIL_POINTS - len(path), axis=0), path])
@@ -124,19 +124,19 @@ class Marks:
 
 
 def _footholds(moment: Moment) -> np.ndarray:
-    """Planned footholds in the world, (feet, 3) m; NaN where none is planned."""
+    """Planned footholds in the world, (feet, 3) m; NaN for feet without one."""
     if moment.footholds is None:
         return np.full((len(moment.contact), 3), np.nan)
     return moment.position + moment.footholds @ heading_matrix(yaw_of(moment.quaternion.tolist())).T
 
 
 def _arc(start: np.ndarray, end: np.ndarray, height_m: float) -> np.ndarray:
-    """Segments (k, 2, 3) of a way that rises and falls to its end, less the shorter it is."""
+    """Segments (k, 2, 3) of an arc from start to end; short arcs rise less."""
     share = np.linspace(0.0, 1.0, WAY_POINTS)[:, None]
-    way = start + share * (end - start)
+    arc = start + share * (end - start)
     rise = min(height_m, 0.5 * float(np.linalg.norm(end - start)))
-    way[:, 2:] += 4.0 * rise * share * (1.0 - share)
-    return np.stack([way[:-1], way[1:]], axis=1)
+    arc[:, 2:] += 4.0 * rise * share * (1.0 - share)
+    return np.stack([arc[:-1], arc[1:]], axis=1)
 
 
 def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:

@@ -22,17 +22,17 @@ class MetricsFile:
         return max(self._rows, default=0)
 
     def age_s(self) -> float | None:
-        """How long ago the file grew, s; None if there is none."""
+        """Time since the file last grew, s; None without a file."""
         try:
             return time.time() - self._path.stat().st_mtime
         except FileNotFoundError:
             return None
 
     def refresh(self) -> bool:
-        """Read on; returns whether there was anything new."""
+        """Read new lines; returns whether there were any."""
         try:
             with self._path.open("rb") as file:
-                if self._path.stat().st_size < self._offset:  # a resumed run drops what it computes again
+                if self._path.stat().st_size < self._offset:  # a resumed run deletes steps
                     self._offset = 0
                     self._rows.clear()
                 file.seek(self._offset)
@@ -45,7 +45,7 @@ class MetricsFile:
                 row = json.loads(line)
                 self._rows[int(row["step"])] = row
             except (ValueError, KeyError, TypeError):
-                continue  # what a killed process left
+                continue  # an incomplete line of a killed process
         return bool(whole)
 
     def curve(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -60,7 +60,7 @@ class MetricsFile:
 
 
 def thinned(values: np.ndarray, most: int) -> np.ndarray:
-    """At most so many of the values (k,), evenly chosen, the first and the last among them."""
+    """At most `most` of the values (k,), evenly spaced, including the first and the last."""
     if len(values) <= most:
         return values
     return values[np.linspace(0, len(values) - 1, most).round().astype(int)]

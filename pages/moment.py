@@ -8,7 +8,7 @@ from footfall.robots.readings import Sensed
 
 
 class Moment(NamedTuple):
-    """How a robot stands and moves: the simulation's truth, or what its estimator makes of its sensors."""
+    """State of a robot: the simulation's ground truth, or the estimate from its sensors."""
 
     time_s: float
     position: np.ndarray  # (3,) m, of the base; the ground is at z = 0
@@ -21,5 +21,5 @@ class Moment(NamedTuple):
 
     @property
     def moving(self) -> np.ndarray:
-        """The velocity that answers the command: forward m/s, leftward m/s, yaw rad/s, (3,)."""
+        """The velocity in the command's axes: forward m/s, leftward m/s, yaw rad/s, (3,)."""
         return np.array([*self.velocity[:2], self.sensed.gyro[2]])

@@ -1,4 +1,4 @@
-"""A policy that goes on learning while it walks."""
+"""A policy whose network is replaced by newer ones while it walks."""
 
 from pathlib import Path
 
@@ -9,14 +9,14 @@ from footfall.policies.learned import LearnedPolicy, open_network
 class NewestPolicy(LearnedPolicy):
     """A learned policy; a later checkpoint can replace its network between two steps.
 
-    Observation history, last action and gait clock carry over, so that the robot does not stumble over it.
+    Observation history, last action and gait clock are kept, so that the robot does not stumble.
     """
 
     def replace_network(self, path: Path) -> None:
-        """Go on with another network of the same contract.
+        """Continue with another network of the same contract.
 
         Raises:
-            UserError: the file is no policy, or one of another contract.
+            UserError: the file is no policy, or has another contract.
         """
         session, contract = open_network(path)
         if contract != self.contract:

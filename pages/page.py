@@ -1,4 +1,4 @@
-"""The page's server: where it listens, and viser's page made ours."""
+"""The page's server: its address, and viser's page with footfall's look."""
 
 import errno
 import io
@@ -15,21 +15,21 @@ from footfall.pages.handshake import own_handshake
 if TYPE_CHECKING:
     from viser import ViserServer
 
-NOT_HERE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
+NOT_AVAILABLE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 BRAND = (224, 112, 26)
 
 
 @contextmanager
 def serving(host: str, port: int, label: str) -> "Iterator[ViserServer]":
-    """An empty page, served for as long as the context lasts.
+    """An empty page, served while the context lasts.
 
     Raises:
-        UserError: viser is not installed, or the address cannot be had.
+        UserError: viser is not installed, or the address is not available.
     """
     check_page(host, port)
     from viser import ViserServer
 
-    # A browser that hangs up early, as browsers do, would cost a traceback.
+    # A browser that closes a connection early would cause a traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
     with _quietly(), own_handshake(host):
         server = ViserServer(host, port, label=label, verbose=False)
@@ -43,22 +43,22 @@ def serving(host: str, port: int, label: str) -> "Iterator[ViserServer]":
 
 
 def check_page(host: str, port: int) -> None:
-    """Raises UserError if no page can be served there, or none at all."""
+    """Raise UserError if viser is not installed or the address is not available."""
     _check_viser()
     check_address(host, port)
 
 
 def _check_viser() -> None:
-    """Raises UserError if the extra is not installed."""
+    """Raise UserError if the extra is not installed."""
     with needs_extra("watch", "watching needs"):
         import viser  # noqa: F401
 
 
 def check_address(host: str, port: int) -> None:
-    """Raises UserError if something cannot listen there; viser would quietly take another port.
+    """Raise UserError if the address is not available; viser would silently take another port.
 
-    A name may stand for several addresses, and viser takes them all, but for those that this machine does
-    not have (IPv6 where it is off).
+    A name may resolve to several addresses. viser listens at all of them, except those that this machine does
+    not have (IPv6, if it is disabled).
     """
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
@@ -68,17 +68,17 @@ def check_address(host: str, port: int) -> None:
         raise _no_page(host, port, error.strerror) from None
     refusals = [_refusal(family, kind, protocol, address) for family, kind, protocol, _, address in found]
     errors = [error for error in refusals if error is not None]
-    taken = [error for error in errors if error.errno not in NOT_HERE]
+    taken = [error for error in errors if error.errno not in NOT_AVAILABLE]
     if taken or None not in refusals:
         raise _no_page(host, port, (taken or errors)[0].strerror)
 
 
 def _refusal(family: int, kind: int, protocol: int, address: tuple) -> OSError | None:
-    """Why nothing can listen at one address; None if something can."""
+    """The error of listening at one address; None if it is available."""
     try:
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            if family == socket.AF_INET6:  # as a server has it that listens for IPv4 besides
+            if family == socket.AF_INET6:  # as set by a server that also listens on IPv4
                 probe.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
             probe.bind(address)
     except OSError as error:

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 CURVES_WIDTH_PX = 320
 PUSHES_M_S = (0.2, 4.0)
 BEYOND = "The policy was trained on these ranges; a number beyond one is clipped to it."
-ALL = -1  # place of the curves that every visitor gets
-TELEPHONE_PX = 576  # width of the view on the widest
-BETWEEN_PANELS = 0.7  # width over height of a view that is narrow since two panels stand beside it, at most
+ALL = -1  # key of the curves that every visitor sees
+TELEPHONE_PX = 576  # largest width of the view on a phone
+BETWEEN_PANELS = 0.7  # largest aspect ratio of a view that is narrow only because of the two panels beside it
 
 
 class Panel:
@@ -46,7 +46,7 @@ class Panel:
         restart.on_click(lambda _: setattr(self, "_restart_asked", True))
         curves = self._gui.add_panel()
         self._curves = {ALL: Curves(self._gui, curves.add_tab("Training"))}
-        self.live_curves = curves.add_tab("Now")  # place of the walking robot's own
+        self.live_curves = curves.add_tab("Now")  # container of the walking robot's curves
         curves.dock_left()
         curves.set_width(CURVES_WIDTH_PX)
         server.on_client_connect(self._add_curves)
@@ -69,23 +69,23 @@ class Panel:
         self._commands.visible = True
 
     def offer_policies(self, names: Sequence[str]) -> None:
-        """Let the visitor choose among these."""
+        """Set the policies that the visitor can choose."""
         if self._policy.options != tuple(names):
             self._policy.options = tuple(names)
 
     @property
     def policy(self) -> str:
-        """The name that was chosen."""
+        """Name of the chosen policy."""
         return self._policy.value
 
     @property
     def command(self) -> np.ndarray:
-        """Forward m/s, leftward m/s, yaw rad/s, (3,), within what the policy was trained on."""
+        """Forward m/s, leftward m/s, yaw rad/s, (3,), within the policy's trained ranges."""
         return np.array([_within_range(slider) for slider in self._sliders])
 
     @property
     def paused(self) -> bool:
-        """Whether the robot holds still: on request, and while no page is open."""
+        """Whether the simulation is paused: on request, and while no page is open."""
         return self._pause.value or not self.seen
 
     @property
@@ -114,11 +114,11 @@ class Panel:
 
     def draw(self, metrics: MetricsFile, finished: bool) -> None:
         """Draw the curves of all metrics that the run has."""
-        for curves in list(self._curves.values()):  # visitors come and go in another thread
+        for curves in list(self._curves.values()):  # a copy: visitors connect in another thread
             curves.draw(metrics, finished)
 
     def _add_curves(self, client: "ClientHandle") -> None:
-        """Curves below the controls for a visitor with a telephone, where viser shows the main panel only."""
+        """Add curves below the controls on a phone, where viser shows the main panel only."""
         if client.camera.image_width < TELEPHONE_PX and client.camera.aspect > BETWEEN_PANELS:
             self._curves[client.client_id] = Curves(client.gui, client.gui.add_folder("Curves"))
 
@@ -134,7 +134,7 @@ def _keep_within_range(slider: "GuiSliderHandle[float]") -> None:
 
 
 def _within_range(slider: "GuiSliderHandle[float]") -> float:
-    """A slider's value within its range; a program that is no browser may send what is no number."""
+    """A slider's value within its range; a client that is no browser may send anything."""
     try:
         value = float(slider.value)
     except (TypeError, ValueError):

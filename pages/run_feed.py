@@ -16,20 +16,20 @@ from footfall.deploy.telemetry.feed_reader import FeedMessage, FeedReader
 from footfall.pages.moment import Moment
 from footfall.robots.readings import Sensed
 
-WAIT_S = 0.1  # between attempts to reach a feed that is not there yet
-OLD_NS = 500_000_000  # an estimate or a plan that is older than that is none
+WAIT_S = 0.1  # between attempts to connect to a feed that does not exist yet
+OLD_NS = 500_000_000  # older estimates and plans are ignored
 STILL = np.zeros(3)
 
 
 class RunFeed:
-    """Keeps the newest message of each topic. A thread reads; messages are decoded when they are asked for.
+    """Keeps the newest message of each topic. A thread reads; messages are decoded on demand.
 
     Attributes:
-        over: whether the run has ended, or its process is gone.
+        over: whether the run or its process has ended.
     """
 
     def __init__(self, path: Path) -> None:
-        """Begin to read; the feed may come later."""
+        """Start reading; the feed may appear later."""
         self.over = False
         self._newest: dict[str, FeedMessage] = {}
         self._decode: dict[str, Callable[[bytes], Any]] = {}
@@ -92,9 +92,9 @@ def sensed(feed: RunFeed) -> Sensed | None:
 
 
 def moment(feed: RunFeed, feet: int) -> Moment | None:
-    """How a robot with so many feet stands and moves by its own estimate; None before the first readings.
+    """Estimated state of a robot with this number of feet; None before the first readings.
 
-    Before it walks it is at the origin, and no foot counts as standing. The height is of an arbitrary origin.
+    Before it walks it is at the origin and no foot counts as standing. The origin of heights is arbitrary.
     """
     readings, since_ns = sensed(feed), feed.time_ns - OLD_NS
     if readings is None:

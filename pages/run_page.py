@@ -1,4 +1,4 @@
-"""The 3-D page of a run, served by a process of its own beside the control loop."""
+"""The 3-D page of a run, served by a separate process beside the control loop."""
 
 import multiprocessing
 import os
@@ -17,10 +17,10 @@ NICENESS = 5
 
 @contextmanager
 def viewed(robot: Robot, feed: Path, host: str, port: int) -> Iterator[str]:
-    """Serve the page for as long as the context lasts; gives its address.
+    """Serve the page while the context lasts; yields its address.
 
     Raises:
-        UserError: viser is not installed, or the address cannot be had.
+        UserError: viser is not installed, or the address is not available.
     """
     check_page(host, port)
     arguments = (robot.folder, feed, host, port)

@@ -1,4 +1,4 @@
-"""The 3-D view: the robot's bodies on a grid that slides by, and arrows for velocities."""
+"""The 3-D view: the robot's bodies on a moving grid, and arrows for velocities."""
 
 from typing import TYPE_CHECKING
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 WORLD = "/world"
 GREY = (150, 156, 164)  # visible on light and dark pages
 NARROW = 0.9  # aspect ratio (width over height) below which the camera moves back
-DARKEST = 0.24  # least value of a shape's colour channels: black legs vanish on a dark page
+DARKEST = 0.24  # smallest value of a shape's colour channels: black legs are invisible on a dark page
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
-FOLLOWING = 0.1  # share of its distance to the robot that the view covers in a frame
+FOLLOWING = 0.1  # share of the distance to the robot by which the view moves in a frame
 
 
 class Scene:
-    """Draws a model's state. The view follows by moving the world, so that the camera stays the visitor's."""
+    """Draws a model's state. To follow, the world moves, since the visitor controls the camera."""
 
     def __init__(self, server: "ViserServer", robot: Robot, model: mujoco.MjModel) -> None:
         self._server = server
@@ -38,7 +38,7 @@ class Scene:
             plane_color=GREY, plane_opacity=0.15, shadow_opacity=0.35, fade_distance=14.0, fade_strength=1.5,
         )  # fmt: skip
         shapes = visible_shapes(model)
-        self.bodies = {  # by number; geoms hang on these frames
+        self.bodies = {  # frames of the bodies by id; geoms are their children
             body: scene.add_frame(_frame_of(body), show_axes=False)
             for body in sorted({shape.body for shape in shapes})
         }
@@ -58,9 +58,9 @@ class Scene:
         self._middle = np.zeros(3)
 
     def _step_back(self, client: "ClientHandle") -> None:
-        """Move the camera back where the view is narrow, so that the whole robot is in it."""
+        """Move the camera back if the view is narrow, so that the whole robot is visible."""
         if client.camera.aspect < NARROW:
-            target = client.camera.look_at  # moving the camera would move it, too
+            target = client.camera.look_at  # moving the camera would move its target too
             client.camera.position = self._viewpoint * (NARROW / client.camera.aspect)
             client.camera.look_at = target
 
@@ -71,7 +71,7 @@ class Scene:
             data: poses of all bodies.
             command: forward m/s, leftward m/s, yaw rad/s, (3,).
             velocity: of the base, body frame, m/s, (3,).
-            follow: whether the view goes with the robot.
+            follow: whether the view follows the robot.
         """
         with self._server.atomic():  # bodies move together
             for body, frame in self.bodies.items():
@@ -89,7 +89,7 @@ class Scene:
                 arrow.points = np.array([[np.zeros(3), vector_m]], dtype=np.float32)
 
     def begin(self) -> None:
-        """Centre the view at the origin, where the robot begins again."""
+        """Centre the view at the origin, at the beginning of an episode."""
         self._middle = np.zeros(3)
 
     def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
@@ -103,7 +103,7 @@ class Scene:
 
 
 def _frame_of(body: int) -> str:
-    """Scene path of a body's frame, by id, since a name may hold any character."""
+    """Scene path of a body's frame, by id, since a name may contain any character."""
     return f"{WORLD}/body_{body}"
 
 
@@ -113,7 +113,7 @@ def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
 
 
 def _level(rotation: np.ndarray) -> np.ndarray:
-    """The part of a rotation (3, 3) that turns about the vertical."""
+    """The yaw part of a rotation (3, 3)."""
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

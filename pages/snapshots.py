@@ -1,7 +1,7 @@
-"""A run's policies as ONNX files: the finished one, and its checkpoints, which are exported here.
+"""A run's policies as ONNX files: the finished policy, and checkpoints, which are exported here.
 
-Exporting needs JAX, and torch for a run of rsl_rl. It happens in another process, on the processor and at low
-priority, so that neither the training nor the walk is held up by it.
+Exporting needs JAX, and torch for a run of rsl_rl. It runs in another process, on the CPU and at low
+priority, so that it delays neither the training nor the walk.
 """
 
 import multiprocessing
@@ -16,20 +16,20 @@ from typing import NamedTuple
 from footfall.common.errors import UserError
 
 NICENESS = 10
-NEWEST, FINISHED = "newest", "policy.onnx"  # what a visitor may choose besides single checkpoints
+NEWEST, FINISHED = "newest", "policy.onnx"  # choices of a visitor besides single checkpoints
 
 
 class Snapshot(NamedTuple):
-    """A policy to look at."""
+    """A policy to show."""
 
     path: Path
     iteration: int | None  # of the training; None where the run keeps no checkpoint
 
 
 class Exported(NamedTuple):
-    """What came of an export: a policy, or why there is none, in one line.
+    """Result of an export: a policy, or the problem in one line.
 
-    Neither, if the training had dropped the checkpoint by then, in favour of a newer one.
+    Both are empty if the training has deleted the checkpoint in the meantime.
     """
 
     policy: Path | None
@@ -37,7 +37,7 @@ class Exported(NamedTuple):
 
 
 class DatedFile(NamedTuple):
-    """A file, and when it was written."""
+    """A file and its modification time."""
 
     path: Path
     time_ns: int
@@ -52,23 +52,23 @@ class Exporter:
         self._connection: Connection | None = None
 
     def wake(self) -> None:
-        """Start the process, so that it is ready when there is something to export."""
+        """Start the process ahead of the first export."""
         if self._process is None:
             context = multiprocessing.get_context("spawn")
             self._connection, theirs = context.Pipe()
             self._process = context.Process(target=_export_on_demand, args=(theirs,), daemon=True)
             self._process.start()
-            theirs.close()  # so that the death of either side is noticed by the other
+            theirs.close()  # so that each side notices the end of the other
 
     def start(self, checkpoint: Path, out: Path) -> None:
-        """Begin to export a checkpoint; ask for its end with `poll`."""
+        """Begin to export a checkpoint; `poll` returns the result."""
         self.wake()
         assert self._connection is not None
-        with suppress(BrokenPipeError):  # then `poll` will tell
+        with suppress(BrokenPipeError):  # `poll` reports it
             self._connection.send((self._run, checkpoint, out))
 
     def poll(self) -> Exported | None:
-        """What came of the export; None while it is under way."""
+        """Result of the export; None while it runs."""
         assert self._connection is not None
         if not self._connection.poll():
             return None
@@ -89,26 +89,26 @@ class Exporter:
 
 
 class Snapshots:
-    """Finds the chosen policy of a run each time it is asked, at first the newest. Files go into `folder`."""
+    """Finds the chosen policy of a run, at first the newest. Exported files go into `folder`."""
 
     def __init__(self, run: Path, folder: Path, exporter: Exporter | None = None) -> None:
         self._run, self._folder = run, folder
         self._exporter = exporter or Exporter(run)
-        self._export: tuple[Path, str] | None = None  # the checkpoint, and what was chosen then
-        self._done: DatedFile | None = None  # what was handed out last, or cannot be used
+        self._export: tuple[Path, str] | None = None  # the checkpoint, and the choice at that time
+        self._done: DatedFile | None = None  # source of the last policy returned, or one that failed
         self.chosen = NEWEST
         self.problem = ""  # why a checkpoint could not be used, in one line
 
     def names(self) -> list[str]:
-        """What can be chosen: the newest, the finished policy, checkpoints from the newest on.
+        """Choices: the newest, the finished policy, then checkpoints, newest first.
 
-        Those that the training dropped are among them if they have been exported here.
+        Deleted checkpoints are included if they were exported here.
         """
         finished = [FINISHED] if (self._run / FINISHED).exists() else []
         return [NEWEST, *finished, *self._single()]
 
     def poll(self) -> Snapshot | None:
-        """The chosen policy, if it is another than the last one handed out and ready. Never waits."""
+        """The chosen policy if it is ready and differs from the last one returned, else None. Never waits."""
         if self._export is not None:
             outcome = self._exporter.poll()
             if outcome is None:
@@ -122,7 +122,7 @@ class Snapshots:
             self._exporter.wake()
         if source is None or source == self._done:
             return None
-        self._done = source  # if its export fails, it is not tried again
+        self._done = source  # a failed export is not tried again
         policy = self._policy_of(source)
         if policy is None:
             self._export = (source.path, self.chosen)
@@ -134,14 +134,14 @@ class Snapshots:
 
     @property
     def exporting(self) -> int | None:
-        """Iteration of the checkpoint that is being exported, if one is."""
+        """Iteration of the checkpoint that is being exported, or None."""
         return None if self._export is None else _iteration(self._export[0])
 
     def close(self) -> None:
         self._exporter.close()
 
     def _source(self) -> DatedFile | None:
-        """The file that the chosen policy is in or comes from."""
+        """The file that contains the chosen policy: ONNX or checkpoint."""
         if self.chosen == NEWEST:
             return _newest(newest_checkpoint(self._run), self._run / FINISHED)
         if self.chosen == FINISHED:
@@ -150,13 +150,13 @@ class Snapshots:
         return None if checkpoint is None else _newest(checkpoint)
 
     def _single(self) -> dict[str, Path]:
-        """Checkpoints by name, from the newest on; an exported policy stands for one that was dropped."""
+        """Checkpoints by name, newest first; an exported policy replaces a deleted checkpoint."""
         exported, kept = self._folder.glob("[0-9]*.onnx"), (self._run / "checkpoints").glob("[0-9]*.ckpt")
         files = {int(path.stem): path for path in (*exported, *kept)}
         return {_name(iteration): files[iteration] for iteration in sorted(files, reverse=True)}
 
     def _policy_of(self, source: DatedFile) -> Path | None:
-        """The ONNX file of a source, if it is there."""
+        """The ONNX file of a source, if it exists."""
         if source.path.suffix == ".onnx":
             return source.path
         exported = _newest(self._exported(source.path))
@@ -172,11 +172,11 @@ def newest_checkpoint(run: Path) -> Path | None:
 
 
 def _newest(*paths: Path | None) -> DatedFile | None:
-    """The file that was written last, of those that are there."""
+    """The most recently written of the existing files."""
     dated = []
     for path in paths:
         if path is not None:
-            with suppress(FileNotFoundError):  # a checkpoint that was dropped in favour of a newer one
+            with suppress(FileNotFoundError):  # a checkpoint that was deleted after a newer one
                 dated.append(DatedFile(path, path.stat().st_mtime_ns))
     return max(dated, key=lambda file: file.time_ns, default=None)
 
@@ -190,7 +190,7 @@ def _iteration(checkpoint: Path | None) -> int | None:
 
 
 def _export_on_demand(requests: Connection) -> None:
-    """In the other process: answer each request until the first one ends."""
+    """In the other process: answer requests until the first process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the first process
     os.nice(max(0, NICENESS - os.nice(0)))
     os.environ["JAX_PLATFORMS"] = "cpu"
@@ -204,12 +204,12 @@ def _export_on_demand(requests: Connection) -> None:
 
 
 def export_checkpoint(run: Path, checkpoint: Path, out: Path) -> Exported:
-    """Export a checkpoint that the training may drop at any time: a copy of it, taken first."""
+    """Export a copy of a checkpoint, since the training may delete the checkpoint at any time."""
     from footfall.train.entry import learning_libraries
 
     copy = out.with_name(checkpoint.name)
     try:
-        _take(checkpoint, copy)
+        _link_or_copy(checkpoint, copy)
     except FileNotFoundError:
         return Exported(None)
     except OSError as error:
@@ -224,8 +224,8 @@ def export_checkpoint(run: Path, checkpoint: Path, out: Path) -> Exported:
         copy.unlink(missing_ok=True)
 
 
-def _take(file: Path, copy: Path) -> None:
-    """Another name for a file, or a copy on another file system."""
+def _link_or_copy(file: Path, copy: Path) -> None:
+    """Hard-link a file, or copy it to another file system."""
     copy.unlink(missing_ok=True)
     try:
         copy.hardlink_to(file)

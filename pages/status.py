@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 WAITING = "**waiting for the first checkpoint**"
-QUIET_S = 120.0  # without new metrics, after which the training may have been stopped
+QUIET_S = 120.0  # time without new metrics after which the training may have been stopped
 
 
 @dataclass
@@ -14,28 +14,28 @@ class Status:
 
     title: str
     folder: str
-    total_steps: int  # after which the training ends
+    total_steps: int  # of the whole training
     steps_per_iteration: int
-    finished: bool = False  # there is a policy of the whole training
+    finished: bool = False  # whether the final policy exists
     trained_steps: int = 0
     metrics_age_s: float | None = None  # None before the first
-    exporting: int | None = None  # iteration of a checkpoint that is being made ready to walk
-    iteration: int | None = None  # of the policy that walks
-    policies: int = 0  # that have walked so far
+    exporting: int | None = None  # iteration of the checkpoint that is being exported
+    iteration: int | None = None  # of the walking policy
+    policies: int = 0  # number of policies that have walked so far
     mode: str = ""
     episodes: int = 0
     falls: int = 0
     last_fall: str = ""
     walked_s: float = 0.0  # since the last start
-    restart_s: float = 0.0  # after which the episode starts again
+    restart_s: float = 0.0  # time after which the next episode starts
     command: np.ndarray = field(default_factory=lambda: np.zeros(3))  # m/s, m/s, rad/s
-    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # the same, true and smoothed
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # in the same units, true and smoothed
     pace: float = 1.0  # simulated time over wall time
     problem: str = ""
 
 
 def as_markdown(status: Status) -> str:
-    """The status as a table; without a policy yet, a line that says so."""
+    """The status as a table, with a line if there is no policy yet."""
     rows = [("Training", _training(status))]
     if status.policies:
         falls = f"{status.falls} in {status.episodes} starts"
@@ -56,7 +56,7 @@ def as_markdown(status: Status) -> str:
     notes = [f"Not usable: {status.problem}"] if status.problem else []
     if _is_quiet(status):
         notes.append(
-            f"If the training was stopped, it goes on with `footfall train --resume {status.folder}`"
+            f"If the training was stopped, continue it with `footfall train --resume {status.folder}`"
         )
     waiting = [] if status.policies else [_waiting(status)]
     return "\n\n".join([f"**{status.title}**", *waiting, f"| | |\n| --- | --- |\n{table}", *notes])

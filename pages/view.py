@@ -1,4 +1,4 @@
-"""The 3-D view of a robot with what is drawn about it, and the curves of the last seconds beside it."""
+"""The 3-D view of a robot with annotations, and curves of the last seconds beside it."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class View:
-    """Shows moments of a robot: read-only, it commands nothing."""
+    """Shows moments of a robot; sends no commands."""
 
     def __init__(self, server: "ViserServer", robot: Robot, model: mujoco.MjModel, curves: Any) -> None:
-        """`model` is what is drawn; `curves` the folder or tab in which curves stand."""
+        """`model` is the model to draw; `curves` is the folder or tab for the curves."""
         self._server = server
         self._scene, self._marks = Scene(server, robot, model), Marks(server, robot, WORLD)
         self._curves = LiveCurves(server.gui, curves, robot)
@@ -31,7 +31,7 @@ class View:
         return self._marks.layers
 
     def begin(self) -> None:
-        """Centre the view at the origin, where the robot begins again."""
+        """Centre the view at the origin, at the beginning of an episode."""
         self._scene.begin()
         self._marks.begin()
 
@@ -46,7 +46,7 @@ class View:
             data: poses of all bodies.
             moment: of the same robot.
             velocity: smoothed, of the base, body frame, m/s, (3,).
-            follow: whether the view goes with the robot.
+            follow: whether the view follows the robot.
         """
         self._scene.show(data, moment.command, velocity, follow)
         with self._server.atomic():

@@ -1,4 +1,4 @@
-"""Walks a run's newest policy in the simulated robot, at the pace of the wall clock, for a page."""
+"""Runs a run's newest policy on the simulated robot, in real time, for a page."""
 
 import time
 from contextlib import ExitStack
@@ -29,19 +29,19 @@ from footfall.train.runs.folder import Run, open_run
 from footfall.train.runs.stop import StopRequest
 
 FRAME_US = 33_000
-WAIT_S = 0.1  # between looks at the page while nothing walks
-LOOK_S = 1.0  # between looks into the run folder
-EPISODE_S = 60.0  # then the robot stands up again: the record of an episode stays small
-SMOOTHING = 0.1  # of the velocity that is shown, for each frame
+WAIT_S = 0.1  # between checks of the page while nothing walks
+REFRESH_S = 1.0  # between checks of the run folder
+EPISODE_S = 60.0  # limits the memory for an episode's trace
+SMOOTHING = 0.1  # weight of the newest velocity in the shown one, per frame
 
 
 def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
     """Serve the page of a run until a stop is requested.
 
-    By a flag, since some packages swallow a KeyboardInterrupt that comes while they are imported.
+    The stop is a flag, since some packages swallow a KeyboardInterrupt during their import.
 
     Raises:
-        UserError: there is no such run, viser is missing, the address cannot be had, or the run's policy
+        UserError: there is no such run, viser is missing, the address is not available, or the run's policy
             does not fit its robot.
     """
     run = open_run(folder)
@@ -54,7 +54,7 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
         panel = Panel(server)
         view = View(server, robot, plant_model(robot), panel.live_curves)
         offer_layers(server.gui, view.layers)
-        view.stand(standing(robot).data)  # until something walks
+        view.stand(standing(robot).data)  # until a policy walks
         Walk(run, robot, view, panel, snapshots, stop).run()
 
 
@@ -65,7 +65,7 @@ def standing(robot: Robot) -> SimulatedRobot:
 
 
 def true_moment(loop: ControlLoop, truth: Truth, command: np.ndarray) -> Moment:
-    """The simulated robot as it truly moves; joints as it senses them."""
+    """Ground truth of the simulated robot, with its joint readings."""
     return Moment(
         loop.now_us * 1e-6,
         truth.base_position,
@@ -78,14 +78,14 @@ def true_moment(loop: ControlLoop, truth: Truth, command: np.ndarray) -> Moment:
 
 
 class Pace:
-    """Keeps simulated time to the wall clock. Lost time is not caught up."""
+    """Synchronises simulated time with the wall clock. Lost time is not made up."""
 
     TOLERANCE_S = 0.1
 
     def __init__(self) -> None:
         self._start_s = time.monotonic()
         self._mark = (0.0, self._start_s)
-        self.factor = 1.0  # simulated time over wall time, lately
+        self.factor = 1.0  # simulated over wall time, in the last second
 
     def wait(self, simulated_s: float) -> None:
         """Sleep until the wall clock reaches this simulated time."""
@@ -101,13 +101,13 @@ class Pace:
             self._mark = (simulated_s, now_s)
 
     def resume(self, simulated_s: float) -> None:
-        """Go on after a pause."""
+        """Continue after a pause."""
         self._start_s = time.monotonic() - simulated_s
         self._mark = (simulated_s, time.monotonic())
 
 
 class Walk:
-    """Runs episodes one after the other. Newer networks take over while the robot walks."""
+    """Runs episodes one after the other. Newer networks replace the current one while the robot walks."""
 
     def __init__(
         self, run: Run, robot: Robot, view: View, panel: Panel, snapshots: Snapshots, stop: StopRequest
@@ -117,7 +117,7 @@ class Walk:
         self._metrics, self._policy_file = MetricsFile(run.folder / "metrics.jsonl"), run.policy
         self._policy: NewestPolicy | None = None
         self._pushes = np.random.default_rng(0)
-        self._looked_s = 0.0
+        self._refreshed_s = 0.0
         made = run.provenance
         self._status = Status(
             title=f"{robot.name}, preset {Path(made.preset).stem}, seed {made.seed}, {made.trainer}",
@@ -129,14 +129,14 @@ class Walk:
     def run(self) -> None:
         """Show the run until a stop is requested."""
         while not self._stop.requested:
-            self._look()
+            self._refresh()
             if self._policy is None:
                 time.sleep(WAIT_S)
             else:
                 self._episode(self._policy)
 
     def _episode(self, policy: NewestPolicy) -> None:
-        """From standing up to a fall, the time limit, or a restart from the page."""
+        """Run one episode: until a fall, the time limit, or a restart from the page."""
         self._status.episodes += 1
         self._pace, self._next_frame_us = Pace(), 0
         self._view.begin()
@@ -149,23 +149,23 @@ class Walk:
     def _tick(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Called by the loop after each joint tick."""
         if self._stop.requested:
-            loop.finish()  # damping, then motors off: as fast as it goes
+            loop.finish()  # damping, then motors off, without waiting for the wall clock
         elif loop.now_us >= self._next_frame_us:
             self._frame(loop, body)
 
     def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """Carry out requests, draw, look into the run folder, and wait for the wall clock."""
+        """Carry out requests, draw, check the run folder, and wait for the wall clock."""
         self._next_frame_us += FRAME_US
         self._carry_out(loop, body)
         self._show(loop, body)
-        self._look()
+        self._refresh()
         self._pace.wait(loop.now_us * 1e-6)
 
     def _carry_out(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Carry out the page's requests: pause, push, restart."""
         if self._panel.paused:
             while self._panel.paused and not self._stop.requested:
-                self._look()
+                self._refresh()
                 time.sleep(WAIT_S)
             self._pace.resume(loop.now_us * 1e-6)
         if speed := self._panel.take_push():
@@ -184,12 +184,12 @@ class Walk:
         status.walked_s = loop.walking_s if loop.walking else 0.0
         self._view.show(body.data, moment, status.velocity, self._panel.follow)
 
-    def _look(self) -> None:
-        """Look into the run folder, at most once in a while: new metrics, a new policy."""
+    def _refresh(self) -> None:
+        """Check the run folder for new metrics and policies, at most every `REFRESH_S`."""
         now_s = time.monotonic()
-        if now_s - self._looked_s < LOOK_S:
+        if now_s - self._refreshed_s < REFRESH_S:
             return
-        self._looked_s = now_s
+        self._refreshed_s = now_s
         status = self._status
         self._metrics.refresh()
         status.trained_steps, status.metrics_age_s = self._metrics.last_step, self._metrics.age_s()

@@ -10,16 +10,16 @@ WHITE, RED, SHADE = (255, 255, 255), (255, 150, 140), 0.45
 AXES = (("forward", "backward", "m/s"), ("left", "right", "m/s"), ("turn left", "turn right", "rad/s"))
 
 
-def written_on(
+def with_caption(
     picture: np.ndarray, time_s: float, command: np.ndarray, fell_at_s: float | None
 ) -> np.ndarray:
-    """A copy of a picture (height, width, 3) uint8 with the line at its top.
+    """A copy of a picture (height, width, 3) uint8 with the caption at its top.
 
     Args:
-        picture: what was rendered.
+        picture: the rendered picture.
         time_s: since walking began.
         command: forward m/s, leftward m/s, yaw rad/s, (3,).
-        fell_at_s: when the robot fell, if it has.
+        fell_at_s: time of the fall; None if the robot has not fallen.
     """
     copy = picture.copy()
     band = TEXT_HEIGHT + 2 * MARGIN
@@ -27,12 +27,12 @@ def written_on(
     image = Image.fromarray(copy)
     draw = ImageDraw.Draw(image)
     draw.text((MARGIN, TEXT_TOP), f"{time_s:.1f} s", WHITE, _font())
-    text, ink = (in_words(command), WHITE) if fell_at_s is None else (f"fell at {fell_at_s:.1f} s", RED)
+    text, ink = (command_text(command), WHITE) if fell_at_s is None else (f"fell at {fell_at_s:.1f} s", RED)
     draw.text((image.width - MARGIN, TEXT_TOP), text, ink, _font(), anchor="ra")
     return np.asarray(image)
 
 
-def in_words(command: np.ndarray) -> str:
+def command_text(command: np.ndarray) -> str:
     """'forward 0.6 m/s, turn left 0.8 rad/s', or 'stand'."""
     parts = [
         f"{names[0] if value > 0 else names[1]} {abs(value):.1f} {names[2]}"

@@ -1,4 +1,4 @@
-"""Plots of the test course that every policy walks: what it did, its gait, its motors, its time."""
+"""Plots of the test course that every policy walks: tracking, gait, motors, computing time."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from footfall.plant.trace import Trace
 from footfall.robots.actuator import limit_torque
 from footfall.robots.description import Robot
 
-SMOOTHED_S = 0.2  # half a stride or so: the plot shows tracking, the figures count every sample
+SMOOTHED_S = 0.2  # about half a stride: the plot shows tracking; the figures use every sample
 READ_EVERY_S = 0.1
 GAIT_SHOWN_S = 2.0
 AXES = (("forward velocity", "m/s"), ("leftward velocity", "m/s"), ("yaw rate", "rad/s"))
@@ -23,7 +23,7 @@ AXES = (("forward velocity", "m/s"), ("leftward velocity", "m/s"), ("yaw rate", 
 class Walk(NamedTuple):
     """A policy's walk over the course."""
 
-    place: int  # of the policy, which gives it a colour
+    place: int  # index of the policy, which sets its colour
     policy: str
     trace: Trace
     period_ms: float  # between steps of the policy
@@ -79,7 +79,7 @@ def gait(walks: Sequence[Walk], plan: EpisodePlan, robot: Robot) -> Plot:
 
 
 def steady_window(plan: EpisodePlan) -> tuple[float, float]:
-    """The last seconds of the longest time that one command holds, one that asks for motion if any does."""
+    """The last seconds of the longest constant command, preferring commands to move."""
     edges = [*plan.schedule.from_s, plan.duration_s]
     spans = [
         (any(command), end - start, start, end)
@@ -120,26 +120,25 @@ def _named(feet: list[str], down: np.ndarray) -> str:
 
 
 def contact_bars(time_s: np.ndarray, contact: np.ndarray) -> list[tuple[float, float]]:
-    """Start and length, s, of the stretches where `contact` (T,) holds."""
+    """Start and length, s, of the intervals in which `contact` (T,) is true."""
     changes = np.flatnonzero(np.diff(np.concatenate([[False], contact, [False]]).astype(int)))
     ends = np.append(time_s, time_s[-1:] + np.diff(time_s)[-1:])
     return [(float(ends[a]), float(ends[min(b, len(ends) - 1)] - ends[a])) for a, b in changes.reshape(-1, 2)]
 
 
 def touchdown_rate_hz(contact: np.ndarray, rate_hz: float) -> float:
-    """How often a foot comes down, per second, mean over feet; `contact` is (T, feet)."""
+    """Touchdowns per second, mean over feet; `contact` is (T, feet)."""
     return float((~contact[:-1] & contact[1:]).sum() / contact.shape[1] / (len(contact) / rate_hz))
 
 
 def torque_speed(walks: Sequence[Walk], robot: Robot) -> Plot:
-    """Where the motors work on the course, within what they can deliver."""
+    """Operating points of the motors on the course, within their torque limits."""
     kinds: dict[str, list[int]] = {joint.motor: [] for joint in robot.description.joints}
     for index, joint in enumerate(robot.description.joints):
         kinds[joint.motor].append(index)
     return Plot(
         "Torque and speed",
-        "Each mark is one joint at one of 100 samples per second on the course. Lines: what the motor can"
-        " deliver.",
+        "Each mark is one joint at one of 100 samples per second on the course. Lines: limits of the motor.",
         [
             _torque_panel(f"torque-{row}-{walk.place}", walk, kind, robot, joints)
             for row, (kind, joints) in enumerate(kinds.items())
@@ -180,7 +179,7 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
 
 
 def timing(walks: Sequence[Walk]) -> Plot:
-    """How long policy steps take, against the time they have."""
+    """Computing time of policy steps, against their period."""
     shown = [walk for walk in walks if len(walk.trace.compute_ms)]
     fastest = min((float(walk.trace.compute_ms.min()) for walk in shown), default=0.1)
     slowest = max((max(walk.trace.compute_ms.max(), walk.period_ms) for walk in shown), default=1.0)
@@ -188,7 +187,7 @@ def timing(walks: Sequence[Walk]) -> Plot:
     return Plot(
         "Timing",
         "Time per policy step on the course, one policy at a time, on one core of this machine. Dashed: p50"
-        " and p99. Line: the time that a step has. On a busy machine p99 tells of its other programs.",
+        " and p99. Line: the period of a step. On a busy machine, p99 reflects other programs.",
         [_timing_panel(walk, bins) for walk in shown],
     )
 

@@ -1,4 +1,4 @@
-"""The libraries that a report needs and that a robot's small computer goes without."""
+"""The libraries that a report needs; a robot's small computer does not have them."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ LIBRARIES = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL")
 
 
 def check_installed() -> None:
-    """Make sure that a report can be written, before the long run that it is about.
+    """Check that a report can be written, before the long run.
 
     Raises:
         UserError: a library of the extra `report` is missing.
@@ -24,7 +24,7 @@ def check_installed() -> None:
 
 
 def check_display() -> None:
-    """Raises UserError if MUJOCO_GL asks for windows and there is no display to open one on."""
+    """Raise UserError if MUJOCO_GL selects GLFW windows and there is no display."""
     shown = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     if os.environ.get("MUJOCO_GL") == "glfw" and not shown:
         raise UserError(

@@ -30,8 +30,8 @@ T = TypeVar("T")
 
 WIDTH, HEIGHT, FRAME_RATE_HZ = 640, 400, 25
 PUSH_SHOWN_S = 0.4
-ARROW_S = 0.4  # an arrow is as long as the robot would come in so many seconds
-# Ways to render without a screen, best first. A variable that the user has set goes before them.
+ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
+# Offscreen GL back ends, best first. The user's MUJOCO_GL takes precedence.
 BACK_ENDS = ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)
 
 
@@ -43,7 +43,7 @@ class FilmTask:
     plant: Path | None
     trace: Trace
     pushes: tuple[Push, ...]
-    duration_s: float  # of the film; one that ends earlier holds its last picture
+    duration_s: float  # of the film; if the episode ends earlier, the last picture stays
     ground: Ground | None = None  # None is level
 
 
@@ -72,7 +72,7 @@ class Arrow(NamedTuple):
 
 
 def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
-    """A film of each policy's walk over the test course, by name, or why there is none."""
+    """A film of each policy's walk over the test course, by name, or the reason why there is none."""
     tasks = {
         policy.name: FilmTask(
             comparison.config.robot,
@@ -85,24 +85,24 @@ def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
         if policy.course.trace is not None and len(policy.course.trace.time_s)
     }
     films = dict(zip(tasks, render_films(list(tasks.values()), comparison.config.workers), strict=True))
-    nothing: TaskResult[Film] = TaskResult(None, "it did not walk")
+    nothing: TaskResult[Film] = TaskResult(None, "the policy did not walk")
     return {policy.name: films.get(policy.name, nothing) for policy in comparison.policies}
 
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:
-    """Films of several episodes; where this machine cannot render, the reason instead."""
+    """Films of several episodes, or the reason if this machine cannot render."""
     return render_apart(film, tasks, workers)
 
 
 def render_apart(
     function: Callable[[FilmTask], T], tasks: Sequence[FilmTask], workers: int | None = None
 ) -> list[TaskResult[T]]:
-    """What a module-level function renders of several episodes, or the reason why it cannot.
+    """Results of a module-level rendering function for several episodes, or the reason of its failure.
 
-    They are rendered in other processes, since MuJoCo settles on a GL back end when it is imported, and
-    since a broken driver may take its process with it.
+    It runs in other processes, since MuJoCo chooses its GL back end when it is imported, and since a broken
+    driver may crash its process.
     """
-    outcomes: list[TaskResult[T]] = [TaskResult(None, "nothing was tried")] * len(tasks)
+    outcomes: list[TaskResult[T]] = [TaskResult(None, "no back end was tried")] * len(tasks)
     reasons = []
     own = os.environ.get("MUJOCO_GL")
     for back_end in (own,) if own else BACK_ENDS:
@@ -135,7 +135,7 @@ def frame_times(task: FilmTask) -> np.ndarray:
 
 
 def frame_indices(task: FilmTask) -> np.ndarray:
-    """Which samples of the trace become frames, int (frames,); the last one stays after the end."""
+    """Index of the trace's sample for each frame, int (frames,); after the end, the last sample."""
     recorded = task.trace.time_s
     if not len(recorded):
         raise ValueError("the episode has no samples to film")
@@ -151,12 +151,12 @@ def frames(task: FilmTask) -> Iterator[np.ndarray]:
             if index != rendered:
                 rendered, picture = index, shoot(int(index))
             over_s = float(trace.time_s[-1]) if trace.fell and time_s > trace.time_s[-1] else None
-            yield caption.written_on(picture, float(time_s), trace.command[index], over_s)
+            yield caption.with_caption(picture, float(time_s), trace.command[index], over_s)
 
 
 @contextmanager
 def camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
-    """A function that renders a sample of the trace, to be called in their order: the camera follows."""
+    """Yields a function that renders a sample of the trace; call it in order, since the camera follows."""
     robot, trace = load_robot(task.robot), task.trace
     height_m = robot.description.standing_height_m
     model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT, task.ground)
@@ -181,12 +181,12 @@ def camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
 
 
 def arrows(task: FilmTask, index: int, height_m: float) -> list[Arrow]:
-    """The commanded and the true horizontal velocity above the robot, and for a while a push at its side.
+    """Arrows of commanded and true horizontal velocity above the robot, and of a push for a while.
 
     Args:
         task: trace and pushes to draw.
         index: sample of the trace.
-        height_m: of the standing robot.
+        height_m: standing height of the robot.
     """
     trace = task.trace
     base = trace.base_position[index]
@@ -209,7 +209,7 @@ def arrows(task: FilmTask, index: int, height_m: float) -> list[Arrow]:
 
 
 def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:
-    """Takes frames by `send`; `close` ends the film. H.264 and yuv420p play in any browser."""
+    """Encodes frames passed to `send`; `close` ends the film. H.264 and yuv420p play in any browser."""
     encoder = imageio_ffmpeg.write_frames(
         str(path),
         (WIDTH, HEIGHT),

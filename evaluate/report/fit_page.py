@@ -1,4 +1,4 @@
-"""One HTML page, complete in itself, of a fit: estimates, intervals, residuals, misfit, provenance."""
+"""A self-contained HTML page of a fit: estimates, intervals, residuals, misfit, provenance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from footfall.evaluate.provenance import machine
 from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.svg import INK, Panel, Plot, line
 
-SHOWN = 4  # windows of each joint's motion, the worst ones
-FITTED, NOMINAL = 0, 1  # places of their line styles
+SHOWN = 4  # worst windows of each joint's motion
+FITTED, NOMINAL = 0, 1  # indices of their line styles
 
 
 @dataclass(frozen=True)
 class EstimateRow:
-    """One parameter."""
+    """One estimated parameter."""
 
     owner: str
     quantity: str
@@ -49,9 +49,9 @@ class LegPart:
     verdicts: Sequence[str]
     good: bool
     estimates: Sequence[EstimateRow]
-    not_told: Sequence[tuple[str, str]]  # parameter, and what it is tied to
+    not_told: Sequence[tuple[str, str]]  # undetermined parameter, and what it is correlated with
     joints: Sequence[JointTrack]
-    effects: Sequence[tuple[str, float]] = ()  # residual over noise with each effect, where there is a misfit
+    effects: Sequence[tuple[str, float]] = ()  # added effect and residual over noise, if misfit
     profile: tuple[np.ndarray, np.ndarray] | None = None  # shifts of the delay, s; residual over noise
 
 
@@ -60,9 +60,9 @@ def render(title: str, headline: str, legs: Sequence[LegPart], about: Sequence[t
 
     Args:
         title: of the page.
-        headline: the result in a line.
-        legs: that were fitted.
-        about: provenance: names and values.
+        headline: the result in one line.
+        legs: the fitted legs.
+        about: names and values of the provenance.
     """
     return rendered(
         "fit.html",
@@ -75,7 +75,7 @@ def render(title: str, headline: str, legs: Sequence[LegPart], about: Sequence[t
 
 
 def plots(leg: LegPart) -> list[Plot]:
-    """Intervals, motion, residuals and the profile of a leg."""
+    """Plots of a leg's intervals, motion, residuals and delay profile."""
     return [_intervals(leg), _motion(leg), _residuals(leg), _profile(leg)]
 
 
@@ -113,7 +113,7 @@ def _motion(leg: LegPart) -> Plot:
             panels.append(panel.svg(f"Held-out motion of {joint.name}: read, fitted and nominal"))
     caption = (
         f"The {SHOWN} held-out windows with the largest errors, side by side. Grey: read. Blue: fitted leg."
-        " Orange: nominal leg. Each window starts from its best position and speed."
+        " Orange: nominal leg. Each window starts from its best-fitting position and speed."
     )
     return Plot("Held-out motion", caption, panels)
 
@@ -146,6 +146,6 @@ def _profile(leg: LegPart) -> Plot:
             panel.axes.set(xlabel="shift of all delays, ms", ylabel="residual over noise", title=leg.name)
             panels.append(panel.svg("Residual of fits with the delay held"))
     caption = (
-        "Fits with the delay held at other values. A flat curve: other parameters make up for the delay."
+        "Fits with the delay held at other values. A flat curve: other parameters compensate for the delay."
     )
     return Plot("Profile over the delay", caption, panels)

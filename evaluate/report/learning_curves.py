@@ -1,4 +1,4 @@
-"""How policies were learned: curves from the run folders that users named, where there are any."""
+"""Learning curves of the policies that users named by run folder."""
 
 import json
 import math
@@ -16,16 +16,16 @@ CURVES = {
     "tracking/linear_error_m_s": "velocity error in training, m/s",
     "episode/length_s": "length of an episode, s",
 }
-POINTS = 240  # of a curve, means of as many stretches
+POINTS = 240  # of a curve, each the mean of an interval
 
 Points = np.ndarray  # (k, 2): environment steps, value
 
 
 def learning_curves(specs: Mapping[str, str]) -> Plot:
-    """Curves of those policies that are run folders.
+    """Curves of the policies that are run folders.
 
     Args:
-        specs: {policy: as the user named it}, in the order of their colours.
+        specs: {policy: text that the user typed}, in the order of their colours.
     """
     metrics = {name: read_metrics(Path(spec) / METRICS_FILE) for name, spec in specs.items()}
     panels = []
@@ -38,7 +38,7 @@ def learning_curves(specs: Mapping[str, str]) -> Plot:
 
 
 def read_metrics(path: Path) -> list[dict[str, float]]:
-    """Rows of a metrics file; none without a file. Half a line, left by a kill, is passed over."""
+    """Rows of a metrics file; empty without a file. Incomplete lines of a killed process are skipped."""
     rows = []
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -55,7 +55,7 @@ def read_metrics(path: Path) -> list[dict[str, float]]:
 
 
 def curve(rows: list[dict[str, float]], metric: str) -> Points:
-    """Steps and values of a metric (k, 2), at most `POINTS` of them, each the mean of a stretch."""
+    """Steps and values of a metric (k, 2), at most `POINTS` of them, each the mean of an interval."""
     found = [
         (row["step"], row[metric])
         for row in rows

@@ -1,4 +1,4 @@
-"""One HTML page, complete in itself, of a run's log."""
+"""A self-contained HTML page of a run's log."""
 
 from footfall.deploy.log_analysis.findings import LogFindings
 from footfall.evaluate.report.log_plots import plots

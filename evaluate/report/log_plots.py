@@ -12,14 +12,14 @@ from footfall.deploy.log_analysis.findings import LogFindings
 from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
 
 MOST_POINTS = 700  # of a line
-READINGS = 120  # of a panel, for the pointer
+READINGS = 120  # of a panel, shown under the pointer
 PATH_SHOWN_S = 4.0
 NOTHING = Column(np.zeros(0), np.zeros((0, 0)))
-STANDS = 0.5  # probability from which a foot stands
+STANDS = 0.5  # contact probability above which a foot counts as standing
 
 
 def plots(found: LogFindings) -> list[Plot]:
-    """Every plot that the log has numbers for."""
+    """All plots for which the log has data."""
     made = (velocity(found), joints(found), torques(found), temperatures(found), contacts(found))
     return [plot for plot in (*made, paths(found), timing(found)) if plot.panels]
 
@@ -43,7 +43,7 @@ def velocity(found: LogFindings) -> Plot:
 
 
 def joints(found: LogFindings) -> Plot:
-    """Positions of joints, and their targets."""
+    """Joint positions and joint targets."""
     read, sent = found.columns.readings, found.columns.targets
 
     def draw(ax: Axes, joint: int, **style: Any) -> None:
@@ -52,11 +52,11 @@ def joints(found: LogFindings) -> Plot:
 
     values = read.values[:, : len(found.columns.joints)]
     panels = _by_limb(found, "joints", "rad", draw, Column(read.time_s, values))
-    return Plot("Joints", "Position as read; thin: the target that went out.", panels)
+    return Plot("Joints", "Measured position; thin: the target that was sent.", panels)
 
 
 def torques(found: LogFindings) -> Plot:
-    """Torques that the motors reported."""
+    """Torques as reported by the motors."""
     time_s, values = found.columns.readings
     torque = values[:, 2 * len(found.columns.joints) :]
 
@@ -64,7 +64,7 @@ def torques(found: LogFindings) -> Plot:
         ax.plot(*_thin(time_s, torque[:, joint]), lw=1.0, **style)
 
     panels = _by_limb(found, "torques", "N m", draw, Column(time_s, torque))
-    return Plot("Torques", "As the motors reported them.", panels)
+    return Plot("Torques", "As reported by the motors.", panels)
 
 
 def temperatures(found: LogFindings) -> Plot:
@@ -99,7 +99,7 @@ def _by_limb(
 
 
 def contacts(found: LogFindings) -> Plot:
-    """Which feet stand, as estimated."""
+    """Estimated stance of the feet."""
     column = found.columns.columns.get("/contacts", NOTHING)
     time_s, probability = column.time_s, column.values
     if not len(time_s):
@@ -117,7 +117,7 @@ def contacts(found: LogFindings) -> Plot:
         ax.set(xlabel="time, s", ylim=(len(names) - 0.5, -0.5))
         ax.grid(visible=False, axis="y")
         return Plot(
-            "Contacts", "Bars: a foot stands, by the estimate.", [panel.svg("Feet that stand over time")]
+            "Contacts", "Bars: stance of a foot, estimated.", [panel.svg("Feet that stand over time")]
         )
 
 
@@ -140,14 +140,14 @@ def paths(found: LogFindings) -> Plot:
             panels.append(panel.svg(f"Path of foot {name} from the side"))
     return Plot(
         "Paths of the feet",
-        f"From the base, seen from the side, over {PATH_SHOWN_S:g} s of walking. Thin: where the policy's"
-        " joint targets would put it.",
+        f"Relative to the base, seen from the side, over {PATH_SHOWN_S:g} s of walking. Thin: the foot's"
+        " position for the policy's joint targets.",
         panels,
     )
 
 
 def timing(found: LogFindings) -> Plot:
-    """How long ticks took, and how late they began."""
+    """Computing time and lateness of ticks."""
     time_s, values = found.columns.column("/loop_timing", 2)
     panels: list[Markup] = []
     for number, name in enumerate(("work of a tick", "lateness of a tick")):
@@ -159,12 +159,12 @@ def timing(found: LogFindings) -> Plot:
             panel.axes.set(xlabel="time, s", ylabel="µs", title=f"{name}: p50 {p50:.0f}, p99 {p99:.0f} µs")
             panel.axes.set_yscale("symlog", linthresh=100.0)
             panel.axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            panels.append(panel.svg(f"{name} over time, largest of each stretch"))
-    return Plot("Loop timing", "The largest of each stretch of the run, by the wall clock.", panels)
+            panels.append(panel.svg(f"{name} over time, maximum of each interval"))
+    return Plot("Loop timing", "Maximum of each interval of the run, in wall-clock time.", panels)
 
 
 def _limbs(found: LogFindings) -> Iterator[tuple[str, list[int]]]:
-    """Joints of each limb, under the name of its foot; without a robot, all joints in groups of three."""
+    """Joints of each limb, named after its foot; without a robot, all joints in groups of three."""
     joints = list(range(len(found.columns.joints)))
     if found.robot is None:
         for start in joints[::3]:
@@ -185,7 +185,7 @@ def _feet(found: LogFindings, most: int) -> list[str]:
 
 
 def _readings(found: LogFindings, values: Column, members: Sequence[int], unit: str) -> list[Reading]:
-    """Numbers for the pointer."""
+    """Numbers shown under the pointer."""
     rows = np.unique(np.linspace(0, len(values.time_s) - 1, READINGS).astype(int))
     return [
         Reading(float(values.time_s[row]), None, _text(found, values, members, unit, row)) for row in rows
@@ -203,7 +203,7 @@ def _window(time_s: np.ndarray, places: np.ndarray, start_s: float) -> np.ndarra
 
 
 def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The smallest and the largest value of each stretch, so that peaks stay."""
+    """Minimum and maximum of each interval, so that peaks stay visible."""
     size = -(-len(values) // (MOST_POINTS // 2))
     if size <= 2:
         return time_s, values
@@ -215,7 +215,7 @@ def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _peaks(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest value of each stretch."""
+    """Maximum of each interval."""
     size = -(-len(values) // MOST_POINTS)
     whole = len(values) // size * size
     return time_s[:whole:size], values[:whole].reshape(-1, size).max(axis=1)

@@ -1,4 +1,4 @@
-"""One HTML page, complete in itself, that holds a comparison: verdict, tables, films, plots, method."""
+"""A self-contained HTML page of a comparison: verdict, tables, films, plots, method."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from footfall.common.config import dump
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
-from footfall.evaluate.figures import LEAST_EPISODES, figures
+from footfall.evaluate.figures import MIN_EPISODES, figures
 from footfall.evaluate.own_metrics import definitions
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.provenance import machine
@@ -19,12 +19,12 @@ from footfall.evaluate.report.short_names import short_names
 from footfall.evaluate.suite import COURSE
 from footfall.evaluate.verdict import verdict
 
-OPEN_PLOTS = 2  # the first ones; the reader unfolds the others
+OPEN_PLOTS = 2  # number of plots that are open at first; the reader unfolds the others
 
 
 @dataclass(frozen=True)
 class ShownFilm:
-    """A policy's film with its caption, or why there is none."""
+    """A policy's film with its caption, or the reason why there is none."""
 
     policy: str
     film: Film | None
@@ -35,7 +35,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
     """The page.
 
     Args:
-        comparison: what was found.
+        comparison: the results.
         films: of each policy on the test course, by name.
     """
     whole_names = [policy.name for policy in comparison.policies]
@@ -69,7 +69,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
             if policy.result.get("settings")
         },
         about_course=file.scenarios[COURSE].about,
-        least_episodes=LEAST_EPISODES,
+        least_episodes=MIN_EPISODES,
         command=command_line(comparison),
         machine=machine(),
         version=comparison.versions["footfall"],
@@ -77,7 +77,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
 
 
 def plots(comparison: Comparison) -> list[svg.Plot]:
-    """All plots in the order of the page; those without panels have nothing to show."""
+    """All plots in the order of the page; plots without data have no panels."""
     file, chosen, policies = comparison.file, comparison.config.scenarios, comparison.policies
     walks = [
         course_plots.Walk(place, policy.name, policy.course.trace, policy.period_ms)
@@ -104,7 +104,7 @@ def plots(comparison: Comparison) -> list[svg.Plot]:
 
 
 def columns(pictures: int) -> int:
-    """How many pictures stand side by side, three at most: rows are full where that is possible."""
+    """Number of pictures in a row, three at most; rows are full if possible."""
     return next((count for count in (3, 2) if pictures % count == 0), min(pictures, 3))
 
 

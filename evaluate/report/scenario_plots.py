@@ -25,7 +25,7 @@ LEVEL_LABELS = {
     "block_m": "highest block, m",
 }
 
-FEW_EPISODES = 4  # at a size of push; a fit of fewer is a guess
+FEW_EPISODES = 4  # per size of push; a fit to fewer is a guess
 
 
 def survival(summaries: Summaries) -> Plot:
@@ -42,7 +42,7 @@ def survival(summaries: Summaries) -> Plot:
 
 
 def _warning(shown: list[tuple[int, str, Summary]]) -> str:
-    """What to say where a fit rests on few episodes."""
+    """Warning if a fit is based on few episodes; otherwise empty."""
     fewest = min(
         (row["episodes"] for _, _, summary in shown for row in summary["rows"]), default=FEW_EPISODES
     )
@@ -90,7 +90,7 @@ def _survival_panel(place: int, policy: str, summary: Summary, strongest: float)
 
 
 def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
-    """Velocity error, falls and, on uneven ground, successes as a condition worsens: panels by scenario.
+    """Velocity error, falls and, on uneven ground, successes over a condition: panels by scenario.
 
     Args:
         scenarios: names of levels, each with the summaries {policy: summary} of its scenario.
@@ -105,7 +105,7 @@ def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
             ]
     return Plot(
         "Harder conditions",
-        "How tracking, falls and successes change as one condition worsens, all else as the scenario says."
+        "How tracking, falls and successes change as one condition worsens, all else as in the scenario."
         " Bars: 95 % Wilson intervals.",
         panels,
         legend=range(len(scenarios[0][1])) if panels else (),
@@ -125,7 +125,7 @@ def _successes(row: Summary) -> float:
 
 
 class ConditionFigure(NamedTuple):
-    """What a panel shows over a condition."""
+    """A figure that a panel shows over a condition."""
 
     name: str
     unit: str
@@ -176,7 +176,7 @@ def _condition_panel(
 
 
 def sweep(summaries: Summaries) -> Plot:
-    """Velocity error over a grid of commands, and where a policy falls; a panel for each."""
+    """Velocity error and falls over a grid of commands; a panel for each policy."""
     shown = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
     errors = np.array([_error(row) for _, rows in shown for row in rows])
     known = errors[np.isfinite(errors)]

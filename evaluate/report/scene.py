@@ -1,4 +1,4 @@
-"""What a film shows around the robot: a chequered floor, a sky, lights, and arrows for velocities."""
+"""The scene of a film: a chequered floor, a sky, lights, and arrows for velocities."""
 
 from pathlib import Path
 
@@ -12,14 +12,14 @@ from footfall.robots.model import FLOOR
 from footfall.terrain.ground import Ground
 
 FLOOR_MATERIAL = "footfall_floor"
-EXTENT = 3.0  # of the scene for the camera's near and far planes, in standing heights
-HIDDEN_GROUPS = 3  # and above: collision geometry, by custom
+EXTENT = 3.0  # of the scene in standing heights; sets the camera's near and far planes
+HIDDEN_GROUPS = 3  # groups from this one on hold collision geometry, by convention
 
 
 def scene_model(
     robot: Robot, plant: Path | None, width: int, height: int, ground: Ground | None = None
 ) -> mujoco.MjModel:
-    """The plant's body among scenery; its `qpos` is laid out as in the simulated robot.
+    """Model of the plant in a scene; its `qpos` has the layout of the simulated robot.
 
     Raises:
         UserError: the plant's file cannot be read.
@@ -35,13 +35,13 @@ def scene_model(
             plane.material = FLOOR_MATERIAL
     else:
         replace_ground(spec, ground)
-        spec.stat.extent = EXTENT * robot.description.standing_height_m  # else the ground's: all is cut off
+        spec.stat.extent = EXTENT * robot.description.standing_height_m  # not the ground's
         for geom in spec.worldbody.geoms:
             geom.material = FLOOR_MATERIAL
     _add_lights(spec, 2.0 * robot.description.standing_height_m)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.quality.shadowsize = 1024
-    spec.visual.quality.offsamples = 0  # software rendering takes twice as long with any
+    spec.visual.quality.offsamples = 0  # software rendering with antialiasing takes twice as long
     spec.visual.map.znear, spec.visual.map.zfar = 0.02, 60.0
     spec.visual.map.fogstart, spec.visual.map.fogend = 6.0, 25.0
     spec.visual.rgba.fog = spec.visual.rgba.haze = [0.82, 0.87, 0.93, 1.0]
@@ -63,9 +63,9 @@ def size_of(model: mujoco.MjModel, qpos: np.ndarray) -> float:
 
 
 def follow(camera: mujoco.MjvCamera, position: np.ndarray, size_m: float, level: bool = True) -> None:
-    """Point a free camera at a base position (3,), from the side; a robot of that size fits.
+    """Point a free camera at a base position (3,), from the side, so that a robot of size `size_m` fits.
 
-    On level ground it stands in front of the robot, elsewhere behind it, where no step hides the robot.
+    On level ground the camera is in front of the robot, elsewhere behind it, where no step hides the robot.
     """
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     height = 0.8 * position[2] if level else position[2] - 0.1 * size_m
@@ -75,7 +75,7 @@ def follow(camera: mujoco.MjvCamera, position: np.ndarray, size_m: float, level:
 
 
 def add_arrow(scene: mujoco.MjvScene, start: np.ndarray, vector: np.ndarray, colour: np.ndarray) -> None:
-    """Draw an arrow from a point (3,) along a vector (3,), m; too short a vector draws nothing."""
+    """Draw an arrow from a point (3,) along a vector (3,), m; very short vectors are not drawn."""
     if np.linalg.norm(vector) < 0.03 or scene.ngeom >= scene.maxgeom:
         return
     geom = scene.geoms[scene.ngeom]
@@ -114,9 +114,9 @@ def _add_materials(spec: mujoco.MjSpec) -> None:
 
 
 def _add_lights(spec: mujoco.MjSpec, size_m: float) -> None:
-    """Light from all sides, a sun, and a lamp above the base for the shadow.
+    """Ambient light, a sun, and a lamp above the base for the shadow.
 
-    The lamp travels with the base; MuJoCo's shadow of a directional light is coarse at this scale.
+    The lamp follows the base; MuJoCo's shadow of a directional light is coarse at this scale.
     """
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]

@@ -1,4 +1,4 @@
-"""Pages that are complete in themselves: their templates, which extend templates/sheet.html."""
+"""Renders self-contained pages from templates, which extend templates/sheet.html."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -9,12 +9,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 
 def rendered(template: str, *functions: Callable[..., Any], **values: Any) -> str:
-    """The page that a template makes of values, and of this footfall's `version` unless they have another.
+    """The page from a template and values; `version` and `date` have defaults.
 
     Args:
         template: name of a file in templates/.
-        functions: that the template and its macros call by their names.
-        values: that the template reads by name.
+        functions: functions that the template and its macros call by name.
+        values: variables of the template.
     """
     environment = Environment(
         loader=PackageLoader("footfall.evaluate.report"),

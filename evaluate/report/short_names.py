@@ -1,13 +1,13 @@
-"""Names of policies as a page has room for them."""
+"""Names of policies, shortened to fit a page."""
 
 from collections.abc import Sequence
 
 LONGEST = 32  # characters: a column of a table, a line above a plot
-_HEAD = 12  # of them before the gap; names of runs differ more at the end
+_HEAD = 12  # characters before the ellipsis; names of runs differ more at the end
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
-    """For each a name of at most `LONGEST` characters, longer ones without their middle; no two are alike."""
+    """A unique name of at most `LONGEST` characters for each; longer names lose their middle."""
     found: dict[str, str] = {}
     for name in names:
         short, count = _shortened(name, ""), 1
@@ -19,7 +19,7 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def titled(name: str, what: str) -> str:
-    """What stands above a policy's plot: its name and a figure, in two lines where they do not fit one."""
+    """Title of a policy's plot: its name and a figure, in two lines if they do not fit in one."""
     return f"{name}: {what}" if len(name) + len(what) < LONGEST else f"{name}\n{what}"
 
 

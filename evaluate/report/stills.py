@@ -1,4 +1,4 @@
-"""One picture of several walks: a row for each, with stills from its beginning to its end."""
+"""One picture of several walks: a row of stills for each, from beginning to end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ class Walk:
     """A row of the picture."""
 
     name: str
-    trouble: str  # empty if there was none
+    trouble: str  # reason of a fall or stop; empty if there was none
     trace: Trace
 
 
 def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
-    """Write a JPEG of walks; returns why there is none, empty if it was written.
+    """Write a JPEG of walks; returns an error, or an empty text on success.
 
     Args:
         robot: folder of the robot that walked.

@@ -1,8 +1,8 @@
-"""matplotlib drawings as SVG that lives inside a page: its fonts, its colours, light and dark.
+"""matplotlib drawings as inline SVG with the page's fonts and colours, light and dark.
 
-A plot is made of panels, each about as wide as a telephone's screen, which the page sets side by side where
-there is room: text keeps its size. A panel carries points with the numbers that belong there, which a script
-of the page shows under the pointer.
+A plot consists of panels, each about as wide as a phone's screen, which the page places side by side if there
+is room, so that text keeps its size. A panel carries points with numbers, which a script of the page shows
+under the pointer.
 """
 
 import io
@@ -17,13 +17,13 @@ from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Stand-ins that no plot uses otherwise; in the page they follow its colour scheme.
+# Placeholder colours that no plot uses otherwise; in the page they follow its colour scheme.
 INK, LINE, PAPER = "#010203", "#040506", "#070809"
 IN_PAGE = {INK: "currentColor", LINE: "var(--line)", PAPER: "var(--card)"}
 # Okabe and Ito's colours: most colour-blind readers can distinguish them, on white and on black.
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
-MARKER_PATHS = {  # the same around (13, 6), for legends
+MARKER_PATHS = {  # the same markers around (13, 6), for legends
     "o": "M9 6a4 4 0 1 0 8 0a4 4 0 1 0-8 0",
     "s": "M9.5 2.5h7v7h-7z",
     "^": "M13 1.5L17.5 10h-9z",
@@ -65,17 +65,17 @@ STYLE: dict[Any, Any] = {
 
 
 def colour(index: int) -> str:
-    """The colour of the policy at this place."""
+    """The colour of the policy with this index."""
     return COLOURS[index % len(COLOURS)]
 
 
 def marker(index: int) -> str:
-    """The marker of the policy at this place."""
+    """The marker of the policy with this index."""
     return MARKERS[index % len(MARKERS)]
 
 
 def line(index: int) -> dict[str, Any]:
-    """Line style of the policy at this place: lines differ in more than colour."""
+    """Line style of the policy with this index: lines differ in colour and dashes."""
     dashes = DASHES[index % len(DASHES)]
     return {"color": colour(index)} | ({} if dashes is None else {"dashes": dashes})
 
@@ -83,7 +83,7 @@ def line(index: int) -> dict[str, Any]:
 class Reading(NamedTuple):
     """Numbers that a panel shows under the pointer."""
 
-    x: float  # where, in data coordinates
+    x: float  # position in data coordinates
     y: float | None  # None: at any height
     text: str
 
@@ -95,11 +95,11 @@ class Plot:
     title: str
     caption: str
     panels: Sequence[Markup]
-    legend: Sequence[int] = ()  # places of the policies with a line
+    legend: Sequence[int] = ()  # indices of the policies with a line
 
 
 class Panel:
-    """One pair of axes in a style that suits the page; `svg` ends it.
+    """One matplotlib Axes in the page's style; `svg` finishes it.
 
     with Panel("tracking-0") as panel:
         panel.axes.plot(...)
@@ -107,7 +107,7 @@ class Panel:
     """
 
     def __init__(self, identity: str, height: float = PANEL_HEIGHT) -> None:
-        """`identity` keeps the ids of several panels of one page apart."""
+        """`identity` makes the element ids of several panels of one page unique."""
         self._style = mpl.rc_context({**STYLE, "svg.hashsalt": identity})
         self._size = PANEL_WIDTH / PIXELS_PER_INCH, height / PIXELS_PER_INCH
         self._identity = identity
@@ -138,7 +138,7 @@ class Panel:
         return Markup(text.replace("<svg", head, 1))
 
     def _placed(self, readings: Sequence[Reading]) -> dict[str, Any]:
-        """Readings in the units of the drawing that was just saved, and the rectangle of the axes."""
+        """Readings in the units of the saved drawing, and the rectangle of the axes."""
         height = self._figure.bbox.height
         box = self.axes.get_window_extent()
         bottom = self.axes.get_ylim()[0]

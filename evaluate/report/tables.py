@@ -39,7 +39,7 @@ class Table:
 
 @dataclass(frozen=True)
 class ScenarioPart:
-    """All figures of one scenario, and why its episodes ended early."""
+    """All figures of one scenario, and the reasons why episodes ended early."""
 
     name: str
     about: str
@@ -65,7 +65,7 @@ def headline_table(comparison: Comparison) -> Table:
 
 
 def falls_table(comparison: Comparison) -> Table:
-    """Policies in rows, scenarios in columns: how often each fell."""
+    """Policies in rows, scenarios in columns: number of falls."""
     falls = figures()["falls"]
     scenarios = comparison.config.scenarios
     columns = [_of_policies(falls, list(comparison.summaries(name).values())) for name in scenarios]
@@ -109,7 +109,7 @@ def all_warnings(comparison: Comparison) -> list[str]:
 
 
 def _of_policies(figure: Figure, summaries: Sequence[Summary]) -> list[Cell]:
-    """One figure of each policy."""
+    """Cells with one figure, for each policy."""
     winner = best(figure, summaries)
     return [
         Cell(text(figure, summary), interval_text(figure, summary), place == winner)

@@ -1,1 +1,1 @@
-"""The cockpit: our own page, from which a robot is steered and stopped."""
+"""The cockpit: the page from which a robot is steered and stopped."""

@@ -11,36 +11,36 @@ NO_TOKEN = "open the whole address that 'footfall deploy --cockpit' has printed"
 
 
 class Access:
-    """Checks requests. The token comes in the address first, then in a cookie that scripts cannot read."""
+    """Checks requests. The token is first in the address, later in a cookie that scripts cannot read."""
 
     def __init__(self, served_at: str, port: int, token: str | None = None) -> None:
         """A new token unless one is given; `served_at` is the name or address at which the server listens."""
         self._served_at = served_at
         self.token = token or secrets.token_urlsafe(24)
-        self._cookie = f"footfall_cockpit_{port}"  # cookies know no ports
+        self._cookie = f"footfall_cockpit_{port}"  # cookies do not distinguish ports
 
     def refusal(self, path: str, headers: Mapping[str, str], socket: bool) -> str | None:
         """Why a request is refused; None if it is not.
 
         Args:
-            path: that is asked for, with its query.
+            path: requested path, with its query.
             headers: of the request.
-            socket: whether it opens a WebSocket: then it has to come from a page of this server, too.
+            socket: whether it opens a WebSocket, which must come from a page of this server.
         """
         host, origin = headers.get("Host"), headers.get("Origin")
         if reason := refusal(host, origin, self._served_at):
             return reason
         if socket and origin is None:
-            return "a connection has to come from this server's page"
+            return "a connection must come from this server's page"
         given = [*parse_qs(urlsplit(path).query).get("token", []), self._kept(headers.get("Cookie", ""))]
-        # Of bytes: as text, other characters than ASCII raise TypeError.
+        # As bytes: text with characters beyond ASCII would raise TypeError.
         if any(secrets.compare_digest(each.encode(), self.token.encode()) for each in given):
             return None
         return NO_TOKEN
 
     @property
     def set_cookie(self) -> str:
-        """The header that has the browser keep the token for this server's own pages."""
+        """The header with which the browser keeps the token for this server's pages."""
         return f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
     def _kept(self, cookies: str) -> str:

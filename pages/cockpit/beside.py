@@ -1,4 +1,4 @@
-"""The cockpit's page, served by a process of its own beside the control loop."""
+"""The cockpit's page, served by a separate process beside the control loop."""
 
 import asyncio
 import json
@@ -36,17 +36,17 @@ def cockpit(
     feed: Path,
     more: Callable[[], Mapping[str, Any]] = dict,
 ) -> Iterator[tuple[CockpitLink, str]]:
-    """Serve the page for as long as the context lasts; the link to it, and the address to open.
+    """Serve the page while the context lasts; yields the link to it and the address to open.
 
     Args:
         inbox: takes the page's commands.
         host, port: where to listen.
-        robot: that runs.
+        robot: the robot.
         feed: socket of the run's feed.
         more: further facts about the run, for JSON.
 
     Raises:
-        UserError: websockets is not installed, or the address cannot be had.
+        UserError: websockets is not installed, or the address is not available.
     """
     with needs_extra("cockpit", "the cockpit needs"):
         import websockets  # noqa: F401
@@ -87,7 +87,7 @@ def _in_address(host: str) -> str:
 
 def _serve(link: Connection, host: str, port: int, token: str, feed: Path, joints: JointNames) -> None:
     """In the other process: serve until the loop's process ends the link or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the loop, which tells us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the loop, which then ends the link
     os.nice(NICENESS)
     more = partial(joint_figures, RunFeed(feed), joints)
     asyncio.run(Cockpit(Access(host, port, token), link, more).serve(host, port))

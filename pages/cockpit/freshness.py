@@ -1,4 +1,4 @@
-"""Whether what a page sends was said just now, or lay in a network that stalled."""
+"""Freshness of commands: refuses those that a stalled network delivers late."""
 
 import random
 import time
@@ -12,21 +12,20 @@ LATEST_S = 0.5  # between a challenge and the command that answers it
 class Freshness:
     """Challenges to one page, and the commands that answer them.
 
-    A command has to repeat a challenge that the page was given within the last half second, and to have a
-    number above that of the command before. So a command that was on its way for longer, or comes twice, or
-    overtakes another one, is refused.
+    A command must repeat a challenge that the page received within the last half second, and have a higher
+        number than the previous command. So late, repeated and overtaken commands are refused.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """`clock`: gives local time, s."""
+        """`clock` returns local time, s."""
         self._clock = clock
-        self._given: deque[tuple[int, float]] = deque(maxlen=64)  # challenges, and when
+        self._given: deque[tuple[int, float]] = deque(maxlen=64)  # challenges and their times
         self._last = -1
-        self.round_trip_s = 0.0  # of the latest challenge that was answered
+        self.round_trip_s = 0.0  # of the latest answered challenge
 
     def challenge(self) -> int:
         """A new challenge."""
-        number = random.getrandbits(48)  # not a secret: whoever reads it has the connection
+        number = random.getrandbits(48)  # not secret: only this connection sees it
         self._given.append((number, self._clock()))
         return number
 

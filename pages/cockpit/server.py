@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 PAGE = Path(__file__).with_name("cockpit.html")
 SOCKET = "/steer"
-EVERY_S = 0.1  # between states
+EVERY_S = 0.1  # between two messages with the run's state
 LONGEST_BYTES = 2048  # of a visitor's message
 MOST_A_SECOND = 100  # messages of one visitor
 MOST_VISITORS = 8
-# What a visitor may ask for, and the values that go with it. Nothing resets a fault.
+# Commands that a visitor may send, and their values. No command resets a fault.
 COMMANDS = {"take": (), "release": (), "put": ("velocity", "wish", "policy", "gait", "settings")}
 HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
@@ -41,26 +41,26 @@ POLICY = (
 
 
 class Cockpit:
-    """Serves the page. Commands go to the process of the loop, whose state comes back."""
+    """Serves the page. Commands go to the process of the loop, which sends its state."""
 
     def __init__(self, access: Access, link: Connection, more: Callable[[], dict[str, Any]] = dict) -> None:
-        """`link` leads to a `CockpitLink`; `more` gives further facts about the run, for JSON."""
+        """`link` is connected to a `CockpitLink`; `more` returns further facts about the run, for JSON."""
         self._access, self._link, self._more = access, link, more
-        self._state: dict[str, Any] = {}  # of the run, as it came last
+        self._state: dict[str, Any] = {}  # of the run, as last received
         self._visitors: dict[str, ServerConnection] = {}
         self._count = 0
         self._ended = asyncio.Event()
 
     async def serve(self, host: str, port: int) -> None:
-        """Serve until the process of the loop is gone. Tells it once by `serving` that visitors may come."""
+        """Serve until the process of the loop has ended. Sends it `serving` once the page is available."""
         from websockets.asyncio.server import serve
 
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         loop = asyncio.get_running_loop()
         options: dict[str, Any] = {"max_size": LONGEST_BYTES, "compression": None, "ping_interval": None}
-        async with serve(self._talk, host, port, process_request=self._answer, **options):
+        async with serve(self._serve_visitor, host, port, process_request=self._answer, **options):
             self._link.send_bytes(b'{"serving": true}')
-            loop.add_reader(self._link.fileno(), self._hear)
+            loop.add_reader(self._link.fileno(), self._receive)
             await self._ended.wait()
             loop.remove_reader(self._link.fileno())
             for visitor in list(self._visitors.values()):
@@ -68,7 +68,7 @@ class Cockpit:
                     await asyncio.wait_for(visitor.send(self._message(None)), EVERY_S)
 
     def _answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
-        """The page, an error, or None to go on to a WebSocket."""
+        """The page, an error, or None to continue with a WebSocket."""
         path = urlsplit(request.path).path
         reason = self._access.refusal(request.path, request.headers, socket=path != "/")
         if reason is not None:
@@ -88,14 +88,14 @@ class Cockpit:
         response.headers["Set-Cookie"] = self._access.set_cookie
         return response
 
-    async def _talk(self, connection: "ServerConnection") -> None:
-        """Speak with one visitor for as long as he is there."""
+    async def _serve_visitor(self, connection: "ServerConnection") -> None:
+        """Exchange messages with one visitor until the connection ends."""
         self._count += 1
         name, fresh = f"page {self._count}", Freshness()
         self._visitors[name] = connection
         sender = asyncio.create_task(self._send_states(name, connection, fresh))
         try:
-            with suppress(Exception):  # gone, in whatever way
+            with suppress(Exception):  # any end of the connection
                 await self._listen(name, connection, fresh)
         finally:
             sender.cancel()
@@ -117,7 +117,7 @@ class Cockpit:
         return json.dumps(message)
 
     async def _listen(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
-        """Pass on what a visitor sends, until he leaves or sends too much."""
+        """Pass on a visitor's messages, until the visitor leaves or sends too many."""
         loop = asyncio.get_running_loop()
         second, count = 0, 0
         async for content in connection:
@@ -154,8 +154,8 @@ class Cockpit:
         except OSError:
             self._ended.set()
 
-    def _hear(self) -> None:
-        """Take what the process of the loop sends."""
+    def _receive(self) -> None:
+        """Receive a message from the process of the loop."""
         try:
             message = json.loads(self._link.recv_bytes())
         except (OSError, EOFError):

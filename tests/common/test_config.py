@@ -133,12 +133,12 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        ("kp: 1\nkd: 2\nkp: 3\n", "the key kp stands twice"),
-        ("a: {kp: 1, kp: 1}", "the key kp stands twice"),
+        ("kp: 1\nkd: 2\nkp: 3\n", "the key kp is repeated"),
+        ("a: {kp: 1, kp: 1}", "the key kp is repeated"),
         ("on: 2", "the key on is neither text nor a whole number"),
         ("~: 2", "the key ~ is neither text nor a whole number"),
-        ("a: &a {b: *a}", "an alias stands inside of what it repeats"),
-        ("a: &a [*a]", "an alias stands inside of what it repeats"),
+        ("a: &a {b: *a}", "an alias is inside the value that it repeats"),
+        ("a: &a [*a]", "an alias is inside the value that it repeats"),
         (BOMB, "its aliases repeat more than 262,144 values"),
     ],
 )

@@ -22,5 +22,5 @@ def test_a_script_without_a_guard_is_told_to_have_one(tmp_path: Path, guarded: b
     if not guarded:
         assert done.stderr.splitlines()[-1].endswith(
             "UserError: mine.py, line 5 starts processes that import mine.py:"
-            ' put what it does under if __name__ == "__main__":'
+            ' put its main part under if __name__ == "__main__":'
         )

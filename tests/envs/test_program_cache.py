@@ -210,7 +210,7 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, 
     assert not (tmp_path / "made").exists()
     assert make.made == 2
     (line,) = said
-    assert "its compiled programs are not used, compiling afresh" in line
+    assert "its compiled programs are not used, compiling again" in line
     assert "\n" not in line
 
 

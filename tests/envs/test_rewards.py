@@ -121,5 +121,5 @@ def test_joints_count_in_pose_by_the_first_pattern_that_fits() -> None:
         data = PERFECT._replace(joint_position=jnp.asarray(moved, jnp.float32))
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
     entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
-    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint fits '\*_toe'"):
+    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint matches '\*_toe'"):
         Task(replace(CONFIG, rewards=(entry,)), SCENE)

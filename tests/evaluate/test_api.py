@@ -149,7 +149,7 @@ class TestApi:
             ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
             ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
             ({"html_path": Path("absent/out.html")}, "there is no folder .*absent"),
-            ({"json_path": Path("out"), "html_path": Path("out")}, "a name of its own"),
+            ({"json_path": Path("out"), "html_path": Path("out")}, "its own name"),
         ],
     )
     def test_what_cannot_be_is_known_before_the_first_episode(

@@ -17,7 +17,7 @@ from report_pages import COURSE, comparison, result, walked
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import films, scene, stills
-from footfall.evaluate.report.caption import in_words, written_on
+from footfall.evaluate.report.caption import command_text, with_caption
 from footfall.evaluate.report.films import FilmTask, arrows
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
@@ -56,7 +56,7 @@ class TestFilms:
             "c": None,
             "d": 300,
         }
-        assert found["b"].error == found["c"].error == "it did not walk"
+        assert found["b"].error == found["c"].error == "the policy did not walk"
         ((tasks, workers),) = asked
         assert workers == 3
         for task in tasks:
@@ -115,7 +115,7 @@ class TestFilms:
             yield lambda index: shots.append(index) or np.full((2, 2, 3), index % 251, np.uint8)
 
         monkeypatch.setattr(films, "camera_shots", camera)
-        monkeypatch.setattr(films.caption, "written_on", lambda *line: written.append(line))
+        monkeypatch.setattr(films.caption, "with_caption", lambda *line: written.append(line))
         trace = walked(5.0, fell=True)
         list(films.frames(self.task(trace, duration_s=6.0)))
         for number in (0, 60, 124):
@@ -179,12 +179,12 @@ class TestCaption:
         ],
     )
     def test_a_command_in_words(self, command: tuple[float, float, float], words: str) -> None:
-        assert in_words(np.array(command)) == words
+        assert command_text(np.array(command)) == words
 
     def test_what_differs_is_written_differently(self) -> None:
         picture = np.zeros((60, 640, 3), np.uint8)
         lines = [
-            written_on(picture, time_s, np.array(command), fell)
+            with_caption(picture, time_s, np.array(command), fell)
             for time_s, command, fell in (
                 (1.0, (0.5, 0.0, 0.0), None), (2.0, (0.5, 0.0, 0.0), None), (1.0, (0.0, 0.5, 0.0), None),
                 (1.0, (0.5, 0.0, 0.0), 0.5), (1.0, (0.5, 0.0, 0.0), 0.9),

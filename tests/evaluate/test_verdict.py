@@ -226,7 +226,7 @@ class TestVerdict:
 
     def test_too_few_episodes_are_said_to_be_too_few(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, episodes=3), "b": scored(0.9, episodes=3)}})
-        assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
+        assert sentence.startswith("Too few episodes to rank the policies (3 episodes of nominal)")
 
     def test_one_policy_alone_is_described(self) -> None:
         sentence = verdict({"nominal": {"mine": scored(0.1, 0.01, falls=1)}})

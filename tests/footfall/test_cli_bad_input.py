@@ -237,7 +237,7 @@ def test_an_output_that_is_a_link_to_itself(shell: Shell, tmp_path: Path) -> Non
 
 def test_two_outputs_of_one_name(shell: Shell, tmp_path: Path) -> None:
     same = tmp_path / "out"
-    assert "a name of its own" in shell.refuses("deploy", "stand", "--json", same, "--log", same)
+    assert "its own name" in shell.refuses("deploy", "stand", "--json", same, "--log", same)
     assert not same.exists()
 
 
