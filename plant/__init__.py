@@ -1,1 +1,1 @@
-"""The simulated machine on the far side of the bus: body, motors, sensors, wires, ground truth."""
+"""The simulated robot behind the bus: body, motors, sensors, wires, ground truth."""

@@ -8,11 +8,11 @@ from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 
-ROUNDING_RAD = 0.0004  # of two position targets together, in frames
+ROUNDING_RAD = 0.0004  # rounding of two position targets in frames
 
 
 class Audit:
-    """Measures by how much commands exceed limits, over all frames that a controller sends."""
+    """Measures the excess of commands over limits, over all frames that a controller sends."""
 
     def __init__(self, robot: Robot, wiring: Wiring, tick_s: float) -> None:
         self._robot, self._tick_s = robot, tick_s
@@ -20,9 +20,8 @@ class Audit:
         self._lower, self._upper = robot.soft_limits
         self._target: np.ndarray | None = None  # of the previous tick
         self.stiff = False  # whether a motor was ever given stiffness
-        self.torque_over = (
-            0.0  # largest torque demand beyond the motor's limit at its speed, over its peak torque
-        )
+        # Largest torque demand beyond the motor's limit at its speed, over its peak torque.
+        self.torque_over = 0.0
         self.outside_rad = 0.0  # farthest position target outside the soft limits
         self.rate_share = 0.0  # fastest change of a position target over the robot's target rate
 
@@ -32,7 +31,9 @@ class Audit:
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return
         values = np.empty_like(requests.values)
-        values[:, requests.motor] = requests.values  # a robot with several makers' motors gets them by maker
+        values[:, requests.motor] = (
+            requests.values
+        )  # with motors of several makers, requests are grouped by maker
         command = JointCommand(*values)
         asked = pd_torque(command, position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)

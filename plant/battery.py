@@ -19,10 +19,10 @@ class SimulatedBattery:
         """A pack at rest.
 
         Args:
-            robot: whose motors' losses count.
+            robot: the robot, for the motors' losses.
             battery: as declared.
-            motors: get its voltage, and report it.
-            charge: at first, 0 to 1.
+            motors: the motors, which get its voltage and report it.
+            charge: initial charge, 0 to 1.
             step_s: the physics step.
         """
         self._battery, self._motors, self._meter = battery, motors, EnergyMeter(robot)

@@ -1,4 +1,4 @@
-"""The simulated robot as a bus, in place of CAN interfaces."""
+"""The simulated robot as a bus, instead of CAN interfaces."""
 
 from threading import Lock
 
@@ -9,9 +9,9 @@ from footfall.plant.wires import Side, SimulatedWires
 
 
 class SimulatedBus:
-    """The controller's end of simulated wires. Receiving simulates the robot up to then.
+    """The controller's end of simulated wires. Receiving simulates the robot up to the present time.
 
-    One thread at a time: a guard (`deploy/guard.py`) sends from its own thread, perhaps during a step.
+    Locked, since a guard (`deploy/guard.py`) sends from its own thread, possibly during a step.
     """
 
     def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:

@@ -1,14 +1,14 @@
-"""A stand that the base is bolted to: the base does not move, whatever the legs do."""
+"""A stand to which the base is bolted, so that motions of the legs do not move it."""
 
 import mujoco
 
 from footfall.plant.sensors import Layout
 
-BASE_SHARE = 1e6  # inertia added to the base, over the robot's mass: legs move it by nothing measurable
+BASE_SHARE = 1e6  # inertia added to the base, over the robot's mass: the legs cannot move it measurably
 
 
 class Clamp:
-    """An inertia so large that forces do not move the base, and a speed that is taken away each step."""
+    """A very large inertia of the base, whose speed is set to zero at each step."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, layout: Layout, mass_kg: float) -> None:
         """Hold the base at its pose in `data`."""
@@ -17,9 +17,9 @@ class Clamp:
         model.dof_armature[self._dofs] += BASE_SHARE * mass_kg
 
     def pull(self) -> None:
-        """Take the base's speed away before the next physics step."""
+        """Set the base's speed to zero before the next physics step."""
         self._data.qvel[self._dofs] = 0.0
 
     def let_go(self) -> None:
-        """Give the base its own inertia back."""
+        """Restore the base's own inertia."""
         self._model.dof_armature[self._dofs] = 0.0

@@ -1,4 +1,4 @@
-"""Delays and lost frames of the simulated robot, as they change within an episode."""
+"""Delays and lost frames of the simulated robot, which may change within an episode."""
 
 from collections import deque
 from typing import Generic, TypeVar
@@ -11,7 +11,7 @@ from footfall.domain_rand.transport import JITTER_PERIOD_S, Way, delay_now_s, tr
 
 T = TypeVar("T")
 
-SEEDS: dict[Way, int] = {"actions": 0xAC7, "readings": 0x2EAD}  # beside an episode's own
+SEEDS: dict[Way, int] = {"actions": 0xAC7, "readings": 0x2EAD}  # combined with an episode's seed
 
 
 class Delay:
@@ -20,7 +20,7 @@ class Delay:
     def __init__(self, sample: Sample, way: Way, step_s: float, seed: int) -> None:
         self._transport, self._step_s = transport_of(sample, way), step_s
         self._random = np.random.default_rng([seed, SEEDS[way]])
-        self._jitter_steps = round(JITTER_PERIOD_S / step_s)  # for which a drawn jitter lasts
+        self._jitter_steps = round(JITTER_PERIOD_S / step_s)  # how long a drawn jitter lasts
         self._jitter, self._until = 0.0, 0
         transport = self._transport
         self.varies = transport.jitter_s is not None or transport.swing_s is not None
@@ -28,7 +28,7 @@ class Delay:
         self.longest = round(sum(float(part) for part in parts if part is not None) / step_s)
 
     def steps(self, step: int) -> int:
-        """Delay of what is sent in a physics step; the steps must not fall."""
+        """Delay of a frame that is sent in a physics step; `step` must not decrease between calls."""
         if self._transport.jitter_s is not None and step >= self._until:
             self._jitter = float(self._random.random())
             self._until = step - step % self._jitter_steps + self._jitter_steps
@@ -36,7 +36,7 @@ class Delay:
 
 
 class Past(Generic[T]):
-    """The last moments of what sensors measure, read with the delay of readings."""
+    """The recent true values of sensors, read with the delay of readings."""
 
     def __init__(self, sample: Sample, step_s: float, seed: int) -> None:
         self._delay = Delay(sample, "readings", step_s, seed)
@@ -44,12 +44,12 @@ class Past(Generic[T]):
         self._newest = self._shown = -1  # steps
 
     def remember(self, moment: T) -> None:
-        """Keep the present moment. Call at each physics step."""
+        """Store the present values. Call at each physics step."""
         self._moments.append(moment)
         self._newest += 1
 
     def seen(self) -> T:
-        """The moment that is reported now: never one before that of the last call."""
+        """The values that are reported now, never older than those of the last call."""
         if not self._delay.varies:
             return self._moments[0]
         self._shown = max(self._shown, self._newest - self._delay.steps(self._newest))

@@ -48,7 +48,7 @@ class Display(Protocol):
 class Push:
     """A sudden change of the whole robot's velocity."""
 
-    time_s: float  # since walking began; left out if the robot does not walk then
+    time_s: float  # since walking began; skipped if the robot does not walk at that time
     delta_v_m_s: tuple[float, float, float]  # world frame
 
 
@@ -60,29 +60,29 @@ class Episode:
     duration_s: float  # of walking, at most
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
-    ground: Ground | None = None  # None for the plant's own, flat if it has none
+    ground: Ground | None = None  # None: the plant's own ground, flat if it has none
     sample: Sample | None = None
     noise: Noise | None = None
     pushes: tuple[Push, ...] = ()  # in any order
-    lying: bool = False  # at first
-    charge: float = 1.0  # of its battery at first, where robot.yaml declares one
-    lie_down: bool = False  # before the motors go off, where robot and fault permit it
+    lying: bool = False  # initially
+    charge: float = 1.0  # initial charge of the battery, if robot.yaml declares one
+    lie_down: bool = False  # before the motors switch off, if robot and fault permit it
     ground_truth: bool = False  # give the policy the true base velocity and height
     realtime: bool = False
     log: Path | None = None
-    log_frames: bool = False  # CAN frames go to the log, too
+    log_frames: bool = False  # record CAN frames in the log, too
     feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
     policy_spec: str = ""  # name or path of the policy, kept in the log for a replay
     record: bool = True  # keep samples; without them the trace's arrays are empty
     record_rate_hz: float = 100.0  # of samples, fall checks and power
-    config: DeployConfig | None = None  # None for the defaults, with the robot's own limits
+    config: DeployConfig | None = None  # None: the defaults, with the robot's own limits
     display: Display | None = None
     check_wiring: bool = False  # before the robot stands up and walks
-    stop_sources: Sequence[StopSource] = ()  # beside the command source
-    others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
-    get_up: GetUp | None = None  # consent to get up; then the loop alone says what a fall is
-    engine: str = DEFAULT_ENGINE  # what moves the bodies: mujoco or drake
-    # Of the simulated height scans; another source of scans takes their place.
+    stop_sources: Sequence[StopSource] = ()  # in addition to the command source
+    others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may take over, by spec
+    get_up: GetUp | None = None  # permission to get up; then only the control loop detects falls
+    engine: str = DEFAULT_ENGINE  # physics engine: mujoco or drake
+    # Errors of the simulated height scans; another source of scans replaces these.
     height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
     height_scans: HeightScanSource | None = None
 
@@ -92,7 +92,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
 
     Args:
         robot: the robot that the controller assumes.
-        policy: what decides.
+        policy: the policy.
         episode: the settings.
         watch: called after each joint tick with the loop and the simulated robot, to observe or to inject
             faults.
@@ -145,15 +145,15 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
 
 
 class Trial:
-    """Pushes, samples and fall checks of an episode, beside the control loop."""
+    """Pushes, samples and fall checks of an episode, at each tick of the control loop."""
 
     def __init__(self, robot: Robot, body: SimulatedRobot, episode: Episode, watch: Watch | None) -> None:
         self._body, self._episode, self._watch = body, episode, watch
         self._recorder = Recorder(len(robot.joint_names), len(robot.description.feet), body.model.nq)
         self._progress = Progress(episode.record_rate_hz)
         self._pushes = sorted(episode.pushes, key=lambda push: push.time_s)
-        self._look_every_s = 1.0 / episode.record_rate_hz
-        self._next_look_s = 0.0
+        self._sample_period_s = 1.0 / episode.record_rate_hz
+        self._next_sample_s = 0.0
         self._fall_reason = ""
         self._diverged = self._walked = False
         self._velocity = np.full(3, np.nan)
@@ -169,23 +169,23 @@ class Trial:
         if self._walked:
             self._push(loop.walking_s, walks)
         if walks:
-            self._walking(loop)
+            self._while_walking(loop)
         if self._watch is not None:
             self._watch(loop, self._body)
 
     def _push(self, now_s: float, walks: bool) -> None:
-        """Make the pushes that are due. A robot that lies after a fall, or gets up, is not pushed."""
+        """Apply the pushes that are due, except to a robot that lies after a fall or gets up."""
         while self._pushes and self._pushes[0].time_s <= now_s:
             push = self._pushes.pop(0)
             if walks:
                 self._body.push(push.delta_v_m_s)
 
-    def _walking(self, loop: ControlLoop) -> None:
+    def _while_walking(self, loop: ControlLoop) -> None:
         body, now_s = self._body, loop.walking_s
-        if now_s < self._next_look_s - 1e-9:
+        if now_s < self._next_sample_s - 1e-9:
             return
-        self._next_look_s = max(self._next_look_s + self._look_every_s, now_s)  # later, after a fall
-        self._look(loop, now_s)
+        self._next_sample_s = max(self._next_sample_s + self._sample_period_s, now_s)  # later, after a fall
+        self._record_sample(loop, now_s)
         if self._episode.get_up is None and (reason := body.fall()) is not None:
             self._fall_reason = reason
             loop.finish(skip_lie_down=True)
@@ -193,7 +193,7 @@ class Trial:
             self._diverged = True
             loop.finish(skip_lie_down=True)
 
-    def _look(self, loop: ControlLoop, now_s: float) -> None:
+    def _record_sample(self, loop: ControlLoop, now_s: float) -> None:
         truth, power = self._body.truth(), self._body.take_power()
         self._velocity = truth.base_velocity
         self._progress.add(truth.base_position, truth.base_velocity)

@@ -11,7 +11,7 @@ from footfall.domain_rand.foot_force import measured, randomised_sensors
 from footfall.domain_rand.sample import Sample
 from footfall.plant.delays import Past
 
-SEED = 0xF007  # beside an episode's own: other draws stay what they are
+SEED = 0xF007  # combined with an episode's seed, so that other draws do not change
 
 
 class SimulatedFootSensors:
@@ -32,11 +32,11 @@ class SimulatedFootSensors:
             np.full(feet, foot_force.LENGTH),
         )
         self._counter = 0
-        self.silent = np.zeros(feet, bool)  # sensors that send nothing, to be set from outside
-        self.lie: Callable[[np.ndarray], np.ndarray] | None = None  # changes what they report, N, (feet,)
+        self.silent = np.zeros(feet, bool)  # sensors that send nothing; set by fault injection
+        self.lie: Callable[[np.ndarray], np.ndarray] | None = None  # changes reports, N, (feet,)
 
     def remember(self) -> None:
-        """Keep the present forces, to be read after the observation delay. Call at each physics step."""
+        """Store the present forces, to be read after the observation delay. Call at each physics step."""
         self._past.remember(self._force())
 
     def sample(self) -> Frames:

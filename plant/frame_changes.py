@@ -1,4 +1,4 @@
-"""Changes of frames and readings in transit, from which faults are made."""
+"""Changes of frames and readings in transit, for fault injection."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames, joined
 
 Batches = list[Frames]
-# From arrived batches and time, us, to what the controller receives.
+# From arrived batches and time, us, to the batches that the controller receives.
 Incoming = Callable[[Batches, int], Batches]
 
 
@@ -82,7 +82,7 @@ def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames
 
 
 def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: float = 0.0) -> imu.Inertial:
-    """The consistent reading of an IMU that is turned, and goes on turning, in the body about an axis."""
+    """The consistent reading of an IMU that is rotated, and keeps rotating, in the body about an axis."""
     askew = turned(reading, axis, float(np.rad2deg(angle_rad)))
     half = angle_rad / 2
     turn = rotation_matrix(np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])]))  # to the body's axes
@@ -91,7 +91,7 @@ def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: floa
 
 
 def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:
-    """A reading whose quaternion alone is turned about a body axis."""
+    """A reading with only its quaternion rotated about a body axis."""
     half = np.deg2rad(degrees) / 2
     w, x, y, z = reading.quaternion
     c, s = float(np.cos(half)), float(np.sin(half))

@@ -1,4 +1,4 @@
-"""Puts a ground into a plant's MJCF, in the place of its floor."""
+"""Replaces the floor of a plant's MJCF by a ground."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,19 +10,19 @@ from footfall.robots.model import ALL_CONTACTS, FLOOR, FLOOR_FRICTION
 from footfall.terrain.boxes import boxes
 from footfall.terrain.ground import Ground
 
-BEYOND_M = 100.0  # how far the ground goes on beyond its rim
-DEPTH_M = 2.0  # of the ground below its lowest place
+BEYOND_M = 100.0  # extent of the flat ground beyond the rim
+DEPTH_M = 2.0  # thickness of the ground below its lowest point
 
 
 def replaced_by(ground: Ground | None) -> Callable[[mujoco.MjSpec], None] | None:
-    """Changes an MJCF so that this is its ground: see `replace_ground`. None for None."""
+    """Function that replaces an MJCF's ground, see `replace_ground`; None if `ground` is None."""
     return None if ground is None else partial(replace_ground, ground=ground)
 
 
 def replace_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
     """Replace planes and height fields of the world by a ground of one piece.
 
-    A stepped one becomes boxes, another one a height field.
+    A stepped ground becomes boxes, any other a height field.
     """
     for geom in list(spec.worldbody.geoms):
         if geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD):
@@ -39,7 +39,7 @@ def replace_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
 
 
 def _add_box(spec: mujoco.MjSpec, rectangle: list[float], bottom_m: float) -> None:
-    """A box below a rectangle (x from, x to, y from, y to, height)."""
+    """Add a box below a rectangle (lower x, upper x, lower y, upper y, height)."""
     x_low, x_high, y_low, y_high, top = rectangle
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,

@@ -27,7 +27,7 @@ class Truth(NamedTuple):
     joint_position: np.ndarray  # (n,) rad
     joint_velocity: np.ndarray  # (n,) rad/s
     motor_torque: np.ndarray  # (n,) N m at the joint, before gearbox friction
-    foot_position: np.ndarray  # (feet, 3) m, world, middle of its geoms; NaN for a foot that the plant lacks
+    foot_position: np.ndarray  # (feet, 3) m, world, mean of its geoms; NaN for a foot missing in the plant
     foot_velocity: np.ndarray  # (feet, 3) m/s, world
     foot_contact: np.ndarray  # (feet,) bool
     foot_force: np.ndarray  # (feet,) N, normal
@@ -41,7 +41,7 @@ class GroundTruth:
     def __init__(
         self, plant: Plant, data: mujoco.MjData, engine: Engine, layout: Layout, height_m: float
     ) -> None:
-        """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
+        """`layout` has the indices of joints and base; `height_m` is the base's height when standing."""
         self._model, self._data, self._engine = plant.model, data, engine
         self._position, self._velocity, self._geom_position = data.qpos, data.qvel, data.geom_xpos
         self._geoms_of_foot = [geoms.tolist() for geoms in plant.feet]
@@ -52,7 +52,7 @@ class GroundTruth:
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = {plant.base, WORLD}
-        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # for feet that the plant lacks
+        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # for feet missing in the plant
         self._twist = np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 

@@ -6,7 +6,7 @@ import numpy as np
 from footfall.plant.sensors import Layout
 
 FREQUENCY_RAD_S = 60.0  # of the robot in the frame
-GYRATION_SHARE = 0.5  # radius of gyration over the height that it hangs at
+GYRATION_SHARE = 0.5  # radius of gyration over the base's height
 
 
 class Frame:
@@ -24,7 +24,7 @@ class Frame:
         self._damping = 2.0 * FREQUENCY_RAD_S * np.array([mass_kg, inertia])
 
     def pull(self) -> None:
-        """Set the frame's force and torque for the next physics step."""
+        """Apply the frame's force and torque for the next physics step."""
         data, at, dof = self._data, self._at, self._dof
         turned = np.zeros(3)
         mujoco.mju_subQuat(turned, self._turn, data.qpos[at + 3 : at + 7])  # base frame
@@ -35,5 +35,5 @@ class Frame:
         data.xfrc_applied[self._base] = [*force, *torque]
 
     def let_go(self) -> None:
-        """Take the frame's force and torque away."""
+        """Remove the frame's force and torque."""
         self._data.xfrc_applied[self._base] = 0.0

@@ -1,4 +1,4 @@
-"""The simulated robot's height scans, with the errors of a real one's."""
+"""The simulated robot's height scans, with errors."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from footfall.policies.height_scan import HeightScan
 from footfall.terrain.ground import Ground, height_at
 
 Pose = tuple[np.ndarray, np.ndarray]  # of the base: position (3,) m, world, and quaternion (4,)
-SEED = 0x5CA9  # combined with the episode's: other draws do not change
+SEED = 0x5CA9  # combined with the episode's seed, so that other draws do not change
 
 
 class SimulatedScanner:
@@ -26,7 +26,7 @@ class SimulatedScanner:
         pose: Callable[[], Pose],
         seed: int,
     ) -> None:
-        """`ground` is None for level ground at height 0."""
+        """`ground` None: level ground at height 0."""
         self._scan, self._errors, self._ground, self._pose = scan, errors, ground, pose
         self._rng = np.random.default_rng([seed, SEED])
         self._episode = draw_errors(errors, self._rng.random(NUMBERS))

@@ -1,4 +1,4 @@
-"""What holds a simulated robot up: a frame that gives way a little, or a stand."""
+"""Supports of a simulated robot: a compliant frame, or a stand."""
 
 import mujoco
 
@@ -19,7 +19,7 @@ def holder(
     hanging: bool,
     clamped: bool,
 ) -> Holder | None:
-    """What holds the robot, raised by its standing height if it hangs; None if it stands by itself."""
+    """The robot's support; None if it stands by itself. A hanging robot is raised by its standing height."""
     height_m = robot.description.standing_height_m
     if hanging or clamped:
         data.qpos[layout.base_qpos + 2] += height_m

@@ -15,7 +15,7 @@ from footfall.deploy.wiring import Wiring
 
 
 class ImuEnd(Protocol):
-    """The IMU's end of a protocol. A driver of one's own names it as `imu_end` (`drivers/imu_driver.py`)."""
+    """The IMU's end of a protocol. A user's own driver names it in `imu_end` (`drivers/imu_driver.py`)."""
 
     def __init__(self, channel: int) -> None:
         """`channel` is the index of the IMU's bus."""
@@ -47,7 +47,7 @@ class FootfallImuEnd:
 
 
 class InertialImuEnd(FootfallImuEnd):
-    """The same without orientation."""
+    """An IMU with footfall's own format, without orientation."""
 
     identifiers = imu.IDS[:2]
 
@@ -66,9 +66,9 @@ class XsensCanEnd:
 
 
 class SerialEnd:
-    """An IMU on a serial port. Its bytes take the time of CAN frames: the simulated wires know no other."""
+    """An IMU on a serial port. Its bytes take the time of CAN frames, as simulated wires carry only these."""
 
-    message: Callable[[Sample], bytes]  # of a sample
+    message: Callable[[Sample], bytes]  # bytes of a sample
 
     def __init__(self, channel: int) -> None:
         self._channel, self._counter = channel, 0
@@ -94,7 +94,7 @@ def open_imu_end(wiring: Wiring) -> ImuEnd:
     """The simulated IMU of a robot.
 
     Raises:
-        UserError: its protocol has none.
+        UserError: its driver has no simulated IMU.
     """
     driver = imu_driver_class(wiring.imu_protocol)
     if not driver.imu_end:

@@ -21,7 +21,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
-Outgoing = Callable[[Frames, int], Frames]  # from sent frames and time, us, to what leaves
+Outgoing = Callable[[Frames, int], Frames]  # from sent frames and time, us, to the frames on the bus
 
 
 class InjectingBus(WrappedBus):
@@ -31,7 +31,7 @@ class InjectingBus(WrappedBus):
         super().__init__(inner)
         self.incoming: Incoming | None = None
         self.outgoing: Outgoing | None = None
-        self.watch: Callable[[Frames], None] | None = None  # sees whatever the controller sends
+        self.watch: Callable[[Frames], None] | None = None  # called with all frames that the controller sends
 
     def send(self, frames: Frames, now_us: int) -> int:
         if self.watch is not None:
@@ -75,7 +75,7 @@ class InjectingPolicy:
 
 @dataclass
 class InjectingCommandSource:
-    """The command source of a run: a velocity, which can be replaced, or another source. It can stop, too."""
+    """The command source of a run: a velocity, which can be replaced, or another source."""
 
     value: np.ndarray  # (3,)
     replacement: Callable[[], np.ndarray] | None = None
@@ -99,7 +99,7 @@ class FaultInjector:
     policy: InjectingPolicy
     command_source: InjectingCommandSource
     rng: np.random.Generator
-    joint: int = field(init=False)  # of the faulty motor, drawn
+    joint: int = field(init=False)  # of the faulty motor, random
     channel: int = field(init=False)  # its bus
 
     def __post_init__(self) -> None:
@@ -118,10 +118,10 @@ class FaultInjector:
         ]
 
     def on_values(self, change: Callable[[np.ndarray, np.ndarray], None]) -> None:
-        """Change what motors report.
+        """Change the values that motors report.
 
-        `change` gets values (3, n) and temperatures (n,) in joint order and writes to them. All motors are
-        in MIT mode.
+        `change` gets values (3, n) and temperatures (n,) in joint order and modifies them. All motors must
+        be in MIT mode.
         """
         n, codec = len(self.robot.joint_names), mit.Codec(self.wiring.models)
 
@@ -137,7 +137,7 @@ class FaultInjector:
         self.on_replies(corrupt)
 
     def on_imu(self, change: Callable[[imu.Inertial], imu.Inertial]) -> None:
-        """Change the IMU's reading; its counters go on."""
+        """Change the IMU's reading; its counters continue."""
 
         def corrupt(frames: Frames) -> Frames:
             gyro, count = imu.decode_gyro(frames.data[0].tobytes())
@@ -164,7 +164,9 @@ class FaultInjector:
         self.bus.incoming = late(by_us, what)
 
     def falls_behind(self, share: float, what: Callable[[Frames], bool]) -> None:
-        """Let some batches wait in a growing queue, of which a constant share is read.
+        """Put some batches into a growing queue, from which the reader takes too few.
+
+        `share` is the growth of their age per time.
 
         Their arrival times stay the same.
         """

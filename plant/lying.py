@@ -1,8 +1,8 @@
 """Tests whether a robot stands up and lies down again in simulation, and searches for a lying pose.
 
-The search folds the legs: the feet rise to the base's underside, at places around their default ones. Of the
-poses in which the robot rests on its base under the joint law, those with the least motor effort are tested
-over the simulated bus, from lying to standing and back.
+The search folds the legs: the feet rise to the base's underside, at positions around their default ones. Of
+the poses in which the robot rests on its base under the joint law, those with the least motor effort are
+tested over the simulated bus, from lying to standing and back.
 """
 
 from collections.abc import Iterator
@@ -26,46 +26,46 @@ from footfall.robots.checks import LYING_SHARE
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
-# Displacement of the feet as shares of the distance that the base sinks: outwards; and ahead, or apart.
+# Displacements of the feet over the distance that the base sinks: outwards; and ahead, or fore and aft.
 OUTWARD, AHEAD = (0.0, 0.3, 0.6, 0.9), ((0.0, False), *product((-0.4, 0.4), (False, True)))
-TRIED = 3  # largest number of poses tested over the bus
+MAX_CANDIDATES = 3  # largest number of poses tested over the bus
 REST_S = 0.6
-MOST_TILT_RAD = 0.25
+MAX_TILT_RAD = 0.25
 STOOD = 0.85  # of the standing height
-WITHIN_RAD = 1e-4  # of the soft limits, so that rounding does not lead out of them
+LIMIT_MARGIN_RAD = 1e-4  # to the soft limits, so that rounding does not exceed them
 STAND_S = 0.5
-LOOK_EVERY_US = 20_000
+CHECK_PERIOD_US = 20_000
 
 
 @dataclass(frozen=True)
 class LyingResult:
-    """How a robot that lay stood up and lay down again."""
+    """Result of standing up from a lying pose and lying down again."""
 
-    trouble: str  # what went wrong; empty if nothing did
+    trouble: str  # reason of the failure; empty on success
     clearance_m: float  # height of the base's lowest corner above the ground at the end
     tilt_rad: float  # largest
 
 
 def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> LyingResult:
-    """Let a robot that lies stand up, hold its default pose, and lie down.
+    """Let a lying robot stand up, hold its default pose, and lie down.
 
     Args:
-        robot: with a lying pose.
+        robot: a robot with a lying pose.
         seed: of the simulation.
-        config: of the loop; None for the robot's own.
+        config: of the control loop; None: the robot's own.
 
     Raises:
-        UserError: it has no lying pose, or its motors cannot be driven.
+        UserError: the robot has no lying pose, or no driver for its motors.
     """
-    look = _Look(robot)
+    look = _PoseRecorder(robot)
     still = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
     trace = run_episode(robot, HoldDefaultPose(robot), still, look)
     trouble = trace.fall_reason or "; ".join(trace.faults)
     if not trouble and trace.base_position[-1, 2] < STOOD * robot.description.standing_height_m:
         trouble = f"it stands {trace.base_position[-1, 2]:.3f} m high only"
-    if not trouble and look.clearance_m > _most_clearance(robot):
+    if not trouble and look.clearance_m > _max_clearance_m(robot):
         trouble = f"its base stays {look.clearance_m:.3f} m above the ground"
-    if not trouble and look.tilt_rad > MOST_TILT_RAD:
+    if not trouble and look.tilt_rad > MAX_TILT_RAD:
         trouble = f"it tilts by {np.degrees(look.tilt_rad):.0f} degrees"
     return LyingResult(trouble, look.clearance_m, look.tilt_rad)
 
@@ -78,13 +78,13 @@ def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndar
     """
     poses = list(_folded(robot))
     efforts = [resting_effort(robot, pose) for pose in poses]
-    easiest = [poses[index] for index in np.argsort(efforts)[:TRIED] if efforts[index] < 1.0]
+    easiest = [poses[index] for index in np.argsort(efforts)[:MAX_CANDIDATES] if efforts[index] < 1.0]
     return next(
         (pose for pose in easiest if not lying_test(_lying_in(robot, pose), config=config).trouble), None
     )
 
 
-class _Look:
+class _PoseRecorder:
     """Records the base's clearance and tilt."""
 
     def __init__(self, robot: Robot) -> None:
@@ -92,7 +92,7 @@ class _Look:
         self.clearance_m = self.tilt_rad = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        if loop.now_us % LOOK_EVERY_US:
+        if loop.now_us % CHECK_PERIOD_US:
             return
         truth = body.truth()
         self.clearance_m = _clearance(self._corners, truth.base_position, truth.base_quaternion)
@@ -100,7 +100,7 @@ class _Look:
             self.tilt_rad = max(self.tilt_rad, float(tilt(truth.base_quaternion)))
 
 
-def _most_clearance(robot: Robot) -> float:
+def _max_clearance_m(robot: Robot) -> float:
     return LYING_SHARE * robot.description.standing_height_m
 
 
@@ -121,14 +121,16 @@ def _folded(robot: Robot) -> Iterator[np.ndarray]:
         foot[:, 0] += ahead * sinks_m * (along if apart else 1.0)
         foot[:, 1] += outward * sinks_m * aside
         foot[:, 2] = legs.foot_radius - legs.base_below
-        pose = legs.scatter(legs.solve(foot), robot.default_pose).clip(lower + WITHIN_RAD, upper - WITHIN_RAD)
+        pose = legs.scatter(legs.solve(foot), robot.default_pose).clip(
+            lower + LIMIT_MARGIN_RAD, upper - LIMIT_MARGIN_RAD
+        )
         feet_m = (legs.pose(pose).foot[:, 2] - legs.foot_radius).min()
-        if -legs.base_below - feet_m <= _most_clearance(robot):
+        if -legs.base_below - feet_m <= _max_clearance_m(robot):
             yield pose.round(4)
 
 
 def resting_effort(robot: Robot, pose: np.ndarray) -> float:
-    """Largest share of a joint's peak torque at rest in a pose; infinite if it does not rest there."""
+    """Largest joint torque over peak torque at rest in a pose; infinite if the robot does not rest in it."""
     body = SimulatedRobot(
         _lying_in(robot, pose), wire(robot), SimulatedWires(wire(robot).buses), PlantConfig(lying=True)
     )
@@ -145,7 +147,7 @@ def resting_effort(robot: Robot, pose: np.ndarray) -> float:
         mujoco.mj_step(model, data)
     truth = body.truth()
     clearance_m = _clearance(robot.legs.base_corners, truth.base_position, truth.base_quaternion)
-    if clearance_m > _most_clearance(robot) or tilt(truth.base_quaternion) > MOST_TILT_RAD:
+    if clearance_m > _max_clearance_m(robot) or tilt(truth.base_quaternion) > MAX_TILT_RAD:
         return np.inf
     return float((np.abs(torque) / robot.motor.peak_torque).max())
 

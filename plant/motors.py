@@ -1,4 +1,4 @@
-"""Simulated motors: they take requests, follow the joint law, and reply with quantised readings."""
+"""Simulated motors: receive requests, follow the joint law, and reply with quantised readings."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from footfall.robots.actuator_net import ActuatorNet, inputs_of, learned_torque
 from footfall.robots.winding import Winding, at_temperature, warmed
 
 TEMPERATURE_C = 30
-HOTTEST_REPORTED_C = 127  # some frames carry a signed byte
+HOTTEST_REPORTED_C = 127  # limit of a signed byte, which some frames carry
 
 
 @dataclass
@@ -41,7 +41,7 @@ class MotorFaults:
     silent: np.ndarray  # bool: disconnected from the bus; the motor runs until its own timeout
     stuck: np.ndarray  # bool: repeats its last report
     error: np.ndarray  # uint64: reported error code
-    latched: np.ndarray  # uint64: likewise, and the motor stays disabled until its errors are cleared
+    latched: np.ndarray  # uint64: reported error code; the motor stays disabled until its errors are cleared
 
 
 class SimulatedMotors:
@@ -67,8 +67,8 @@ class SimulatedMotors:
             joints: number of motors.
             sample: their differences from nominal motors.
             step_s: the physics step.
-            timeout_s: time without a frame after which a motor disables itself, unless a frame sets it; of
-                all, or of each, (joints,).
+            timeout_s: time without a frame after which a motor disables itself, unless a frame sets another;
+                for all motors, or for each, (joints,).
             winding: their thermal parameters; None for motors that stay at 30 degrees Celsius.
             seed: of the delay's jitter.
             net: the learned part of their joint law.
@@ -148,7 +148,7 @@ class SimulatedMotors:
         self._motor = self._motor._replace(strength=self._motor.strength * strength)
 
     def rewire(self, end: MotorEnd) -> None:
-        """Exchange the motors' end of the wires: from now on other frames reach each motor."""
+        """Replace the motors' end of the wires: from now on other frames reach each motor."""
         self._end = end
 
     def regear(self, ratio: np.ndarray, about: np.ndarray) -> None:
@@ -217,7 +217,7 @@ class SimulatedMotors:
         return self._reply(motor, readings)
 
     def _follow_each(self, step: int, requests: Requests, readings: np.ndarray) -> None:
-        """Process requests one by one, where not all of them are commands."""
+        """Process requests one by one, if not all of them are commands."""
         assert requests.kind is not None
         motors = np.arange(len(self.enabled))[requests.motor]
         for row, (motor, kind) in enumerate(zip(motors.tolist(), requests.kind.tolist(), strict=True)):
@@ -244,7 +244,7 @@ class SimulatedMotors:
         self._note_enabled()
 
     def _queue(self, step: int, motor: Motors, values: np.ndarray) -> None:
-        """Queue commands for after the delay; older ones in the queue take effect no later."""
+        """Queue commands for the time after the delay; older commands take effect no later than these."""
         at = step + self._delay.steps(step)
         if self._delay.varies:
             self._due = deque((min(due, at), whose, what) for due, whose, what in self._due)
@@ -265,7 +265,7 @@ class SimulatedMotors:
         return frames if len(frames.id) else None
 
     def broadcast(self, now_us: int, readings: np.ndarray) -> Frames | None:
-        """The frames that motors send unasked now; `readings` as for `answer`."""
+        """The frames that motors send now without a request; `readings` as for `answer`."""
         return self._end.broadcast(now_us, ~self.faults.silent, self._report(readings))
 
     def _reported_c(self) -> int | np.ndarray:

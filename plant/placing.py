@@ -7,11 +7,11 @@ from footfall.common.errors import UserError
 from footfall.plant.sensors import Layout
 from footfall.robots.description import Robot
 
-SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
+SEARCH_HEIGHT_M = 4.0  # largest height of the ground above or below the origin
 
 
 def first_pose(robot: Robot, lying: bool) -> np.ndarray:
-    """Joint positions at first, rad, (n,); raises UserError for `lying` without a lying pose."""
+    """Initial joint positions, rad, (n,); raises UserError for `lying` without a lying pose."""
     if not lying:
         return robot.default_pose
     if robot.lying_pose is None:

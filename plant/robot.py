@@ -1,6 +1,6 @@
-"""The simulated robot on the far side of the bus: a body in a physics engine whose motors take frames.
+"""The simulated robot behind the bus: a body in a physics engine whose motors receive frames.
 
-Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
+Frames take effect, and readings are taken, at the nearest physics step.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ from footfall.terrain.ground import Ground
 
 IMU_PERIOD_S = 0.002
 HELD_UP_S = DeployConfig().held_up_s
-TALK_EVERY_US = 1000  # how often motors may send by themselves
+BROADCAST_PERIOD_US = 1000  # of frames that motors send without a request
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Faults:
     motors: MotorFaults
     imu_silent: bool = False
     imu_stuck: bool = False  # repeats its last reading
-    on_wire: Callable[[Frames], Frames] | None = None  # changes the frames that leave the robot
+    on_wire: Callable[[Frames], Frames] | None = None  # changes the frames that the robot sends
 
 
 @dataclass(frozen=True)
@@ -59,22 +59,22 @@ class PlantConfig:
     """Differences between the simulated robot and the robot that the controller assumes."""
 
     plant: Path | None = None  # another MJCF
-    engine: str = DEFAULT_ENGINE  # what moves the bodies, see plant/engines/choice.py
-    ground: Ground | None = None  # None for the MJCF's own, flat if it has none
+    engine: str = DEFAULT_ENGINE  # physics engine, see plant/engines/choice.py
+    ground: Ground | None = None  # None: the MJCF's own ground, flat if it has none
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
-    motor_timeout_s: float | None = None  # of all motors; None for robot.yaml's
+    motor_timeout_s: float | None = None  # of all motors; None: robot.yaml's
     lying: bool = False  # starts in the robot's lying pose
     hanging: bool = False  # hangs in a frame, its feet in the air
-    clamped: bool = False  # likewise, its base bolted to a stand
-    charge: float = 1.0  # of its battery at first, where robot.yaml declares one
+    clamped: bool = False  # feet in the air, the base bolted to a stand
+    charge: float = 1.0  # initial charge of the battery, if robot.yaml declares one
     held: bool = True  # does not move until its motors are commanded
-    # Time after the first command at which a robot that cannot stand still is let go (`held_start`).
+    # Time after the first command at which a robot that cannot stand by itself is released (`held_start`).
     let_go_after_s: float = HELD_UP_S
 
 
 class SimulatedRobot:
-    """A robot in simulation, seen through its buses.
+    """A simulated robot behind its buses.
 
     It starts in its default pose on the ground, or lying, and does not move until motors are commanded.
     """
@@ -105,8 +105,8 @@ class SimulatedRobot:
             int(self.model.jnt_dofadr[base_joint]),
         )
         step_s = float(self.model.opt.timestep)
-        told_s = config.motor_timeout_s
-        timeout_s = robot.motor_figures("timeout_s") if told_s is None else np.array(told_s)
+        configured_s = config.motor_timeout_s
+        timeout_s = robot.motor_figures("timeout_s") if configured_s is None else np.array(configured_s)
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
         self._motors = SimulatedMotors(
@@ -131,7 +131,7 @@ class SimulatedRobot:
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
         self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
-        self.foot_sensors: SimulatedFootSensors | None = None  # of a robot that has them
+        self.foot_sensors: SimulatedFootSensors | None = None  # None: the robot has none
         if robot.foot_sensors:
             force = self._ground_truth.foot_force
             self.foot_sensors = SimulatedFootSensors(wiring, force, sample, step_s, seed)
@@ -197,11 +197,11 @@ class SimulatedRobot:
         self._motors.weaken(strength)
 
     def rewire(self, wiring: Wiring) -> None:
-        """Plug the motors in elsewhere: commands to a place and replies from there are those of its motor."""
+        """Connect the motors according to another wiring, so that addresses reach other motors."""
         self._motors.rewire(open_motor_end(wiring))
 
     def regear(self, ratio: np.ndarray, about: np.ndarray) -> None:
-        """Give motors other gears than they assume, or reverse them (see `SimulatedMotors.regear`)."""
+        """Give motors other gear ratios than their firmware assumes (see `SimulatedMotors.regear`)."""
         self._motors.regear(ratio, about)
 
     def sag(self, share: float) -> None:
@@ -221,10 +221,10 @@ class SimulatedRobot:
             replies = motors.answer(self._step, arrived, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._send(replies, now_us)
-        if motors.broadcasts and now_us % TALK_EVERY_US == 0:
-            said = motors.broadcast(now_us, sensors.joints(motors.encoder_bias))
-            if said is not None:
-                self._send(said, now_us)
+        if motors.broadcasts and now_us % BROADCAST_PERIOD_US == 0:
+            broadcast = motors.broadcast(now_us, sensors.joints(motors.encoder_bias))
+            if broadcast is not None:
+                self._send(broadcast, now_us)
         if self._step % self._imu_every == 0 and not self.faults.imu_silent:
             self._report_imu(now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
@@ -244,7 +244,7 @@ class SimulatedRobot:
         self._step += 1
 
     def _hold_up(self, frame: Holder) -> None:
-        """Hold the robot for the next step, or let it go."""
+        """Hold the robot for the next step, or release it."""
         self._held_steps -= self._motors.commanded
         if self._held_steps > 0:
             frame.pull()

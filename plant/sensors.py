@@ -18,19 +18,19 @@ from footfall.robots.readings import READINGS
 
 MOTORS = ("joint_position", "joint_velocity", "joint_torque")  # fields of `Sensed` that motors report
 IMU = imu.Inertial._fields  # fields of `Sensed` that the IMU reports
-OF_MOTOR = "joint_position"  # a motor adds this bias itself, since it controls its own encoder's position
-ACCELEROMETER = 1  # beside the seed: its noise leaves that of the other readings as it is
+ADDED_BY_MOTOR = "joint_position"  # the motor adds this bias itself, since it controls its encoder's position
+ACCELEROMETER = 1  # combined with the seed, so that its noise does not change that of other readings
 _NOISE_BLOCK = 256  # readings whose noise is drawn at once
 
 Indices = np.ndarray | slice
 
 
 class Layout(NamedTuple):
-    """Where a robot's parts lie in a plant's state."""
+    """Indices of a robot's parts in a plant's state."""
 
     qpos: Indices  # of the joints, in joint order
     qvel: Indices
-    base_qpos: int  # position and quaternion of the base begin here
+    base_qpos: int  # first index of the base's position and quaternion
     base_qvel: int
 
 
@@ -55,7 +55,7 @@ class _Error(NamedTuple):
 
 
 class SimulatedSensors:
-    """Remembers the recent past of a plant and reads it with the declared delay, bias and noise.
+    """Stores the recent states of a plant and reads them with the declared delay, bias and noise.
 
     Readings are declared in `robots/readings.py`, delays and biases in `domain_rand/randomisation.py`.
     """
@@ -87,7 +87,7 @@ class SimulatedSensors:
         self._acceleration_random = np.random.default_rng((seed, ACCELEROMETER))
 
     def remember(self, torque: np.ndarray) -> np.ndarray:
-        """Keep the present state, to be read after the observation delay. Call at each physics step.
+        """Store the present state, to be read after the observation delay. Call at each physics step.
 
         Returns:
             True joint positions rad, velocities rad/s and motor torques N m, (3, n), not to be written to.
@@ -151,7 +151,7 @@ class _Noise:
 
 
 def _places(joints: int) -> dict[str, slice]:
-    """The place of each reading in a row of noise: readings of motors first."""
+    """The columns of each reading in a row of noise, readings of motors first."""
     places, start = {}, 0
     for name in sorted(READINGS, key=lambda name: READINGS[name].sensed not in MOTORS):
         stop = start + READINGS[name].kind.size(Parts(joints))
@@ -168,7 +168,7 @@ def _errors(
         declared = READINGS[name]
         if declared.sensed not in fields:
             continue
-        drawn = None if name == OF_MOTOR else sensor_bias(sample, name)
+        drawn = None if name == ADDED_BY_MOTOR else sensor_bias(sample, name)
         bias = None if drawn is None else np.asarray(drawn, dtype=float)
         width = 0.0 if noise is None else getattr(noise, name)
         if bias is None and not width:

@@ -1,4 +1,4 @@
-"""The simulated robot on CAN interfaces, in wall-clock time, in place of the real one.
+"""The simulated robot on CAN interfaces, in wall-clock time, instead of the real robot.
 
 It runs in its own process, beside the controller's: `python -m footfall.plant.serve --robot NAME`.
 """
@@ -28,10 +28,10 @@ LONGEST_STEP_US = 5 * PERIOD_US
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading.Event) -> None:
-    """Run a simulated robot in wall-clock time, its wires joined to a bus, until `stop` is set.
+    """Run a simulated robot in wall-clock time, its wires connected to a bus, until `stop` is set.
 
-    Each cycle simulates up to the present first and takes arrived frames afterwards. Otherwise, after a
-    pause, replies of the past would meet wires that are busy with present frames.
+    Each cycle first simulates up to the present and then receives frames. Otherwise, after a pause, replies
+    to earlier frames would find the wires busy with present frames.
 
     If the machine falls behind, simulated time falls behind too. Catching up would run the missed time on
     the last command, and a busy machine would never catch up. Frames sent meanwhile are lost, since the
@@ -61,7 +61,7 @@ def not_before(frames: Frames, time_us: int) -> Frames:
 def serving(
     robot: Robot, interface: str, config: PlantConfig | None = None, seed: int = 0
 ) -> Iterator[SimulatedRobot]:
-    """A simulated robot on a bus, in a thread, until the context ends.
+    """A simulated robot on a bus, in a thread, while the context lasts.
 
     Raises:
         UserError: the plant does not fit, or the bus cannot be opened.
@@ -82,12 +82,12 @@ def serving(
 
 
 def main() -> None:
-    """Command line of the stand-in robot."""
+    """Command line of the simulated robot."""
     parser = argparse.ArgumentParser(description="A simulated robot on CAN interfaces.")
     parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name or folder of the robot")
     parser.add_argument("--bus", default=MULTICAST, help="kind of interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
-    parser.add_argument("--motor-timeout", type=float, help="seconds, if not robot.yaml's")
+    parser.add_argument("--motor-timeout", type=float, help="seconds; default: robot.yaml's")
     parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
     options = parser.parse_args()
     try:

@@ -27,7 +27,7 @@ class HoldDefaultPose:
         self._command = JointCommand(robot.default_pose, zero, robot.kp, robot.kd, zero)
 
     def reset(self, inputs: PolicyInput) -> None:
-        """There is nothing to begin."""
+        """Does nothing: the policy has no state."""
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         return self._command
@@ -40,7 +40,7 @@ class HoldDefaultPose:
 class StandingResult:
     """Result of a standing test."""
 
-    fall_reason: str  # empty if it did not fall
+    fall_reason: str  # empty if the robot did not fall
     faults: tuple[str, ...]  # of the deploy loop
     stood_s: float
     sank_m: float  # largest distance of the base below its standing height
@@ -59,7 +59,7 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     """Let a robot hold its default pose in simulation.
 
     Raises:
-        UserError: its motors cannot be driven.
+        UserError: there is no driver for its motors.
     """
     episode = Episode(command_source=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
     trace = run_episode(robot, HoldDefaultPose(robot), episode)

@@ -9,10 +9,10 @@ from footfall.deploy.session import SessionResult
 
 @dataclass(frozen=True)
 class Trace(SessionResult):
-    """T samples of the walking phase. Ground truth, unless a name says otherwise."""
+    """T samples of the walking phase: ground truth, except estimates, commands and targets."""
 
     fell: bool
-    fall_reason: str  # empty if it did not fall
+    fall_reason: str  # empty if the robot did not fall
     distance_m: float  # see plant.progress
     mean_velocity: np.ndarray  # (3,) m/s, body frame
     record_rate_hz: float

@@ -1,4 +1,4 @@
-"""Tests which of a robot's hand-written controllers stand or walk: each runs over the simulated bus."""
+"""Tests whether a robot's hand-written controllers stand and walk, each over the simulated bus."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,27 +12,27 @@ from footfall.policies.registry import CONTROLLERS, controllers_of, load_policy
 from footfall.robots.description import Robot
 
 SPEED_SHARE = 0.5  # of the robot's highest forward command
-REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which it does not walk, or walks slowly
+REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which the robot does not walk, or walks slowly
 SETTLED = 0.5  # speeds are measured in the last share of the time
-MOST_SWAY = 0.05  # speed of a standing base, over the root of gravity times its height
-MOST_MOVED = 0.2  # drift of a standing robot, as a share of its standing height
+MAX_SWAY = 0.05  # speed of a standing base, over sqrt(gravity times standing height)
+MAX_DRIFT = 0.2  # drift of a standing robot, as a share of its standing height
 
 
 @dataclass(frozen=True)
 class ControllerResult:
-    """How a controller did."""
+    """Result of a controller's test."""
 
     name: str
-    walks: bool  # was asked to walk
+    walks: bool  # whether the command was to walk
     command_m_s: float  # forward
     speed_m_s: float  # mean forward speed once settled
     sway_m_s: float  # largest horizontal speed of the base once settled
-    trouble: str  # what went wrong; empty if nothing did
+    trouble: str  # reason of the failure; empty on success
     trace: Trace
 
     @property
     def outcome(self) -> str:
-        """What it did, in words."""
+        """The result in words."""
         if self.trouble or not self.walks:
             return self.trouble or "stands"
         if self.speed_m_s >= SLOW * self.command_m_s:
@@ -41,7 +41,7 @@ class ControllerResult:
 
 
 def controllers_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> list[ControllerResult]:
-    """Let each controller that a robot has settings for stand still, or walk ahead at half its top speed.
+    """Let each controller that the robot has settings for stand still, or walk forward at half top speed.
 
     Raises:
         UserError: the settings of a controller cannot work.
@@ -71,7 +71,7 @@ def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerRe
 
 
 def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
-    """What went wrong; empty if nothing did."""
+    """Reason of the failure; empty on success."""
     trace, height_m = result.trace, robot.description.standing_height_m
     failed = trace.fall_reason or "; ".join(trace.faults) or ("the simulation diverged" if trace.fell else "")
     if failed:
@@ -80,9 +80,9 @@ def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
         if result.speed_m_s >= REACHED * result.command_m_s:
             return ""
         return "; ".join([f"it does not walk at {result.command_m_s:.2f} m/s", *trace.notes])
-    if result.sway_m_s > MOST_SWAY * math.sqrt(GRAVITY_M_S2 * height_m):
+    if result.sway_m_s > MAX_SWAY * math.sqrt(GRAVITY_M_S2 * height_m):
         return f"it sways at {result.sway_m_s:.2f} m/s after {(1 - SETTLED) * duration_s:.1f} s"
     moved = float(np.linalg.norm(trace.base_position[-1, :2] - trace.base_position[0, :2]))
-    if moved > MOST_MOVED * height_m:
+    if moved > MAX_DRIFT * height_m:
         return f"it moves by {moved:.2f} m"
     return ""

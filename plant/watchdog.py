@@ -12,24 +12,24 @@ class Watchdog:
     """Counts physics steps since each motor was addressed."""
 
     def __init__(self, end: MotorEnd, timeout_s: float | np.ndarray, step_s: float, joints: int) -> None:
-        """`timeout_s`, of all motors or of each, (joints,), holds unless a frame sets another."""
+        """`timeout_s`, for all motors or for each, (joints,), applies unless a frame sets another."""
         self._end, self._timeout_s, self._step_s = end, timeout_s, step_s
         self._addressed_step = np.zeros(joints, dtype=np.int64)
         self.timed_out = np.zeros(joints, dtype=bool)  # until the motor is enabled again, or cleared
         self.read_timeouts()
 
     def read_timeouts(self) -> None:
-        """Take over the timeouts that frames have set."""
+        """Apply the timeouts that frames have set."""
         own = self._end.timeout_s
         self._timeout_steps = np.rint(np.where(np.isnan(own), self._timeout_s, own) / self._step_s)
         self._least_timeout_steps = self._timeout_steps.min()
 
     def address(self, motor: Motors, step: int) -> None:
-        """Motors were addressed in a physics step."""
+        """Register that motors were addressed in a physics step."""
         self._addressed_step[motor] = step
 
     def late(self, step: int, enabled: np.ndarray) -> np.ndarray | None:
-        """Which of the enabled motors time out in this step, (joints,) bool; None if none, or not checked."""
+        """Mask of the enabled motors that time out in this step, (joints,); None if none, or not checked."""
         addressed = self._addressed_step
         if step % CHECK_EVERY or step - addressed[addressed.argmin()] <= self._least_timeout_steps:
             return None

@@ -7,19 +7,19 @@ import numpy as np
 from footfall.deploy import can_errors
 from footfall.deploy.frames import Frames
 
-ERROR_BITS = 23  # most bits of an error beside the frame: flag, echo, delimiter, interframe space
+ERROR_BITS = 23  # largest number of bits of an error after the frame: flag, echo, delimiter, interframe space
 
 PASSIVE_ABOVE, BUS_OFF_ABOVE = 127, 255  # error counts of a controller, ISO 11898-1
 
 
 @dataclass(frozen=True)
 class WireFaults:
-    """Shares of all frames, 0 to 1, and wires by their number; draws come from the seed."""
+    """Shares of all frames, 0 to 1, and indices of wires; draws come from the seed."""
 
-    lost: float = 0.0  # never arrive: a buffer overflowed
-    corrupted: float = 0.0  # arrive with one changed data bit that no checksum noticed
+    lost: float = 0.0  # frames that never arrive, as after a buffer overflow
+    corrupted: float = 0.0  # frames that arrive with one wrong data bit, undetected by the checksum
     destroyed: float = 0.0  # transmissions destroyed by an error; the frame is repeated up to 16 times
-    unplugged: tuple[int, ...] = ()  # wires whose controller is alone: no node acknowledges
+    unplugged: tuple[int, ...] = ()  # wires without other nodes, on which no frame is acknowledged
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -52,13 +52,13 @@ class FaultyWires:
         if self._faults.destroyed == 0.0:
             return np.zeros(len(channel), np.int64)
         again = np.minimum(self._random.geometric(1.0 - self._faults.destroyed, len(channel)) - 1, 16)
-        if from_host:  # each error counts for 8, each success takes 1 off
+        if from_host:  # each error adds 8, each success subtracts 1
             for wire, count in zip(channel.tolist(), again.tolist(), strict=True):
                 self.transmit_errors[wire] = max(self.transmit_errors[wire] + 8 * count - 1, 0)
         return again
 
     def deliver(self, frames: Frames) -> Frames:
-        """The frames that arrive of those that were transmitted."""
+        """The transmitted frames that arrive."""
         faults, random = self._faults, self._random
         if faults.lost:
             frames = frames.take(random.random(len(frames.id)) >= faults.lost)

@@ -1,4 +1,4 @@
-"""How a batch of frames takes its turns on simulated wires."""
+"""The timing of a batch of frames on simulated wires."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,24 +10,24 @@ from footfall.deploy.frames import EXTENDED, Frames, bits_of
 
 @dataclass
 class Plan:
-    """How a batch of one layout (channels, identifiers, lengths) takes its turns on the wires."""
+    """The timing on the wires of a batch with one layout (channels, identifiers, lengths)."""
 
-    place: np.ndarray  # (k,) number of frames of the batch on the same wire up to this one
+    place: np.ndarray  # (k,) position of the frame among the batch's frames on its wire, from 1
     offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
     occupied: list[float]  # microseconds that the batch takes on each wire
-    longest: float  # of these
+    longest: float  # largest of `occupied`
     frames: np.ndarray  # (channels,) frames on each wire
     most: int  # frames on the busiest wire
-    wires: list[int]  # those with a frame
+    wires: list[int]  # indices of the wires with a frame
     first: list[float]  # least precedence on each wire
     last: list[float]  # greatest precedence on each wire
     orderly: bool  # whether the frames on each wire are in order of precedence
-    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
+    sent: list[int] = field(default_factory=lambda: [0, 0])  # number of such batches from each side
 
 
 def precedence(identifier: np.ndarray) -> np.ndarray:
     """Precedence in arbitration, (k,): of two frames the one with the lower number wins."""
-    plain = (identifier & 0x7FF) << 19  # 11 bits, then the IDE bit: 0 of a plain identifier, 1 of a long one
+    plain = (identifier & 0x7FF) << 19  # 11 bits, then the IDE bit: 0 in standard, 1 in extended identifiers
     extended = identifier & 0x1FFF_FFFF
     long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
     return np.where(identifier >= EXTENDED, long, plain)

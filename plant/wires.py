@@ -1,4 +1,4 @@
-"""In-process CAN buses that take as long as real ones: one frame at a time, at 1 Mbit/s, behind queues."""
+"""In-process CAN buses with realistic timing: one frame at a time, at 1 Mbit/s, behind queues."""
 
 import math
 from collections import deque
@@ -12,8 +12,8 @@ from footfall.deploy.frames import Frames, Layout, bits_of, layout_of
 from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
 from footfall.plant.wire_plan import Plan, planned, precedence
 
-NODE_BACKLOG_US = 20_000.0  # longest wait of a frame of a motor or an IMU, which drops it otherwise
-MAX_PLANS = 64  # kept: some protocols carry values in identifiers, whose layouts never repeat
+NODE_BACKLOG_US = 20_000.0  # a motor or an IMU drops a frame that would wait longer
+MAX_PLANS = 64  # limited: with values in identifiers, layouts never repeat
 
 _NOT_KNOWN = np.zeros(0)
 
@@ -33,8 +33,11 @@ class _Batch:
     def __init__(self, frames: Frames, start: float | list[float], offset: np.ndarray, last: float) -> None:
         self.frames = frames
         self.last = last  # arrival of the last frame
-        self._start, self._offset = start, offset  # of all wires, or of each; of each frame, (k,)
-        self._arrival: np.ndarray | None = None  # computed when it is needed
+        self._start, self._offset = (
+            start,
+            offset,
+        )  # start of all wires, or of each; offset of each frame, (k,)
+        self._arrival: np.ndarray | None = None  # computed on demand
         self.bits: np.ndarray = _NOT_KNOWN  # (k,) of each frame on its wire, repetitions included
 
     @property
@@ -47,7 +50,7 @@ class _Batch:
         return self._arrival
 
     def take(self, rows: np.ndarray) -> Frames:
-        """Remove the frames at some rows (a mask)."""
+        """Remove and return the frames at some rows (a mask)."""
         taken = self.frames.take(rows).at(self.arrival[rows])
         self.frames, self._arrival = self.frames.take(~rows), self.arrival[~rows]
         if self.bits is not _NOT_KNOWN:
@@ -62,9 +65,9 @@ class _Batch:
 class SimulatedWires:
     """Several buses. A frame occupies its wire for its bits at 1 Mbit/s, worst-case stuffing included.
 
-    Where several nodes have a frame to send when a wire falls idle, the lowest identifier wins. The host
+    If several nodes have a frame to send when a wire becomes idle, the lowest identifier wins. The host
     offers only the frame at the head of its queue; each motor, and the IMU, is a node of its own. Ordinary
-    traffic is in that order by itself: the order is computed only where a batch would overtake others.
+    traffic is in that order already, so the order is computed only if a batch would overtake others.
     """
 
     def __init__(
@@ -73,20 +76,20 @@ class SimulatedWires:
         self.names = names
         self.set_faults(faults)
         self._host_queue = host_queue
-        self._free_at = [0.0] * len(names)  # times at which wires fall idle
+        self._free_at = [0.0] * len(names)  # times at which wires become idle
         self._all_free_at = 0.0
         self._repeated_us = np.zeros(len(names))  # time of errors and of repeated frames
         self._last_waiting = [0.0] * len(names)  # greatest precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[Layout, Plan] = {}  # computing a plan takes 100 us
-        self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames by dropped plans, for each side
-        self._busy_us = np.zeros(len(names))  # time that these took
+        self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames of deleted plans, for each side
+        self._busy_us = np.zeros(len(names))  # time that the frames of deleted plans took
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
-        """Queue frames at a time that never runs backwards; returns how many were refused.
+        """Queue frames; returns the number of refused frames. `now_us` must not decrease between calls.
 
-        A refused frame is counted and lost, as one that meets ENOBUFS is.
+        A refused frame is counted and lost, as with ENOBUFS.
         """
         refused = 0
         if self._faulty is not None:
@@ -115,7 +118,7 @@ class SimulatedWires:
         return refused
 
     def set_faults(self, faults: WireFaults | None) -> None:
-        """Inject these faults from now on; None for none."""
+        """Inject these faults from now on; None: no faults."""
         self._faulty = None if faults is None else FaultyWires(faults, len(self.names))
 
     def fault(self) -> str:
@@ -123,8 +126,8 @@ class SimulatedWires:
         return "" if self._faulty is None else self._faulty.fault(self.names)
 
     def _occupy(self, plan: Plan, now_us: float) -> float | list[float]:
-        """Occupy wires with a batch; returns its start: of all wires, or of each."""
-        if self._all_free_at <= now_us:  # as most of the time
+        """Occupy wires with a batch; returns its start, for all wires or for each."""
+        if self._all_free_at <= now_us:  # the usual case
             self._free_at = [now_us + taken for taken in plan.occupied]
             self._all_free_at = now_us + plan.longest
             return now_us
@@ -150,7 +153,7 @@ class SimulatedWires:
         return overtaken if plan.orderly or side is Side.HOST else plan.wires
 
     def _repeat(self, side: Side, batch: _Batch) -> None:
-        """Let errors destroy transmissions, which are repeated."""
+        """Delay a batch by transmissions that errors destroy and that are repeated."""
         assert self._faulty is not None
         frames = batch.frames
         again = self._faulty.repetitions(frames.channel, side is Side.HOST)
@@ -169,9 +172,9 @@ class SimulatedWires:
         self._all_free_at = max(self._free_at)
 
     def _arbitrate(self, wire: int, now_us: float) -> None:
-        """Order the frames that have not begun on a wire by arbitration."""
+        """Order by arbitration the frames on a wire whose transmission has not begun."""
         queued: list[_Waiting] = []  # the controller's, first in, first out
-        others: list[_Waiting] = []  # of one node each, sorted by precedence
+        others: list[_Waiting] = []  # of other nodes, sorted by precedence
         begin_us = math.inf
         for side, waiting in ((Side.HOST, queued), (Side.ROBOT, others)):
             for batch in self._flying[side]:
@@ -238,7 +241,7 @@ class SimulatedWires:
         return plan
 
     def _drop_plans(self) -> None:
-        """Forget all plans but their figures."""
+        """Delete all plans, keeping their totals."""
         for side in Side:
             self._sent[side] = self.sent(side)
         self._busy_us = self.busy_us() - self._repeated_us
@@ -251,7 +254,7 @@ class SimulatedWires:
         return self._all_free_at > now_us + NODE_BACKLOG_US
 
     def _accept(self, side: Side, frames: Frames, plan: Plan, now_us: float) -> np.ndarray:
-        """Which frames fit into a queue, (k,) bool."""
+        """Mask of the frames that fit into a queue, (k,)."""
         if side is Side.ROBOT:
             return np.array(self._free_at)[frames.channel] <= now_us + NODE_BACKLOG_US
         waiting = np.zeros(len(self.names), dtype=np.int64)
@@ -261,7 +264,7 @@ class SimulatedWires:
 
 
 class _Waiting(NamedTuple):
-    """A frame that has not begun."""
+    """A frame whose transmission has not begun."""
 
     order: float  # of precedence
     batch: _Batch

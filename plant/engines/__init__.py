@@ -1,1 +1,1 @@
-"""What moves the bodies of the simulated robot."""
+"""Physics engines of the simulated robot."""

@@ -1,4 +1,4 @@
-"""Which engine moves the bodies of a simulated robot."""
+"""Opens the physics engine of a simulated robot."""
 
 from typing import get_args
 
@@ -15,7 +15,7 @@ def open_engine(name: str, model: mujoco.MjModel, data: mujoco.MjData, feet: lis
 
     Args:
         name: one of `EngineName`.
-        model: the bodies, changed as this robot was drawn.
+        model: the bodies of the sampled robot.
         data: their state, which the engine reads and writes.
         feet: geoms of the feet.
 

@@ -1,6 +1,6 @@
-"""Drake as the engine of a simulated robot: a second opinion on contacts and integration.
+"""Drake as the engine of a simulated robot, to compare contacts and integration.
 
-The joint law, friction of the gearboxes included, stays outside, as for MuJoCo. Contacts are Drake's:
+The joint law, including friction of the gearboxes, stays outside, as for MuJoCo. Contacts are Drake's:
 compliant points (1 mm of penetration under the robot's weight) with regularised Coulomb friction, solved
 implicitly in each step.
 """
@@ -17,7 +17,7 @@ class DrakeEngine:
     """Drake's discrete multibody plant; see `Engine`."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, feet: list[int]) -> None:
-        """Raises UserError if the model has something that this engine does not simulate."""
+        """Raises UserError if the model has features that this engine does not simulate."""
         self._model, self._data = model, data
         self._plant = plant = drake_plant(model, feet)
         self._simulator = Simulator(plant.diagram)
@@ -34,7 +34,7 @@ class DrakeEngine:
         self._steps = 0
 
     def step(self) -> None:
-        """See `Engine`. After a step that failed the state stays as it was."""
+        """See `Engine`. A failed step does not change the state."""
         data, model, plant = self._data, self._model, self._plant.plant
         positions, velocities, step_s = self._plant.positions, self._plant.velocities, model.opt.timestep
         before = data.qvel.copy()
@@ -44,9 +44,9 @@ class DrakeEngine:
         plant.SetPositionsAndVelocities(self._context, np.concatenate([state, speed]))
         self._forces.FixValue(self._context, force)
         self._steps += 1
-        try:  # to a multiple of the step: a sum of steps rounds to just before an update or just after it
+        try:  # to a multiple of the step: a sum of steps may round to just before or after an update
             self._simulator.AdvanceTo(self._steps * step_s)
-        except RuntimeError:  # its solver did not converge
+        except RuntimeError:  # the solver did not converge
             self._failed = True
             return
         data.qpos[:] = plant.GetPositions(self._context)[positions]
@@ -97,7 +97,7 @@ class DrakeEngine:
             self._normal_force.append(abs(float(contact.contact_force() @ pair.nhat_BA_W)))
 
     def _update(self, acceleration: np.ndarray) -> None:
-        """What MuJoCo derives from the state: places and velocities of bodies, and what the IMU measures.
+        """Update the values that MuJoCo derives from the state: poses and velocities of bodies, IMU readings.
 
         Args:
             acceleration: mean generalised acceleration over the step, (nv,).

@@ -51,11 +51,11 @@ logging.getLogger("drake").setLevel(logging.ERROR)  # a warning about deformable
 WORLD = 0  # body of MuJoCo
 HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
-LARGEST_FRICTION = 10.0
+MAX_FRICTION = 10.0
 
 
 class DrakePlant(NamedTuple):
-    """A plant of Drake and where the parts of the MuJoCo model are in it."""
+    """A plant of Drake, with the indices of the MuJoCo model's parts in it."""
 
     diagram: Diagram
     plant: MultibodyPlant
@@ -72,7 +72,7 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
         feet: geoms of the feet.
 
     Raises:
-        UserError: the model has something that this engine does not simulate.
+        UserError: the model has features that this engine does not simulate.
     """
     check_model(model, feet)
     builder = DiagramBuilder()
@@ -101,7 +101,7 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
             plant.RegisterCollisionGeometry(body, pose, _shape(model, geom), f"geom_{geom}", properties)
         ] = geom
     filtered, shapes = CollisionFilterDeclaration(), {geom: shape for shape, geom in geoms.items()}
-    for one, other in apart(model, shapes):
+    for one, other in non_colliding_pairs(model, shapes):
         filtered.ExcludeBetween(GeometrySet(shapes[one]), GeometrySet(shapes[other]))
     scene.collision_filter_manager().Apply(filtered)
     plant.Finalize()
@@ -110,7 +110,7 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
 
 
 def check_model(model: mujoco.MjModel, feet: list[int]) -> None:
-    """Raises UserError if Drake would move another robot than MuJoCo does."""
+    """Raise UserError if Drake would simulate another robot than MuJoCo."""
     shapes = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
     strange = sorted(each.name for each in shapes - set(_SHAPES))
     flat = [model.geom(geom).name for geom in feet if mujoco.mjtGeom(model.geom_type[geom]) not in ROUND]
@@ -136,8 +136,8 @@ def collidable(model: mujoco.MjModel) -> np.ndarray:
     return found
 
 
-def apart(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:
-    """Pairs of these geoms, the lower number first, for whose contacts MuJoCo does not look."""
+def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:
+    """Pairs of these geoms that MuJoCo does not test for contact, the lower id first."""
     listed = {tuple(sorted(pair)) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     excluded, asks, answers = excluded_bodies(model), model.geom_contype, model.geom_conaffinity
     for one, other in combinations(sorted(geoms), 2):
@@ -149,10 +149,10 @@ def apart(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, in
 
 
 def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, float]:
-    """Coefficient of each geom with which Drake's pairs with the ground have MuJoCo's friction.
+    """Coefficients of the geoms with which Drake's contacts with the ground have MuJoCo's friction.
 
-    MuJoCo takes that of the geom with the higher priority, or else the larger one. Drake takes
-    2 a b / (a + b). The ground's coefficient is free; that of most geoms leaves pairs of these as they are.
+    MuJoCo uses the coefficient of the geom with the higher priority, or else the larger one. Drake uses
+    2 a b / (a + b). The ground's coefficient is free; with the value chosen here, most geoms keep theirs.
 
     Raises:
         UserError: parts of the ground differ in friction, or a coefficient is too large.
@@ -171,8 +171,8 @@ def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, floa
         else max(own[geom], own[floor])
         for geom in others
     }
-    if max(pair.values(), default=0.0) >= LARGEST_FRICTION:
-        raise UserError(f"--engine drake does not simulate friction of {LARGEST_FRICTION:g} or more")
+    if max(pair.values(), default=0.0) >= MAX_FRICTION:
+        raise UserError(f"--engine drake does not simulate friction of {MAX_FRICTION:g} or more")
     # a = p b / (2 b - p) must be positive for each pair's p.
     of_ground = max(float(np.median(list(pair.values()))), 0.6 * max(pair.values()))
     return dict.fromkeys(ground, of_ground) | {
@@ -181,7 +181,7 @@ def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, floa
 
 
 def _join(plant: MultibodyPlant, model: mujoco.MjModel, body: int, bodies: list[Any]) -> Any:
-    """Join a body to its parent; the joint, or None if it is welded."""
+    """Join a body to its parent; returns the joint, or None if the body is welded."""
     parent, child = bodies[model.body_parentid[body]], bodies[body]
     place = _pose(model.body_quat[body], model.body_pos[body])
     if not model.body_jntnum[body]:

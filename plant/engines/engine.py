@@ -1,7 +1,6 @@
-"""What a physics engine does for the simulated robot, and MuJoCo, which is the usual one.
+"""The protocol of a physics engine, and its default implementation, MuJoCo.
 
-The state lies in MuJoCo's `MjData` whichever engine moves the bodies: sensors, ground truth and films read
-it there.
+With any engine the state is in MuJoCo's `MjData`, from which sensors, ground truth and films read it.
 """
 
 from typing import Protocol
@@ -61,5 +60,5 @@ class MujocoEngine:
         return float(self._wrench[0])
 
     def diverged(self) -> bool:
-        """Whether MuJoCo had to reset its state, which it does by itself."""
+        """Whether MuJoCo has reset its state automatically after divergence."""
         return any(self._warnings[DIVERGED].tolist())

@@ -1,4 +1,4 @@
-"""Which simulated motors a robot has: each driver class names those of its protocol."""
+"""Opens the simulated motors of a robot: each driver class names those of its protocol."""
 
 from footfall.common.errors import UserError
 from footfall.common.outside import find
@@ -10,10 +10,10 @@ from footfall.plant.motor_ends.motor_end import MotorEnd
 
 
 def open_motor_end(wiring: Wiring) -> MotorEnd:
-    """The motors' end of the drivers that `open_driver` opens.
+    """The motors' end for the drivers that `open_driver` opens.
 
     Raises:
-        UserError: as there, or for a driver of one's own without simulated motors.
+        UserError: as `open_driver`, or for a user's own driver without simulated motors.
     """
     parts = [(_opened(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
     return parts[0][0] if len(parts) == 1 else MixedMotorEnd(parts)

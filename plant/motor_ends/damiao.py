@@ -34,7 +34,7 @@ KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
 class DamiaoMotorEnd(PolledMotorEnd):
-    """The motors' end. `registers` are those of each motor, by number."""
+    """Damiao's motors' end. `registers` are those of each motor, by number."""
 
     filters: tuple[CanFilter, ...] = (
         {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
@@ -43,7 +43,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
     time_out_error = COMMUNICATION_LOST
 
     def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
-        """`ranges` are the motors' own; those of the maker's table by default."""
+        """`ranges` are the motors' own; default: those of the maker's table."""
         super().__init__(wiring)
         self._lookup = motor_lookup(wiring)
         ranges = ranges or [RANGES[model] for model in wiring.models]

@@ -16,13 +16,13 @@ _ALL = slice(None)
 
 
 class MitMotorEnd(PolledMotorEnd):
-    """The motors' end."""
+    """The end of motors in MIT mode."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
     time_out_error = mit.COMMUNICATION_LOST
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor model or a motor id that MIT mode does not know."""
+        """Raises UserError for a motor model or a motor id that MIT mode does not support."""
         super().__init__(wiring)
         n = len(wiring.motor_id)
         self._codec = mit.Codec(wiring.models)
@@ -32,7 +32,7 @@ class MitMotorEnd(PolledMotorEnd):
             wiring.channel, REPLY_ID + wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8, np.intp)
         )
         commands = self._outgoing._replace(id=wiring.motor_id)
-        self._usual = layout_of(commands)  # of a batch that addresses every motor in joint order
+        self._usual = layout_of(commands)  # layout of a batch that addresses every motor in joint order
         self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)  # data of such a batch, and its requests
 
     def requests(self, frames: Frames) -> Requests:

@@ -12,10 +12,10 @@ Joints = np.ndarray  # indices
 
 
 class MixedMotorEnd:
-    """The motors' end."""
+    """The end of motors with several protocols."""
 
     def __init__(self, parts: Sequence[tuple[MotorEnd, Joints]]) -> None:
-        """`parts` are motors' ends, each with its joints: every joint once."""
+        """`parts` are the motors' ends of the protocols, each with its joints; every joint occurs once."""
         self._parts = parts
         self.filters: tuple[CanFilter, ...] = tuple(each for end, _ in parts for each in end.filters)
         n = sum(len(joints) for _, joints in parts)
@@ -77,6 +77,6 @@ def _for(end: MotorEnd, frames: Frames) -> Frames:
 
 
 def _joined(batches: Sequence[Frames | None]) -> Frames | None:
-    """The batches joined into one, without those that are None; None if there is no other."""
+    """The batches that are not None, joined into one; None if all are None."""
     existing = [frames for frames in batches if frames is not None]
     return joined(existing) if existing else None

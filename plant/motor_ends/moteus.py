@@ -14,7 +14,7 @@ from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests
 
 _COMMANDED = range(moteus.POSITION_COMMAND, moteus.POSITION_COMMAND + 5)
-_DEFAULTS = 0.0, 0.0, 0.0, 1.0, 1.0  # of registers that a command leaves out
+_DEFAULTS = 0.0, 0.0, 0.0, 1.0, 1.0  # values of registers that a command omits
 
 
 class _Usual(NamedTuple):
@@ -26,7 +26,7 @@ class _Usual(NamedTuple):
 
 
 class MoteusMotorEnd(PolledMotorEnd):
-    """The motors' end. A motor that timed out, or has a fault, stays off until it is stopped."""
+    """moteus controllers' end. A motor that timed out, or has a fault, stays off until it is stopped."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0x8000, "can_mask": 0x8080, "extended": True, "fd": True},)
     time_out_error = TIME_OUT
@@ -74,11 +74,11 @@ class MoteusMotorEnd(PolledMotorEnd):
         return Frames(self._wiring.channel[joints], self._identifier[joints], data, length)
 
     def requests(self, frames: Frames) -> Requests:
-        """Modes other than stop and position are left out."""
+        """See `MotorEnd.requests`. Modes other than stop and position are ignored."""
         frames = frames.of_fd()
         rest = np.delete(frames.data, moteus.FLOATS, 1).tobytes()
         fixed, usual = (frames.id.tobytes(), frames.channel.tobytes(), rest), self._usual
-        if fixed == usual.fixed:  # other numbers alone: parsing takes 20 us a frame
+        if fixed == usual.fixed:  # only numbers differ: parsing takes 20 us a frame
             floats = np.ascontiguousarray(frames.data[:, moteus.FLOATS]).view("<f4").T
             return self._commands(usual.motor, floats.astype(float), usual.kind)
         motor = self._lookup[frames.channel, frames.id & 0x7F]
@@ -112,7 +112,7 @@ class MoteusMotorEnd(PolledMotorEnd):
         return Requests(joints, command, kind)
 
     def _kind(self, joint: int, written: dict[int, float], queried: bool) -> Request | None:
-        """What a frame requests, which ends with `moteus.QUERY` or does not; notes its time-out."""
+        """The request in a frame, or None; stores its timeout. `queried`: it ends with `moteus.QUERY`."""
         if moteus.OUTPUT_EXACT in written:
             return Request.ZERO
         if not written:

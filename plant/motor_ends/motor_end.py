@@ -1,7 +1,7 @@
-"""What the simulated motors require of a motor protocol.
+"""The motors' end of a motor protocol: the interface that simulated motors use.
 
-A driver of one's own (`deploy/drivers/driver.py`) names the class of its simulated motors as `motor_end`.
-It implements `MotorEnd`; `PolledMotorEnd` has most of that for motors that only answer.
+A user's own driver (`deploy/drivers/driver.py`) names the class of its simulated motors in `motor_end`. The
+class implements `MotorEnd`; `PolledMotorEnd` is a base class for motors that only answer requests.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
-SUPPLY = (24.0, 1.0)  # V, and A of each motor, where no battery is declared
+SUPPLY = (24.0, 1.0)  # V, and A of each motor, without a declared battery
 
 
 class Request(IntEnum):
-    """What a frame requests of a motor."""
+    """The request of a frame to a motor."""
 
     COMMAND = 0
     ENABLE = 1
     DISABLE = 2
-    ZERO = 3  # take the present position for zero
+    ZERO = 3  # set the present position as zero
     CLEAR = 4  # clear latched errors
     STOP = 5  # disable, and clear latched errors
     RUN = 6  # enable, unless an error is latched, and follow the command
@@ -34,11 +34,11 @@ class Requests(NamedTuple):
     """Requests to k motors, in the order of the frames."""
 
     motor: Motors
-    values: np.ndarray  # (5, k) commands, read only; without meaning for other kinds of request
+    values: np.ndarray  # (5, k) commands, read only; undefined for other kinds of request
     kind: np.ndarray | None  # (k,) of `Request`; None if all are commands
 
     def take(self, rows: np.ndarray, joints: int) -> "Requests":
-        """Those at some rows (a mask) of a robot with this number of joints."""
+        """The requests at some rows (a mask), for a robot with this number of joints."""
         motor = np.arange(joints)[self.motor]
         return Requests(motor[rows], self.values[:, rows], None if self.kind is None else self.kind[rows])
 
@@ -63,8 +63,8 @@ class Report(NamedTuple):
 class MotorEnd(Protocol):
     """The motors' end of a protocol, for n simulated motors."""
 
-    filters: tuple[CanFilter, ...]  # which frames a controller sends
-    broadcasts: bool  # whether motors send frames that nothing requested
+    filters: tuple[CanFilter, ...]  # of the frames that a controller sends
+    broadcasts: bool  # whether motors send frames without a request
 
     @property
     def time_out_error(self) -> int | np.ndarray:
@@ -78,11 +78,11 @@ class MotorEnd(Protocol):
 
     @property
     def timeout_s(self) -> np.ndarray:
-        """Time without a request after which a motor disables itself, (n,); NaN where no frame sets it."""
+        """Time without a request after which a motor disables itself, s, (n,); NaN if no frame sets it."""
         ...
 
     def requests(self, frames: Frames) -> Requests:
-        """Decode frames to motors of this robot; other frames are left out."""
+        """Decode frames to motors of this robot; other frames are ignored."""
         ...
 
     def settings_replies(self, frames: Frames) -> Frames | None:
@@ -90,14 +90,14 @@ class MotorEnd(Protocol):
         ...
 
     def reply(self, motor: Motors, report: Report) -> Frames:
-        """The answers of k motors (indices, or a slice of all), whose state `report` has.
+        """The answers of k motors (indices, or a slice of all), with the state in `report`.
 
         Values are clamped to the motors' ranges.
         """
         ...
 
     def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
-        """Frames that motors send by themselves in the millisecond that begins now; None for none.
+        """Frames that motors send without a request in the millisecond that begins now; None: no frames.
 
         Args:
             now_us: simulated time.
@@ -118,7 +118,7 @@ class PolledMotorEnd:
     time_out_latches = False
 
     def __init__(self, wiring: Wiring) -> None:
-        """`wiring` has the motors of this protocol alone."""
+        """`wiring` has only the motors of this protocol."""
         self._wiring = wiring
 
     @property
@@ -133,5 +133,5 @@ class PolledMotorEnd:
 
 
 def time_outs(counts: Sequence[float], step_s: float) -> np.ndarray:
-    """Time-outs in s, (n,), from counts of `step_s`; a count of 0 is none."""
+    """Timeouts in s, (n,), from counts of `step_s`; a count of 0 means no timeout."""
     return np.where(np.array(counts) == 0, np.inf, np.array(counts) * step_s)

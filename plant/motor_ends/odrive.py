@@ -11,9 +11,13 @@ from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 READING_US = 2000  # encoder_msg_rate_ms and torques_msg_rate_ms
 SLOW_US = 100_000  # heartbeat, temperature and supply
 DELIVERED_CURRENT_A = 10.0  # current_soft_max
-STAGGER_US = 7000  # axes begin at different times, so that their slow messages do not meet
+STAGGER_US = 7000  # between axes, so that their slow messages do not coincide
 
-_SLOW = (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)  # each a third of the time after the one before
+_SLOW = (
+    odrive.HEARTBEAT,
+    odrive.TEMPERATURE,
+    odrive.SUPPLY,
+)  # each a third of the period after the previous one
 _KIND = {
     odrive.TORQUE: Request.COMMAND,
     odrive.VELOCITY: Request.COMMAND,
@@ -28,8 +32,8 @@ _KIND = {
 class OdriveMotorEnd:
     """The axes' end.
 
-    `mode` (n, 2) are the control and input modes of each axis, `damping` (n,) its velocity gain at the joint,
-    N m s/rad, `watchdog` (2, n) whether its watchdog is on, and its time in s, `current_limit` (n,) A.
+    `mode` (n, 2) has the control and input modes of each axis, `damping` (n,) its velocity gain at the joint,
+    N m s/rad, `watchdog` (2, n) whether its watchdog is on and its time in s, `current_limit` (n,) is in A.
     """
 
     filters: tuple[CanFilter, ...] = tuple(

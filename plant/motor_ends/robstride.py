@@ -38,10 +38,10 @@ _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE
 
 
 class RobstrideMotorEnd(PolledMotorEnd):
-    """The motors' end. `parameters` are those of each motor, by index."""
+    """RobStride's motors' end. `parameters` are those of each motor, by index."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
-    time_out_error = 0  # it disables itself, and reports no more than that
+    time_out_error = 0  # the motor disables itself and reports no error
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
@@ -71,7 +71,7 @@ class RobstrideMotorEnd(PolledMotorEnd):
         return Requests(motor, values, kinds)
 
     def settings_replies(self, frames: Frames) -> Frames | None:
-        """See `MotorEnd.settings_replies`. A write gets no reply, unlike from a real motor."""
+        """See `MotorEnd.settings_replies`. A write gets no reply, unlike with a real motor."""
         motor, kind = self._lookup[frames.channel, frames.id & 0xFF], frames.id >> 24 & 0x1F
         asked = (frames.id >= EXTENDED) & np.isin(kind, (READ, WRITE)) & (motor >= 0) & (frames.length == 8)
         rows = np.flatnonzero(asked)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from footfall.robots.inspection import Inspection
 
 MOST_SUNK = 0.15  # share of the standing height
-MOST_TILT_RAD = 0.17
+MAX_TILT_RAD = 0.17
 MOST_TORQUE_SHARE = 0.8
 
 
@@ -78,7 +78,7 @@ def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterato
         return
     if standing.sank_m > MOST_SUNK * robot.description.standing_height_m:
         yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose asks for too much"
-    if standing.tilt_rad > MOST_TILT_RAD:
+    if standing.tilt_rad > MAX_TILT_RAD:
         yield f"it tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
     for name, share in zip(robot.joint_names, standing.torque_share, strict=True):
         if share > MOST_TORQUE_SHARE:
