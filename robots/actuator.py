@@ -1,6 +1,6 @@
-"""The joint law: what torque a motor delivers for a command.
+"""The joint law: the torque that a motor delivers for a command.
 
-Written once, for NumPy and JAX arrays alike. The MJX environment applies it at each physics step, the
+It works on NumPy and JAX arrays. The MJX environment applies it at each physics step, the
 simulated motor applies it behind the bus, and the joint layer predicts torque with it.
 """
 
@@ -22,14 +22,14 @@ class JointCommand(NamedTuple):
 
     @classmethod
     def of(cls, values: Array) -> "JointCommand":
-        """The command whose rows are those of an array (5, ..., n). Unpacking takes twice as long."""
+        """The command with the rows of an array (5, ..., n). Unpacking would take twice as long."""
         return cls(values[0], values[1], values[2], values[3], values[4])
 
 
 class Motor(NamedTuple):
     """Limits and losses of motors, seen at the joint: arrays that broadcast to (..., n).
 
-    An optional effect is None where no joint has it: the law then computes nothing for it.
+    An optional effect is None if no joint has it, and is then not computed.
     """
 
     peak_torque: Array  # N m, the current limit
@@ -39,15 +39,18 @@ class Motor(NamedTuple):
     friction_speed: Array  # rad/s at which Coulomb friction is fully developed
     damping: Array  # N m s/rad, viscous
     strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
-    lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0 for none
+    lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0: no lag
     stribeck: Array | None = None  # N m, friction at rest beyond Coulomb friction
-    stribeck_speed: Array | None = None  # rad/s at which half of it is left; None: STRIBECK_RAMPS ramps
+    stribeck_speed: Array | None = (
+        None  # rad/s at which half of it is left; None: STRIBECK_RAMPS friction speeds
+    )
     load_friction: Array | None = None  # share of the motor torque that friction takes
     backlash: Array | None = None  # rad, whole play of the gearbox
     compliance: Array | None = None  # rad/(N m), of the gearbox
-    voltage_gain: Array | None = None  # of a command that sets a voltage, not a current: the supply's share
-    # of its nominal voltage; 0 for a motor whose command sets a current
-    duty_resistance: Array | None = None  # of such a motor: resistance at full duty over that at rest, less 1
+    # Of a motor whose command sets a voltage: supply over nominal voltage. 0: the command sets a current.
+    voltage_gain: Array | None = None
+    # Of a voltage-driven motor: resistance at full duty over that at rest, less 1.
+    duty_resistance: Array | None = None
 
 
 def weaker(motor: Motor, share: float) -> Motor:
@@ -58,7 +61,7 @@ def weaker(motor: Motor, share: float) -> Motor:
 def at_supply(motor: Motor, share: Array) -> Motor:
     """The motor with its supply voltage scaled by `share`.
 
-    Stall torque and no-load speed scale with it, and so does what a command that sets a voltage gives.
+    Stall torque and no-load speed scale with it, and so does the torque of a voltage-driven motor.
     """
     gain = motor.voltage_gain
     return motor._replace(
@@ -68,11 +71,11 @@ def at_supply(motor: Motor, share: Array) -> Motor:
     )
 
 
-STRIBECK_RAMPS = 5.0  # a Stribeck speed that is not given, in friction speeds
+STRIBECK_RAMPS = 5.0  # default Stribeck speed, in friction speeds
 
 
 class Lag(NamedTuple):
-    """A first-order lag over one time step: the shares that the torque before the step has, (..., n)."""
+    """A first-order lag over one time step: weights of the torque before the step, (..., n)."""
 
     at_end: Array  # in the torque at the end of the step
     in_mean: Array  # in the step's mean torque
@@ -89,7 +92,7 @@ def lag_over(lag_s: Array, step_s: float) -> Lag:
         step_s: length h of the step.
     """
     xp = library(lag_s)
-    lag_s = xp.maximum(lag_s, 1e-6 * step_s)  # a step of a million time constants: no lag
+    lag_s = xp.maximum(lag_s, 1e-6 * step_s)  # a step of a million time constants means no lag
     at_end = xp.exp(-step_s / lag_s)
     return Lag(at_end, (lag_s / step_s) * (1.0 - at_end))
 
@@ -98,7 +101,7 @@ def lagged(demand: Array, before: Array, lag: Lag) -> tuple[Array, Array]:
     """The mean torque over a step and the torque at its end, N m, (..., n).
 
     Args:
-        demand: torque that the motor is driven to in this step, N m.
+        demand: torque that the motor approaches in this step, N m.
         before: torque at the beginning of the step, N m.
         lag: of the step.
     """
@@ -140,7 +143,7 @@ def friction_torque(velocity: Array, motor: Motor, load: Array | None = None) ->
     Args:
         velocity: joint velocities, rad/s.
         motor: the motors' parameters.
-        load: motor torque that the gearbox transmits, N m; None to leave load friction out.
+        load: motor torque that the gearbox transmits, N m; None: without load friction.
     """
     xp, most = library(velocity), _dry_friction(velocity, motor, load)
     least = -most
@@ -149,7 +152,7 @@ def friction_torque(velocity: Array, motor: Motor, load: Array | None = None) ->
 
 
 def _dry_friction(velocity: Array, motor: Motor, load: Array | None) -> Array:
-    """Dry friction once the ramp is passed, N m: Coulomb, Stribeck and a share of the load.
+    """Dry friction beyond the ramp, N m: Coulomb, Stribeck and a share of the load.
 
     The Stribeck part falls with speed as 1 / (1 + (v / v_s)^2): Hess and Soom, Journal of Tribology 112
     (1990), 147-152.
@@ -167,40 +170,40 @@ def _dry_friction(velocity: Array, motor: Motor, load: Array | None) -> Array:
 def motor_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Electromagnetic torque at the joint, N m: the PD law within the motor's limits, shape (..., n).
 
-    A lag is left out: it needs the torque before (`lagged`).
+    A lag is not included: it needs the previous torque (`lagged`).
     """
     return limit_torque(_demand(command, position, velocity, motor), velocity, motor)
 
 
 def _demand(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Torque that the command demands of the motor at this speed, N m, before the motor's limits."""
-    asked = _asked(command, position, velocity, motor)
+    asked = _requested(command, position, velocity, motor)
     if motor.voltage_gain is None:
         return asked
     return library(velocity).where(motor.voltage_gain > 0.0, _driven(asked, velocity, motor), asked)
 
 
-def _asked(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
-    """Torque that the PD law asks for through the gearbox, N m."""
+def _requested(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque that the PD law demands through the gearbox, N m."""
     if motor.backlash is None and motor.compliance is None:
         return pd_torque(command, position, velocity) * motor.strength
     return _through_gear(command, position, velocity, motor) * motor.strength
 
 
 def _duty(asked: Array, motor: Motor) -> Array:
-    """Share of the supply's voltage, -1 to 1, that a voltage-driven motor sets where its PD law asks N m."""
+    """Share of the supply's voltage, -1 to 1, that a voltage-driven motor sets for a torque demand, N m."""
     xp = library(asked)
     return xp.minimum(xp.maximum(asked * motor.voltage_gain / motor.stall_torque, -1.0), 1.0)
 
 
 def _driven(asked: Array, velocity: Array, motor: Motor) -> Array:
-    """Torque of a voltage-driven motor whose PD law asks for `asked`, N m: less its back-EMF."""
+    """Torque of a voltage-driven motor for the PD law's demand `asked`, N m, less its back-EMF."""
     duty = _duty(asked, motor)
     return motor.stall_torque * (duty - velocity / motor.no_load_speed) * _conductance(duty, motor)
 
 
 def _conductance(duty: Array, motor: Motor) -> Array | float:
-    """Of a voltage-driven motor at a duty of -1 to 1, over that at rest: 1 / (1 + r duty^2)."""
+    """Conductance of a voltage-driven motor over that at rest: 1 / (1 + r duty^2), duty from -1 to 1."""
     if motor.duty_resistance is None:
         return 1.0
     return 1.0 / (1.0 + motor.duty_resistance * duty * duty)
@@ -209,8 +212,8 @@ def _conductance(duty: Array, motor: Motor) -> Array | float:
 def _through_gear(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Torque of the PD law through a gearbox with play and compliance, N m.
 
-    The loop is closed on the rotor's encoder, and the rotor follows it without inertia of its own (the
-    reflected inertia is the joint's). With gear stiffness k and play b, a rotor at x from the joint has
+    The loop is closed on the rotor's encoder, and the rotor follows without inertia (the joint has the
+    reflected inertia). With gear stiffness k and play b, a rotor at x from the joint has
 
         kp (e - x) + ff = k dead_zone(x, b / 2),  e = position error of the joint,
 
@@ -262,8 +265,8 @@ def joint_damping(
     nothing at the current limit; the ramp of dry friction at low speed; viscous friction. Long physics steps
     integrate it implicitly (envs/physics/interface.py).
 
-    With a lag, the share of the motor's part that reaches the step's mean torque counts. The change of
-    friction with the load and the fall of Stribeck friction with speed are left to the explicit part.
+    With a lag, only the share of the motor's part that reaches the step's mean torque counts. The change of
+    friction with load and the fall of Stribeck friction with speed stay in the explicit part.
     """
     xp = library(velocity)
     asked = _demand(command, position, velocity, motor)
@@ -274,7 +277,7 @@ def joint_damping(
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
     within = _engaged_damping(command, position, motor) * motor.strength
     if motor.voltage_gain is not None:
-        gain, duty = motor.voltage_gain, _duty(_asked(command, position, velocity, motor), motor)
+        gain, duty = motor.voltage_gain, _duty(_requested(command, position, velocity, motor), motor)
         slope = xp.where(xp.abs(duty) < 1.0, within * gain, 0.0) + line
         within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
     delivered = xp.where((asked > most) | (asked < least), limited, within)

@@ -1,4 +1,4 @@
-"""A robot's weight and what carries it: centre of mass, capture point, support polygon, ground forces."""
+"""A robot's balance: centre of mass, capture point, support polygon, ground forces."""
 
 import math
 from typing import NamedTuple
@@ -17,26 +17,26 @@ from footfall.robots.momentum import outside_torque
 from footfall.robots.readings import Sensed
 from footfall.robots.support import convex_hull
 
-STANDS = 0.5  # probability of contact from which a foot carries weight
+STANDS = 0.5  # contact probability above which a foot carries weight
 _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 _LOWEST_M = 0.01  # of the centre of mass above the ground, in the capture point's pendulum
 
 
 class Balance(NamedTuple):
-    """Places in the frame of the pose that they are computed from, m; forces along its axes."""
+    """Points and forces in the frame of the given pose, m and N."""
 
     centre: np.ndarray  # (3,) centre of mass
     capture: np.ndarray  # (3,) capture point, on the ground
     foot: np.ndarray  # (feet, 3) lowest point of each foot
-    support: np.ndarray  # (k, 3) corners of the support polygon, counter-clockwise; none if no foot stands
+    support: np.ndarray  # (k, 3) corners of the support polygon, counter-clockwise; empty if no foot stands
     force: np.ndarray  # (feet, 3) N, of the ground on each foot that stands; zero for the others
 
 
 class BalanceModel:
-    """Computes the balance of a robot's own model, never a plant's. For one thread at a time.
+    """Computes the balance with the robot's own model, not with a plant's. For one thread at a time.
 
-    Forces are those that explain the motors' torques while the legs do not accelerate: see `momentum.py`. The
-    capture point is that of an inverted pendulum as high as the centre of mass (Pratt et al. 2006).
+    Forces explain the motors' torques under the assumption that legs do not accelerate: see `momentum.py`.
+    The capture point is that of an inverted pendulum as high as the centre of mass (Pratt et al. 2006).
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -55,7 +55,7 @@ class BalanceModel:
         self, position: np.ndarray, quaternion: np.ndarray, velocity: np.ndarray, sensed: Sensed,
         contact: np.ndarray,
     ) -> Balance:  # fmt: skip
-        """The balance of a robot that stands and moves as given.
+        """The balance of a robot in a given state.
 
         Args:
             position: (3,) m, of the base's origin.

@@ -1,4 +1,4 @@
-"""A robot's battery as `robot.yaml` declares it: a pack of equal cells in series."""
+"""A robot's battery as declared in `robot.yaml`: a pack of equal cells in series."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,15 +10,15 @@ import numpy as np
 from footfall.common.config import read_yaml, require_between, require_not_negative, require_positive
 
 CHEMISTRIES = Path(__file__).with_name("batteries.yaml")
-MOST_CELLS = 300
+MAX_CELLS = 300
 
 Number = Any  # a float, or a NumPy or a JAX array
 
 
 def voltage_under_load(open_v: Number, resistance_ohm: float, power_w: Number) -> Number:
-    """Voltage of a pack that gives a power, V: V = E - R I and P = V I.
+    """Voltage of a pack that delivers a power, V: V = E - R I and P = V I.
 
-    Beyond what the pack can give, E²/4R, it is that of the greatest power, E/2.
+    Above the pack's largest power, E²/4R, it is the voltage at that power, E/2.
     """
     squared = open_v**2 - 4.0 * resistance_ohm * power_w
     return (open_v + (squared * (squared > 0.0)) ** 0.5) / 2.0
@@ -32,11 +32,11 @@ class Battery:
     capacity_wh: float
     internal_resistance_ohm: float  # of the whole pack, with its leads
     chemistry: str = "lithium_ion"  # names a curve in batteries.yaml
-    voltage_curve: tuple[tuple[float, float], ...] = ()  # charge, V of one cell; () for chemistry's
-    idle_w: float = 0.0  # taken by everything except the motors
+    voltage_curve: tuple[tuple[float, float], ...] = ()  # (charge, V of one cell); (): the chemistry's
+    idle_w: float = 0.0  # power of everything except the motors
 
     def __post_init__(self) -> None:
-        require_between(self, 1, MOST_CELLS, "cells")
+        require_between(self, 1, MAX_CELLS, "cells")
         require_positive(self, "capacity_wh")
         require_not_negative(self, "internal_resistance_ohm", "idle_w")
         charge, voltage = self._curve
@@ -72,7 +72,7 @@ class Battery:
         return float(np.interp(open_circuit_v, voltage, charge))
 
     def volts_per_charge(self, charge: float) -> float:
-        """Slope of the open-circuit voltage, V: how much a change of charge shows in it."""
+        """Slope of the open-circuit voltage, V per unit of charge."""
         shares, voltage = self._curve
         at = min(max(int(np.searchsorted(shares, charge)), 1), len(shares) - 1)
         return float((voltage[at] - voltage[at - 1]) / (shares[at] - shares[at - 1]))

@@ -10,8 +10,8 @@ from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
 
 STANDING_TOLERANCE_M = 0.005
-MOST_FEET = 16  # number of identifiers for force sensors
-LYING_SHARE = 0.1  # of the standing height: how high the base may be above the ground when it lies
+MAX_FEET = 16  # number of identifiers for force sensors
+LYING_SHARE = 0.1  # largest height of a lying robot's base above the ground, over its standing height
 
 
 def inconsistencies(description: Description) -> Iterator[str]:
@@ -45,8 +45,8 @@ def inconsistencies(description: Description) -> Iterator[str]:
 
 
 def _wrong_feet(feet: Sequence[Foot], joints: list[str]) -> Iterator[str]:
-    if len(feet) > MOST_FEET and feet[0].force_bus is not None:
-        yield f"feet: {len(feet)} with force sensors, {MOST_FEET} at most"
+    if len(feet) > MAX_FEET and feet[0].force_bus is not None:
+        yield f"feet: {len(feet)} with force sensors, {MAX_FEET} at most"
     if _repeated([foot.name for foot in feet]):
         yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
     geoms = [name for foot in feet for name in foot.geoms]
@@ -128,7 +128,7 @@ def overreach(description: Description, action_scale: np.ndarray, span: np.ndarr
     """Joints that an action of 1 would move by more than their range.
 
     Args:
-        description: of the robot.
+        description: the robot's.
         action_scale: position target per unit of action, rad, (n,).
         span: each joint's range, rad, (n,).
     """

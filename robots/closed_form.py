@@ -1,8 +1,8 @@
 """Closed-form inverse kinematics of a limb of three hinges, the last two parallel.
 
-Most quadrupeds have such legs (abduction, hip, knee) and hexapods (coxa, femur, tibia). Seen from the
-first link, the limb is a two-link arm in the plane across the parallel axes, so a complex number holds the
-tip's place in that plane:
+Most quadrupeds have such legs (abduction, hip, knee), and so do hexapods (coxa, femur, tibia). Seen from the
+first link, the limb is a two-link arm in the plane across the parallel axes, so that a complex number
+describes the tip's position in that plane:
 
     z = exp(i q2) (upper + exp(i q3) lower)
 
@@ -20,20 +20,20 @@ from footfall.common.rotations import skew
 from footfall.robots.limb import Limb
 
 _PARALLEL = 1e-6  # largest sine of the angle between two axes that count as parallel
-_SHORT_M = 1e-3  # a link has to be longer
+_SHORT_M = 1e-3  # shortest link
 
 
 class ClosedForm(NamedTuple):
     """Constants of one limb's inverse kinematics, and the choice among its solutions.
 
-    The limb's plane turns with the first hinge: of a vector's part in it, one share stays, one goes with the
-    cosine of the first angle and one with the sine.
+    The limb's plane turns with the first hinge: a vector's part in it is the sum of a constant, a multiple of
+    the first angle's cosine and a multiple of its sine.
     """
 
     anchor: list[float]  # (3,) m, on the first hinge
     along: list[float]  # (3,) the parallel axes' part along the first
-    across: list[complex]  # (3,) and across it, the imaginary part a quarter turn on
-    still: list[complex]  # (3,) a vector's part in the plane: the share that stays
+    across: list[complex]  # (3,) and across it; the imaginary part is a quarter turn ahead
+    still: list[complex]  # (3,) a vector's part in the plane: the constant
     cosine: list[complex]
     sine: list[complex]
     offset: float  # m, of the tip from the first hinge along the parallel axes
@@ -43,7 +43,7 @@ class ClosedForm(NamedTuple):
     lower: complex  # m, from the third to the tip
     bend: float  # +1 or -1: of the knee's two solutions
     square_sum: float  # m^2, of the two links' lengths
-    twice_product: float  # m^2, of the same
+    twice_product: float  # m^2, of the two links' lengths
     knee_offset: float  # rad, between the links at zero knee angle
     middle: list[float]  # rad, (3,) of each joint's range
     half: list[float]  # rad, (3,)
@@ -51,9 +51,10 @@ class ClosedForm(NamedTuple):
     def angles(self, tip: Sequence[float]) -> tuple[float, float, float]:
         """The three angles, rad, for a tip position (3,) in the base frame, m.
 
-        Always within the limits. For a position out of reach the limb points at it, stretched or folded.
+        The angles are always within the limits. For a position out of reach, the limb points at it, stretched
+        or folded.
         """
-        # Asked for each limb in each tick: the products are written out, since calls double their time.
+        # Called for each limb in each tick: products are written out, since function calls double their time.
         (x, y, z), (x0, y0, z0) = tip, self.anchor
         x, y, z = x - x0, y - y0, z - z0
         # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
@@ -85,7 +86,7 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
 
     Args:
         limb: its geometry.
-        default_tip: (3,) m, where its tip is in the default pose.
+        default_tip: (3,) m, position of its tip in the default pose.
     """
     if len(limb.axis) != 3:
         return None
@@ -98,7 +99,7 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     if np.linalg.norm(flat) < _SHORT_M:
         return None
     x = flat / np.linalg.norm(flat)
-    plane = x + 1j * np.cross(normal, x)  # a vector's product with it is its place in the plane
+    plane = x + 1j * np.cross(normal, x)  # a vector's product with it is its position in the plane
     upper, lower = complex(upper_link @ plane), complex(lower_link @ plane)
     if abs(lower) < _SHORT_M:
         return None

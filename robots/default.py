@@ -1,3 +1,3 @@
-"""The robot that is used where none is named."""
+"""The default robot."""
 
 DEFAULT_ROBOT = "go1"

@@ -27,7 +27,7 @@ ROBOTS = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot, ready for use. Arrays are in joint order, shape (n,), and must not be written to."""
+    """A loaded robot. Arrays are in joint order, shape (n,), and must not be written to."""
 
     description: Description
     folder: Path
@@ -118,7 +118,7 @@ class Robot:
 
     @cached_property
     def voltage_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and most voltage at each joint's motor, V; infinite where there is no limit."""
+        """Lowest and highest voltage of each joint's motor, V; infinite without a limit."""
         motors = self.description.motors
         given = [motors[j.motor].voltage_v or (-np.inf, np.inf) for j in self.description.joints]
         least, most = np.array(given).T
@@ -139,7 +139,7 @@ class Robot:
 
     @cached_property
     def legs(self) -> Legs:
-        """Kinematics of the legs, shared by all that move or watch this robot."""
+        """Kinematics of the legs, shared by all users of this robot."""
         return Legs(self.description, self.xml_path)
 
 

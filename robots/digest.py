@@ -12,8 +12,8 @@ from footfall.common.config import unstructure
 from footfall.robots.actuator_net import ActuatorNet
 from footfall.robots.robot_yaml import Description, MotorType
 
-# Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
-# geoms only those count that are feet or can touch something, by themselves or through a pair.
+# Fields of the model that determine how the robot moves. Rotations and inertias are included as matrices.
+# Only geoms that are feet or can touch something, by themselves or through a pair, are included.
 BODIES = ("body_parentid", "body_mass", "body_pos", "body_ipos", "body_gravcomp")
 JOINTS = (
     "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "jnt_limited", "jnt_range", "jnt_stiffness",
@@ -45,10 +45,10 @@ def digest(description: Description, model: mujoco.MjModel, net: ActuatorNet | N
     """The fingerprint of a robot, 16 hexadecimal digits.
 
     Args:
-        description: the content of `robot.yaml`. Left out, since no learned policy depends on them: the CAN
+        description: the content of `robot.yaml`. Excluded, since no learned policy depends on them: the CAN
             map, the lying pose, how a run starts, the supervisor's limits, the battery, stop inputs, names
             of geoms and the commands of scenarios.
-        model: the compiled MJCF with all included files. Left out: layout, comments, names that `robot.yaml`
+        model: the compiled MJCF with all included files. Excluded: layout, comments, names that `robot.yaml`
             does not use, visuals, sensors and actuators.
         net: the learned part of the joint law; the name of its file does not count.
     """
@@ -88,9 +88,9 @@ def _counted(description: Description) -> Any:
             del motor[name]
         for name in NOMINALLY_ABSENT:
             if motor[name] == MotorType.__dataclass_fields__[name].default:
-                del motor[name]  # a motor without the effect keeps the digest that it had before
+                del motor[name]  # digests of motors without the effect stay as they were before it existed
     for foot in content["feet"]:
-        del foot["geoms"], foot["force_bus"]  # `_figures` has the geoms
+        del foot["geoms"], foot["force_bus"]  # `_figures` includes the geoms
     return content
 
 

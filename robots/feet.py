@@ -1,4 +1,4 @@
-"""Finds the geoms of a model that are the robot's feet, by name or by place."""
+"""Finds the geoms of a model that are the robot's feet, by name or by position."""
 
 from itertools import product
 from pathlib import Path
@@ -11,7 +11,7 @@ from footfall.robots.mjcf import load_spec
 from footfall.robots.robot_yaml import Description, Foot
 from footfall.robots.stance import in_default_pose
 
-NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
+NEAR = 0.25  # largest distance of a foot from its expected position, over the last link's length
 
 
 class FootBalls(NamedTuple):
@@ -22,17 +22,17 @@ class FootBalls(NamedTuple):
 
 
 def foot_geoms(model: mujoco.MjModel, description: Description) -> tuple[np.ndarray, ...]:
-    """Geoms that each foot stands on, (k,) ids each, in a model with all their names."""
+    """Geoms that each foot stands on, (k,) ids each, in a model that has all their names."""
     return tuple(np.array([model.geom(name).id for name in foot.geoms]) for foot in description.feet)
 
 
 def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> FootBalls:
-    """The balls of one foot: spheres as they are, both ends of a capsule, the corners of anything else's box.
+    """The balls of one foot: spheres, both ends of a capsule, or the corners of any other geom's box.
 
     Args:
         model: compiled.
         geoms: ids of the geoms that it stands on, all of one body.
-        tip: (3,) m, where the places are counted from, in that body's frame.
+        tip: (3,) m, origin of the resulting positions, in that body's frame.
     """
     place, radius = [], []
     for geom in geoms.tolist():
@@ -55,9 +55,9 @@ def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> Foo
 def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -> tuple[np.ndarray, ...]:
     """Geoms that each foot stands on, (k,) ids each, empty for a foot that is not found.
 
-    A geom is found by its name. Where the model lacks the name, candidates are the geoms that can collide on
-    the leg's last link and on bodies fixed to it. The nearest one to the geom's place in the robot's own
-    model is taken, relative to the last joint, in the default pose. A geom found several times counts once.
+    A geom is found by its name. If the model does not have the name, candidates are the geoms that can
+    collide on the leg's last link and on bodies fixed to it. The result is the candidate nearest to the
+    geom's position in the robot's own model, relative to the last joint, in the default pose.
 
     Args:
         model: compiled, with the robot's joint names.
@@ -85,15 +85,15 @@ def _once(geoms: np.ndarray) -> np.ndarray:
 
 
 def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geom: int) -> np.ndarray:
-    """Where a geom's centre is, seen from the anchor of the leg's last joint, m, (3,)."""
+    """Position of a geom's centre relative to the anchor of the leg's last joint, m, (3,)."""
     return data.geom_xpos[geom] - data.xanchor[model.joint(foot.joints[-1]).id]
 
 
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
-    """The geom of the leg's last link nearest to a place, -1 if none is near.
+    """The geom of the leg's last link nearest to a position, -1 if none is near.
 
-    Distance is measured to the geom's centre. For a foot of several geoms it is measured to the contact
-    points too, since one box may stand for all four corners. Among equals the nearest centre wins.
+    Distance is measured to the geom's centre. For a foot of several geoms it is also measured to the contact
+    points, since one box may replace all four corners. Among equals the nearest centre wins.
     """
     link = model.body_weldid[model.joint(foot.joints[-1]).bodyid[0]]
     collides = (model.geom_contype | model.geom_conaffinity) != 0
@@ -111,7 +111,7 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.n
 
 
 def _world_balls(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
-    """Centres of what a geom touches with, m, (k, 3), world frame."""
+    """Centres of a geom's contact balls, m, (k, 3), world frame."""
     body = model.geom_bodyid[geom]
     balls = foot_balls(model, np.array([geom]), np.zeros(3))
     return data.xpos[body] + balls.place @ data.xmat[body].reshape(3, 3).T

@@ -16,7 +16,7 @@ from footfall.robots.robot_yaml import Description
 
 
 class LegPose(NamedTuple):
-    """Where the limbs are, in the base frame (origin at the base body's, axes along it)."""
+    """Pose of the limbs in the base frame."""
 
     foot: np.ndarray  # (legs, 3) m, tip of each limb: the middle of its foot's geoms
     jacobian: np.ndarray  # (legs, 3, m) m/rad, tip velocity = jacobian @ joint velocity
@@ -24,10 +24,10 @@ class LegPose(NamedTuple):
 
 
 class ForwardKinematics:
-    """The robot's own model with its base at the origin, posed again and again: for one thread at a time."""
+    """The robot's own model with its base at the origin, and one pose at a time: not thread-safe."""
 
     def __init__(self, description: Description, xml_path: Path, order: LimbOrder) -> None:
-        """Raises UserError if a limb has another joint than hinges."""
+        """Raises UserError if a limb has joints other than hinges."""
         spec = load_spec(xml_path)
         own = spec.compile()
         for foot in description.feet:
@@ -51,13 +51,13 @@ class ForwardKinematics:
         self._bias = np.zeros(model.nv)
         self._full_jacobian = np.zeros((order.count, 3, model.nv))
         self._jacobian_of_tip = list(zip(self._full_jacobian, self.tips.tolist(), strict=True))
-        # Where each limb's (3, m) stands in the flat arrays of all degrees of freedom, of all axes.
+        # Indices of each limb's (3, m) in the flat arrays of all degrees of freedom, and of all axes.
         rows = np.arange(3 * order.count).reshape(order.count, 3, 1)
         self._jacobian_places = rows * model.nv + self._dofs[:, None, :]
         self._axis_places = 3 * self._hinges[:, None, :] + np.arange(3)[:, None]
 
     def twin(self) -> "ForwardKinematics":
-        """The same with a pose of its own."""
+        """A copy with its own pose."""
         twin = copy(self)
         twin._data = mujoco.MjData(self.model)
         twin._data.qpos[:] = self._data.qpos
@@ -65,7 +65,7 @@ class ForwardKinematics:
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest angle of each hinge, rad, (legs, m); zero where a limb has none."""
+        """Lowest and highest angle of each hinge, rad, (legs, m); zero for missing hinges."""
         lower, upper = (self.model.jnt_range[self._hinges, side] * self._order.present for side in (0, 1))
         return lower, upper
 

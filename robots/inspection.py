@@ -12,8 +12,8 @@ from footfall.robots.model import joint_addresses, plant_model
 from footfall.robots.support import support_margin
 
 WORLD = 0
-LIFTED_M = 0.005  # a foot higher than this does not touch
-POSES = 2000  # drawn to estimate the reach of the legs
+LIFTED_M = 0.005  # a foot above this height does not touch the ground
+POSES = 2000  # random poses to estimate the reach of the legs
 
 
 class LinkRow(NamedTuple):
@@ -30,8 +30,8 @@ class FootRow(NamedTuple):
 
     name: str
     place: np.ndarray  # (3,) m, base frame, middle of its geoms
-    gap_m: float  # between its lowest point and the ground that the lowest foot touches
-    reach_m: tuple[float, float]  # least and greatest distance from its leg's first joint
+    gap_m: float  # between its lowest point and the ground, which the lowest foot touches
+    reach_m: tuple[float, float]  # smallest and largest distance from its leg's first joint
 
 
 class Inspection(NamedTuple):
@@ -42,11 +42,11 @@ class Inspection(NamedTuple):
     centre_m: np.ndarray  # (3,) of mass, base frame
     feet: tuple[FootRow, ...]
     margin_m: float  # of the centre of mass within the feet, see `support_margin`
-    on_the_ground: tuple[str, ...]  # links other than those of the feet that touch it
+    on_the_ground: tuple[str, ...]  # links that touch the ground, except feet
     meeting: tuple[tuple[str, str], ...]  # pairs of links that collide
 
     def findings(self, stands_still: bool = True) -> Iterator[str]:
-        """What is wrong with a robot that can, or cannot, stand still, one line each."""
+        """Problems of the robot, one line each; `stands_still`: whether it can stand still."""
         for foot in self.feet:
             if foot.gap_m > LIFTED_M:
                 yield f"foot {foot.name} is {1e3 * foot.gap_m:.0f} mm above the ground in the default pose"
@@ -59,10 +59,10 @@ class Inspection(NamedTuple):
 
 
 def inspect_robot(robot: Robot, seed: int = 0) -> Inspection:
-    """A summary of a robot and of what is wrong with it.
+    """Inspect a robot.
 
     Args:
-        robot: as loaded.
+        robot: the robot.
         seed: of the random poses that estimate the reach.
     """
     model = plant_model(robot)
@@ -129,7 +129,7 @@ def _tree(model: mujoco.MjModel, base: int) -> Iterator[LinkRow]:
 def _reach(
     model: mujoco.MjModel, robot: Robot, feet: tuple[np.ndarray, ...], random: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Least and greatest distance of each foot from its leg's first joint, m, over random poses."""
+    """Smallest and largest distance of each foot from its leg's first joint, m, over random poses."""
     data = _standing(model, robot)
     addresses = joint_addresses(model, robot)[0]
     first = [model.joint(foot.joints[0]).id for foot in robot.description.feet]

@@ -1,9 +1,9 @@
-"""Kinematics of a robot's limbs: where their tips are, how they move, and which angles put them somewhere.
+"""Kinematics of a robot's limbs: tip positions and velocities, and the joint angles for tip positions.
 
-The way forward is MuJoCo's (`forward.py`). The way back is in closed form for limbs that have one
-(`closed_form.py`), by damped least squares on MuJoCo's Jacobians for all others (`least_squares.py`). Limbs
-of one robot may have different numbers of hinges: arrays are as wide as the longest limb, m, and zero where
-another has no hinge.
+Forward kinematics is MuJoCo's (`forward.py`). Inverse kinematics is in closed form for limbs that have one
+(`closed_form.py`), and by damped least squares on MuJoCo's Jacobians for all others (`least_squares.py`).
+Limbs of one robot may have different numbers of hinges: arrays are as wide as the longest limb, m, and zero
+for missing hinges.
 """
 
 from collections.abc import Sequence
@@ -26,26 +26,27 @@ _REGULAR = 1e-6 * np.eye(3)  # m^2/rad^2
 class Legs:
     """Kinematics of all limbs together. Their order is that of the feet in `robot.yaml`.
 
-    The arrays that a pose is computed in belong to this object: it is for one thread at a time.
+    The object owns the arrays in which a pose is computed: it is not thread-safe.
 
     Args:
         description: of the robot.
         xml_path: the robot's own MJCF: only the nominal geometry is used, never a plant's.
 
     Raises:
-        UserError: a limb has another joint than hinges.
+        UserError: a limb has joints other than hinges.
     """
 
     def __init__(self, description: Description, xml_path: Path) -> None:
         self._order = order = LimbOrder(description)
         self.count, self.hinges = order.count, order.hinges
-        self.joints, self.present = order.joints, order.present  # (legs, m) indices, and whether there is one
+        # (legs, m) joint indices, and whether each hinge exists.
+        self.joints, self.present = order.joints, order.present
         self._forward = ForwardKinematics(description, xml_path, order)
         model, default = self._forward.model, description.default_pose
         self.mass = float(model.body_subtreemass[model.body(description.base).id])  # kg, of the whole robot
         self.limbs = self._forward.limbs(default)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
-        self.balls: list[FootBalls] = [  # that each foot touches the ground with
+        self.balls: list[FootBalls] = [  # contact balls of each foot
             foot_balls(model, geoms, model.site_pos[tip])
             for geoms, tip in zip(foot_geoms(model, description), self._forward.tips, strict=True)
         ]
@@ -55,15 +56,15 @@ class Legs:
         self.default_foot = self.pose(default).foot
         self.foot_radius = self.default_foot[:, 2] - lowest_points(description, model)
         self.base_corners = base_corners(description, model)
-        self.base_below = -float(self.base_corners[:, 2].min())  # m, of its origin, when level
-        # Each as often as a limb's Jacobian has numbers: to broadcast takes longer.
+        self.base_below = -float(self.base_corners[:, 2].min())  # m, below the base's origin, when level
+        # Repeated to the size of a limb's Jacobian: broadcasting would take longer.
         self._radii = np.repeat(self.foot_radius, 3 * self.hinges).reshape(self.count, 3, self.hinges)
         self.inverse = InverseKinematics(description, self.limbs, self.default_foot, order, self._forward)
 
     def pose(self, joint_position: np.ndarray) -> LegPose:
         """Feet, Jacobians and joint axes; the arrays must not be written to.
 
-        The last answer is kept: in each tick the estimator and a controller ask about the same readings.
+        The last result is cached: in each tick the estimator and a controller use the same readings.
 
         Args:
             joint_position: (n,) rad, in the robot's joint order.
@@ -89,15 +90,15 @@ class Legs:
         return self._forward.holding_torque(acceleration)
 
     def solve(self, foot: np.ndarray, legs: Sequence[int] | None = None) -> np.ndarray:
-        """Joint angles that put the tips at given places; the inverse of `pose`.
+        """Joint angles for given tip positions; the inverse of `pose`.
 
-        Every result lies within the joint limits and is finite. A place out of reach gives the limb that
-        points at it, stretched or folded as far as the limits allow; a place that is not a number, angles
-        that are none. Of several solutions it is the one on the default pose's side.
+        Every result is finite and within the joint limits. For a position out of reach, the limb points at
+        it, stretched or folded as far as the limits allow. For NaN the angles are NaN. Of several solutions
+        it is the one on the default pose's side.
 
         Args:
             foot: (k, 3) m, base frame.
-            legs: the k limbs that are meant; all if None.
+            legs: indices of the k limbs; None: all.
 
         Returns:
             (k, m) rad.
@@ -105,11 +106,11 @@ class Legs:
         return self.inverse.solve(foot, legs)
 
     def rolling_offset(self, axes: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """What to add to the tips' Jacobians to get those of the points on the ground under them.
+        """Difference of the Jacobians of the feet's lowest points and of the tips.
 
-        A round foot rolls: not its centre but its lowest point stands still in stance. At a walking pace the
-        difference is close to a tenth of the base's speed. Of a sole flat on the ground it is the same.
-        The last answer is kept, as that of `pose` is, and must not be written to.
+        A round foot rolls: in stance its lowest point is at rest, not its centre. At walking speed the
+        difference is close to a tenth of the base's speed. The same holds for a sole flat on the ground.
+        The last result is cached, as for `pose`, and must not be written to.
 
         Args:
             axes: (legs, 3, m) from `pose`.
@@ -133,14 +134,14 @@ class Legs:
         return -(force[:, None, :] @ jacobian)[:, 0]
 
     def joint_rates(self, jacobian: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """Joint rates (legs, m, k) for k motions of the tips, (legs, 3, k), or the nearest that there are.
+        """Joint rates (legs, m, k) for k motions of the tips, (legs, 3, k), or the nearest possible ones.
 
-        Of limbs that all have three hinges the exact ones; else the smallest ones, damped where a limb is
-        stretched.
+        If all limbs have three hinges they are exact; otherwise the smallest ones, damped near singular
+        poses.
 
         Args:
             jacobian: (legs, 3, m).
-            motion: m/s, m/s^2 or whatever the joint rates shall be rates of.
+            motion: m/s, m/s^2 or another derivative; the result has the same one.
         """
         if self.hinges == 3 and self._order.alike:
             return solve(jacobian, motion)

@@ -1,9 +1,9 @@
 """Inverse kinematics of serial chains by damped least squares within joint limits, several at once.
 
 Levenberg-Marquardt with the damping of Sugihara 2011 ("Solvability-unconcerned inverse kinematics by the
-Levenberg-Marquardt method"): it grows with the squared error, so that a place out of reach ends in the pose
-nearest to it, and vanishes at the solution, where steps become Newton's. Each solve begins at the default
-pose: its result depends on the place alone, and of several solutions it is the one that this pose leads to.
+Levenberg-Marquardt method"): it grows with the squared error, so that a position out of reach ends in the
+pose nearest to it, and vanishes at the solution, where steps become Newton steps. Each solve begins at the
+default pose, so that its result, and the choice among several solutions, depends on the position alone.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 
 _ITERATIONS = 40
 _CLOSE_M = 1e-10
-_WORTHWHILE = 1.0 - 1e-4  # an iteration has to reduce the squared error to this share
+_WORTHWHILE = 1.0 - 1e-4  # an iteration must reduce the squared error to this share
 _DAMPING = 1e-9  # m^2, damping that remains at the solution
 _LEVEL_WEIGHT_M = 0.1  # metres; weight of one radian of orientation error
 
@@ -33,7 +33,7 @@ class LeastSquares:
     Args:
         forward: forward kinematics of joint angles (limbs, m).
         lower, upper: (limbs, m) rad, joint limits.
-        default: (limbs, m) rad, where each solve begins.
+        default: (limbs, m) rad, start of each solve.
         level: (limbs,) whether the last link keeps its orientation of the default pose: soles of limbs with
             enough hinges.
     """
@@ -52,10 +52,10 @@ class LeastSquares:
         self._weight = _LEVEL_WEIGHT_M * level[:, None]
 
     def solve(self, tips: np.ndarray, limbs: list[int]) -> np.ndarray:
-        """Joint angles (k, m), rad, that put the tips of k limbs at places (k, 3), m, or as near as possible.
+        """Joint angles (k, m), rad, for tip positions (k, 3), m, of k limbs, or as near as possible.
 
-        Results are finite and within the limits; NaN for a place that is NaN. Where a sole cannot be level
-        at its place, the place has precedence over the orientation.
+        Results are finite and within the limits; NaN for NaN. If a sole cannot be level at its position, the
+        position takes precedence over the orientation.
         """
         target = self._tip.copy()
         wanted = np.isfinite(tips).all(axis=1)
@@ -87,7 +87,7 @@ class LeastSquares:
     def _error(
         self, angles: np.ndarray, target: np.ndarray, weight: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Error, (limbs, 3 or 6) m, and its Jacobian: place, then orientation of soles."""
+        """Error, (limbs, 3 or 6) m, and its Jacobian: position, then orientation of soles."""
         ends = self._forward(angles)
         missing = target - ends.tip
         if not weight.any():

@@ -17,6 +17,6 @@ class Limb(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """How far from its first hinge the tip can be at most, m: the length of the stretched chain."""
+        """Largest distance of the tip from the first hinge, m: the length of the stretched chain."""
         corners = np.concatenate([self.anchor, self.tip[None]])
         return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())

@@ -1,4 +1,4 @@
-"""Which joints belong to which limb: from joint order to limbs and back."""
+"""Mapping of joints to limbs: from joint order to limbs and back."""
 
 import numpy as np
 
@@ -14,15 +14,15 @@ class LimbOrder:
         self.count = len(self.joints_of)
         self.hinges = max(map(len, self.joints_of))
         self.present = np.array([[k < len(own) for k in range(self.hinges)] for own in self.joints_of])
-        self.alike = bool(self.present.all())  # all limbs have as many hinges
-        # Where a limb has no hinge, its first one stands in, and `present` is False.
+        self.alike = bool(self.present.all())  # whether all limbs have the same number of hinges
+        # A missing hinge gets the index of the limb's first one; `present` is False.
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self.joints_of])
         self._places = as_slice(self.joints.ravel())
-        # Whether the limbs' joints are all that the robot has, one limb after another.
+        # Whether the robot's joints are exactly the limbs' joints, one limb after another.
         self._in_order = self.alike and self._places == slice(0, len(description.joints), 1)
 
     def gather(self, joint_values: np.ndarray) -> np.ndarray:
-        """Joint order (..., n) to limbs (..., legs, m); zero where a limb has no hinge."""
+        """Joint order (..., n) to limbs (..., legs, m); zero for missing hinges."""
         values = joint_values.take(self.joints, axis=-1)
         return values if self.alike else values * self.present
 

@@ -1,4 +1,4 @@
-"""The robot as ROS sees it: links, each behind one joint whose frame is the link's (REP 103, 105, 120)."""
+"""The robot's tree of links for ROS: each link follows one joint, whose frame it has (REP 103, 105, 120)."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 
 BASE, IMU = "base_link", "imu_link"
-SOLE = "{}_sole"  # the middle of what a foot stands on, in the axes of its last link
+SOLE = "{}_sole"  # mean of a foot's geoms, in the axes of its last link
 FIXED, REVOLUTE, CONTINUOUS, PRISMATIC = "fixed", "revolute", "continuous", "prismatic"
 
 
@@ -24,29 +24,29 @@ class Link(NamedTuple):
     joint: str = ""
     kind: str = FIXED
     position: np.ndarray = np.zeros(3)  # m, of the joint in the parent's frame, (3,)
-    rotation: np.ndarray = np.eye(3)  # parent's frame from the link's where the joint is at zero, (3, 3)
+    rotation: np.ndarray = np.eye(3)  # from the link's frame to the parent's, joint at zero, (3, 3)
     axis: np.ndarray = np.zeros(3)  # in the link's frame, (3,)
-    body: int = -1  # id of the MuJoCo body that it is; -1 for a frame without a body
+    body: int = -1  # id of its MuJoCo body; -1 for a frame without a body
     body_origin: np.ndarray = np.zeros(3)  # m, of that body in the link's frame, (3,)
 
 
 def load_model(robot: Robot) -> mujoco.MjModel:
-    """The robot's MJCF as it stands in its folder, compiled."""
+    """The compiled MJCF of a robot's folder, unchanged."""
     return load_spec(robot.xml_path).compile()
 
 
 def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
     """Links from the root outwards, parents first: `base_link`, the bodies, the IMU and the soles.
 
-    `base_link` is a frame without mass, as `robot_state_publisher` wants its root; the body of the base is
-    fixed to it. A body with several joints becomes as many links.
+    `base_link` is a frame without mass, as `robot_state_publisher` requires for its root; the base's body is
+    fixed to it. A body with several joints becomes several links.
 
     Args:
-        robot: whose links they are.
+        robot: the robot.
         model: its MJCF, see `load_model`.
 
     Raises:
-        UserError: a body has a ball joint, or another body than the base is free.
+        UserError: a body has a ball joint, or a body other than the base is free.
     """
     base = model.body(robot.description.base).id
     links = [Link(BASE), _base_body(robot.description.base, base)]
@@ -76,14 +76,14 @@ def _base_body(name: str, body: int) -> Link:
 
 
 def _links_of(model: mujoco.MjModel, body: int, above: Link) -> Iterator[Link]:
-    """The links of a body: one for each of its joints, all but the last without mass."""
+    """The links of a body, one for each of its joints; all except the last are without mass."""
     start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     name, at = model.body(body).name or f"body_{body}", above.body_origin + model.body_pos[body]
     turn = rotation_matrix(model.body_quat[body])
     if not count:
         yield Link(name, above.name, f"{name}_fixed", position=at, rotation=turn, body=body)
         return
-    parent, origin = above.name, np.zeros(3)  # of the body, in the frame that the next joint is placed in
+    parent, origin = above.name, np.zeros(3)  # of the body, in the frame in which the next joint is placed
     for joint in range(start, start + count):
         is_last = joint == start + count - 1
         joint_name = model.joint(joint).name or f"{name}_joint_{joint - start}"

@@ -6,7 +6,7 @@ import mujoco
 
 from footfall.common.errors import UserError
 
-MOST_POINTS = 2**26  # of a texture or a height field
+MAX_POINTS = 2**26  # of a texture or a height field
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:
@@ -32,5 +32,5 @@ def _check_size(spec: mujoco.MjSpec, path: Path) -> None:
         ("height field", [(each.name, each.nrow * each.ncol) for each in spec.hfields]),
     ):
         for name, points in parts:
-            if points > MOST_POINTS:
-                raise UserError(f"{path}: {what} '{name}' has {points:,} points: {MOST_POINTS:,} at most")
+            if points > MAX_POINTS:
+                raise UserError(f"{path}: {what} '{name}' has {points:,} points: {MAX_POINTS:,} at most")

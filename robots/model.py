@@ -32,17 +32,17 @@ def training_model(
 def training_spec(
     robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, contacts: Contacts = "feet"
 ) -> mujoco.MjSpec:
-    """The robot's bodies, its feet and a floor, nothing else.
+    """The robot's bodies, its feet and a floor, without sensors, actuators and visual geometry.
 
-    Without sensors, actuators and visual geometry. Contacts exist between feet and floor and between the
-    pairs of geoms that the MJCF lists. There are no constraint rows for joint limits and friction: targets
-    stay inside soft limits, and the joint law contains the friction. Each row less makes the physics faster.
+    Contacts exist between feet and floor and between the pairs of geoms that the MJCF lists. There are no
+    constraint rows for joint limits and friction: targets stay inside soft limits, and the joint law contains
+    the friction. Fewer rows make the physics faster.
 
     Args:
-        robot: whose model.
+        robot: the robot.
         timestep_s: of the physics.
-        contacts: of robots that fall and lie all collision shapes meet the floor and each other, and joints
-            keep their limits, which the weight of a lying robot reaches.
+        contacts: which shapes collide. For robots that fall and lie, all collision shapes collide with the
+            floor and each other, and joints keep their limits, which a lying robot's weight reaches.
     """
     spec = load_spec(robot.xml_path)
     make_inertia_explicit(spec)
@@ -56,7 +56,7 @@ def training_spec(
     whole_body = contacts != "feet"
     if whole_body:
         for number, geom in enumerate(spec.geoms):
-            geom.name = geom.name or f"unnamed_geom_{number}"  # pairs name their geoms
+            geom.name = geom.name or f"unnamed_geom_{number}"  # pairs refer to geoms by name
         for pair in list(spec.pairs) if contacts == "true_limbs" else ():
             spec.delete(pair)
         add_self_contacts(spec, rough=contacts in ("rough_limbs", "true_limbs"))
@@ -67,7 +67,9 @@ def training_spec(
             spec.delete(geom)
             continue
         geom.contype, geom.conaffinity = 0, int(lands or geom.name in feet)
-        if lands and geom.name not in feet:  # as of two geoms without priority, see `_let_feet_decide`
+        if (
+            lands and geom.name not in feet
+        ):  # MuJoCo's rule for two geoms without priority, see `_let_feet_decide`
             geom.friction = np.maximum(geom.friction, FLOOR_FRICTION)
     for joint in () if whole_body else spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -80,20 +82,20 @@ def training_spec(
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.iterations = 1
     spec.option.ls_iterations = 5
-    # The joint law contains the damping. Implicit damping in MuJoCo would factorise the mass matrix twice.
+    # The joint law contains the damping. MuJoCo's implicit damping would factorise the mass matrix twice.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     return spec
 
 
 class Plant(NamedTuple):
-    """The body of the simulated robot, and what its file says about the motors' joints."""
+    """The body of the simulated robot, and the joint losses of its file."""
 
     model: mujoco.MjModel
-    motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
+    motor: Motor  # the robot's motors, with the plant's joint friction and damping if its file gives any
     base: int  # body that carries the free joint
     feet: tuple[np.ndarray, ...]  # geoms of each foot, empty for a foot that is not found (`find_feet`)
     leg_of_body: np.ndarray  # (nbody,) foot of the leg that each body belongs to, or NO_LEG (`leg_of_bodies`)
-    notes: tuple[str, ...]  # what the file lacks and what replaces it, one line each
+    notes: tuple[str, ...]  # missing values of the file and their replacements, one line each
 
 
 def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
@@ -106,14 +108,14 @@ def read_plant(
 ) -> Plant:
     """The body of the simulated robot: full collision geometry, joint limits, an IMU, a floor.
 
-    Pairs of geoms that replace others in training are left out.
+    Pairs of geoms that replace others in training are removed.
 
     Args:
-        robot: whose joint names the plant must carry.
+        robot: the plant must have its joint names.
         path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
             simulated robot adds its own motors and IMU); masses, geometry, reflected inertia, joint
-            friction and damping are kept where the file gives them; otherwise they are the robot's.
-            A floor is added if no plane or height field can collide.
+                friction and damping are kept if the file gives them; otherwise they are the robot's.
+                A floor is added if no plane or height field can collide.
         change: applied to the MJCF before it is compiled; it may replace the ground.
 
     Raises:
@@ -159,12 +161,12 @@ def read_plant(
 def _notes_on_feet(
     model: mujoco.MjModel, feet: tuple[np.ndarray, ...], robot: Robot, source: str
 ) -> list[str]:
-    """Notes on feet that were found by place or not at all."""
+    """Notes on feet that were found by position or not at all."""
     wanted = robot.description.feet
     notes = []
     absent = [", ".join(foot.geoms) for foot, geoms in zip(wanted, feet, strict=True) if not len(geoms)]
     if absent:
-        notes.append(f"{source} has no geom {', '.join(absent)}: what these feet do is not recorded")
+        notes.append(f"{source} has no geom {', '.join(absent)}: these feet are not recorded")
     found = []
     for foot, geoms in zip(wanted, feet, strict=True):
         strange = [geom for geom in geoms.tolist() if model.geom(geom).name not in foot.geoms]
@@ -172,11 +174,11 @@ def _notes_on_feet(
             names = ", ".join(model.geom(geom).name or f"geom {geom}" for geom in strange)
             body = model.body(model.geom_bodyid[strange[0]]).name
             found.append(f"{', '.join(foot.geoms)} is {names} of body {body}")
-    return notes + ([f"feet of {source} found by their place: {', '.join(found)}"] if found else [])
+    return notes + ([f"feet of {source} found by position: {', '.join(found)}"] if found else [])
 
 
 def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Where the robot's joints lie in `qpos` and `qvel`, each of shape (n,), in joint order."""
+    """Indices of the robot's joints in `qpos` and `qvel`, each of shape (n,), in joint order."""
     ids = [model.joint(name).id for name in robot.joint_names]
     return model.jnt_qposadr[ids], model.jnt_dofadr[ids]
 
@@ -233,7 +235,7 @@ def _is_ground(geom: mujoco.MjsGeom) -> bool:
 
 
 def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """An accelerometer where the robot has its IMU, aligned with the base's axes."""
+    """Add an accelerometer at the robot's IMU, aligned with the base's axes."""
     base = next(j.parent for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE)
     base.add_site(name=IMU, pos=imu_position(robot))
     spec.add_sensor(
@@ -245,13 +247,13 @@ def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def imu_position(robot: Robot) -> np.ndarray:
-    """Where the IMU sits in the base's frame, m, shape (3,)."""
+    """Position of the IMU in the base's frame, m, shape (3,)."""
     spec = load_spec(robot.xml_path)
     return np.array(spec.site(robot.description.imu).pos)
 
 
 def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Take friction out of all joints, as constraint rows, and viscous damping out of the motors' joints."""
+    """Remove friction, a constraint row, from all joints, and viscous damping from the motors' joints."""
     for joint in spec.joints:
         joint.frictionloss = 0.0
     for name in robot.joint_names:
@@ -270,7 +272,7 @@ def make_inertia_explicit(spec: mujoco.MjSpec) -> None:
         body.ipos = compiled.ipos
         body.iquat = compiled.iquat
         body.inertia = compiled.inertia
-        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's value for: not given
+        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's marker for: not given
         body.explicitinertial = True
 
 

@@ -1,8 +1,8 @@
 """A momentum observer: forces on a robot's limbs from joint readings.
 
 De Luca et al. 2006, "Collision detection and safe reaction with the DLR-III lightweight manipulator arm".
-The change of a limb's momentum that neither motor torques nor its weight (under the base's proper
-acceleration) explain comes from a force f at the foot,
+A force f at the foot causes the change of a limb's momentum that motor torques and the limb's weight (under
+the base's proper acceleration) do not explain,
 
     J' f = d(M q')/dt + weight - torque.
 
@@ -20,12 +20,12 @@ _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
 def outside_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
-    """Torque on each joint that its motor does not deliver, N m, (legs, m): weight - torque.
+    """Torque on each joint from outside its motor, N m, (legs, m): weight - torque.
 
     Args:
         legs: of the robot.
         sensed: the readings.
-        own: (n,) N m, of the motors, with gearbox friction if it shall count.
+        own: (n,) N m, torque of the motors, with gearbox friction to include it.
     """
     return legs.holding_torque(sensed.joint_position, sensed.acceleration) - legs.gather(own)
 
@@ -46,9 +46,9 @@ def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np
 
 
 class MomentumObserver:
-    """The two parts of the torque at the limbs' joints, each through the same first-order filter.
+    """The two parts of the torque at the limbs' joints, both through the same first-order filter.
 
-    The filter gives the derivative of the momentum too: its lag is its time constant times the rate of
+    The filter also gives the derivative of the momentum: its lag is its time constant times the rate of
     change. With backward Euler steps this is exact.
 
     Args:
@@ -60,7 +60,7 @@ class MomentumObserver:
         self._inertia, self._filter_s = inertia, filter_s
 
     def reset(self, outside: np.ndarray, rates: np.ndarray) -> None:
-        """Begin with joints that do not accelerate; arguments as for `update`."""
+        """Reset, assuming joints that do not accelerate; arguments as for `update`."""
         self._slow = _side_by_side(outside, self._momentum(rates))
 
     def update(self, outside: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
@@ -81,7 +81,7 @@ class MomentumObserver:
         return _side_by_side(self._slow[:, :, 0], rate)
 
     def _momentum(self, rates: np.ndarray) -> np.ndarray:
-        """Of each limb's joints, N m s, (legs, m)."""
+        """Momentum of each limb's joints, N m s, (legs, m)."""
         return (self._inertia @ rates[:, :, None])[:, :, 0]
 
 

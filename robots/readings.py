@@ -1,4 +1,4 @@
-"""What a robot senses, and which readings of it a learned policy may use: the one table of readings."""
+"""The sensor values of a robot, and the readings that a learned policy may use."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -21,10 +21,10 @@ NO_FORCES.flags.writeable = False
 
 
 class Sensed(NamedTuple):
-    """One decoded set of sensor values as it arrived over the bus. In training: the simulation's true values.
+    """One decoded set of sensor values from the bus; in training, the simulation's true values.
 
-    The annotation of a field gives its number of components. Observations, logs and the simulated sensors
-    take field order and sizes from here.
+    The annotation of a field gives its number of components. Observations, logs and simulated sensors use
+    this field order and these sizes.
     """
 
     gyro: Annotated[Array, kinds.ROTATION]  # rad/s, body frame
@@ -33,7 +33,7 @@ class Sensed(NamedTuple):
     joint_position: Annotated[Array, kinds.JOINTS]  # rad
     joint_velocity: Annotated[Array, kinds.JOINTS]  # rad/s
     joint_torque: Annotated[Array, kinds.JOINTS]  # N m, as reported by the motors
-    # N, that presses on each foot by its sensor, NaN for a silent one; empty for a robot without such sensors
+    # N, force on each foot by its sensor, NaN for a silent sensor; empty for a robot without force sensors.
     foot_force: Annotated[Array, kinds.FOOT_AMOUNTS] = NO_FORCES
 
 
@@ -53,10 +53,10 @@ class Reading(NamedTuple):
     kind: Kind  # number of components, and their mirror image
     sensed: str  # field of `Sensed`
     source: Callable[[Array], Array] | None = None  # reading from the field's value; None: the value itself
-    # The field's value after an offset of the reading, both as plain numbers. A simulated sensor needs it to
-    # add bias and noise to a reading that has a source; without a source, the offset is added.
+    # The field's value with an offset of the reading applied, as plain numbers. A simulated sensor needs it
+    # to add bias and noise to a reading with a source; without a source, the offset is added.
     shift: Callable[[Sequence[float], Sequence[float]], Sequence[float]] | None = None
-    unit_length: bool = False  # a direction: normalised after bias or noise was added
+    unit_length: bool = False  # a direction: normalised after bias or noise is added
 
     @property
     def can_shift(self) -> bool:
@@ -65,7 +65,7 @@ class Reading(NamedTuple):
 
 
 def reading(kind: Kind, sensed: str, **rest: Any) -> Any:
-    """A field of `Noise`: it declares a reading of a field of `Sensed`; `rest` as `Reading` has it."""
+    """A field of `Noise` that declares a reading of a field of `Sensed`; `rest`: fields of `Reading`."""
     return field(default=0.0, metadata={"declares": Reading(kind, sensed, **rest)})
 
 

@@ -1,4 +1,4 @@
-"""A robot as a single rigid body, and the inertia of its legs: the model of model-based controllers."""
+"""A robot as a single rigid body, and the inertia of its legs, for model-based controllers."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ class RigidBody:
     centre: np.ndarray  # (3,) m, centre of mass from the base's origin
     inertia: np.ndarray  # (3, 3) kg m^2 about the centre of mass
     leg_inertia: np.ndarray  # (legs, m, m) kg m^2, joint space as in `Legs`, reflected inertia included
-    # (legs, 3, m) kg m^2: angular momentum about the centre of mass that each joint's rate adds, base frame
+    # (legs, 3, m) kg m^2: angular momentum about the centre of mass per joint rate, base frame
     leg_momentum: np.ndarray
 
     @cached_property

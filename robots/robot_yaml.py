@@ -16,13 +16,13 @@ from footfall.robots.battery import Battery
 from footfall.robots.commands import CommandRange
 from footfall.robots.stop_inputs import StopInputs
 
-SERIAL = "serial:"  # begins the name of a bus that is a serial port: serial:/dev/ttyUSB0@921600
+SERIAL = "serial:"  # prefix of a bus that is a serial port: serial:/dev/ttyUSB0@921600
 MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
 
 
 @dataclass(frozen=True)
 class Gains:
-    """How the gains of learned policies follow from each joint's reflected inertia."""
+    """Parameters from which the gains of learned policies follow, with each joint's reflected inertia."""
 
     natural_frequency_hz: float
     damping_ratio: float
@@ -44,26 +44,25 @@ class MotorType:
     torque_constant_nm_a: float  # at the rotor
     winding_resistance_ohm: float
     protocol: str
-    temperature_limit_c: float = 85.0  # windings and magnets are damaged from 100 on
-    voltage_v: tuple[float, float] | None = None  # least and most at its supply; None for no limit
+    temperature_limit_c: float = 85.0  # windings and magnets are damaged above 100
+    voltage_v: tuple[float, float] | None = None  # lowest and highest supply voltage; None: no limit
     watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
     drive_gains: tuple[float, float] | None = None  # kp, kd that a moteus scales: N m, N m s per turn
-    # Which limit of the drive is set to peak_torque_nm, as a torque or as a current; None for neither.
+    # The limit of the drive that is set to peak_torque_nm, as a torque or as a current; None: neither.
     drive_limit: Literal["torque", "current"] | None = None
     current_endpoint: int | None = None  # id of an ODrive's current_soft_max
-    torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None for no lag
+    torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None: no lag
     stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
-    stribeck_speed_rad_s: float | None = None  # half of it is left; None for 5 times friction_speed_rad_s
+    stribeck_speed_rad_s: float | None = None  # half of it is left; None: 5 friction_speed_rad_s
     load_friction: float = 0.0  # share of the motor torque that friction takes
     backlash_rad: float = 0.0  # whole play of the gearbox
-    gear_stiffness_nm_rad: float | None = None  # of the gearbox; None for a rigid one
-    voltage_driven: bool = False  # the command sets a voltage, as a hobby servo's does, not a current
-    duty_resistance: float = 0.0  # of such a motor: resistance at full duty over that at rest, less 1
-    thermal_resistance_k_w: float | None = None  # from the winding to the air; None for no thermal model
+    gear_stiffness_nm_rad: float | None = None  # of the gearbox; None: rigid
+    voltage_driven: bool = False  # the command sets a voltage, as with hobby servos, not a current
+    duty_resistance: float = 0.0  # if voltage-driven: resistance at full duty over that at rest, less 1
+    thermal_resistance_k_w: float | None = None  # from the winding to the air; None: no thermal model
     thermal_capacity_j_k: float | None = None  # of the winding with the iron around it
-    derating_c: tuple[float, float] | None = (
-        None  # the current limit falls from the first on, to 0 at the next
-    )
+    # Temperatures between which the current limit falls from its full value to 0.
+    derating_c: tuple[float, float] | None = None
     timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
@@ -93,7 +92,7 @@ class MotorType:
 
 @dataclass(frozen=True)
 class JointEntry:
-    """One joint: its motor, default position and place on the CAN buses."""
+    """One joint: its motor, default position, bus and id."""
 
     name: str
     motor: str
@@ -108,12 +107,12 @@ class JointEntry:
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot: the geoms it stands on (a ball, or the corners of a sole), its leg's joints from the base."""
+    """One foot: its contact geoms (a ball, or the corners of a sole), its leg's joints from the base."""
 
     name: str
     geoms: tuple[str, ...]
     joints: tuple[str, ...]
-    force_bus: str | None = None  # of its force sensor; given for all feet or for none
+    force_bus: str | None = None  # bus of its force sensor; given for all feet or for none
 
     def __post_init__(self) -> None:
         if not self.geoms:
@@ -137,12 +136,12 @@ class Description:
     feet: tuple[Foot, ...]
     imu_bus: str  # a CAN bus, or SERIAL and a port
     commands: CommandRange  # of the scenarios
-    imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
+    imu_protocol: str = "footfall"  # or MODULE:NAME of a user's own driver (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
     actuator_net: str | None = None  # NPZ beside this file, of `footfall identify net`; None for none
-    battery: Battery | None = None  # None: nothing is claimed about its charge
+    battery: Battery | None = None  # None: its charge is unknown
     stop_inputs: StopInputs = field(default_factory=StopInputs)
-    held_start: bool = False  # it cannot stand still (point feet): it is held up until it steps in place
+    held_start: bool = False  # whether it must be held up until it steps in place (point feet)
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")

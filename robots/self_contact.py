@@ -1,7 +1,7 @@
-"""Where a robot can touch itself: pairs of capsules and spheres that stand for its collision shapes.
+"""Self-contacts of a robot: pairs of capsules and spheres that approximate its collision shapes.
 
-Training's physics knows contacts of capsules and spheres with each other. Robots that lie and get up need all
-that their joint limits permit; a robot that walks needs the pairs that its MJCF lists.
+Training's physics supports contacts between capsules and spheres. Robots that lie and get up need all pairs
+that their joint limits permit; a walking robot needs the pairs that its MJCF lists.
 """
 
 import math
@@ -15,23 +15,23 @@ import numpy as np
 from footfall.common.rotations import rotation_matrix
 
 CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
-SMOOTH, ROUGH = 1, 3  # condim; with friction a GPU trains go1 at 0.7 of the speed
-POSES = 1000  # drawn inside the joint limits
-LARGE = 0.999  # of a cube, too, a capsule is longer than a sphere
-EDGE = 20.0  # sharp: on a rounder edge of the trunk a thigh slides off that jams on the true one
+SMOOTH, ROUGH = 1, 3  # condim; with friction, training of go1 on a GPU runs at 0.7 of the speed
+POSES = 1000  # random poses within the joint limits
+RADIUS_SHARE = 0.999  # of a capsule over the box's half width; a cube's capsule, too, has a length
+EDGE_RATIO = 20.0  # half thickness over edge radius: a thigh jams on the trunk's edge as on the true one
 WORLD = 0  # body
-NEAR_M = 0.01  # a pair that comes as near in any of them can touch
+NEAR_M = 0.01  # pairs that come nearer in any random pose can touch
 
-# What meets the ground in training: the feet alone, or all shapes, which then meet each other, too.
-# With rough limbs there is friction between them. With true limbs as well, and no geom stands for others.
+# Shapes that collide with the ground in training: only feet, or all shapes, which then collide with each
+# other too. With rough_limbs they have friction; with true_limbs also, and no geom replaces others.
 Contacts = Literal["feet", "whole_body", "rough_limbs", "true_limbs"]
 
 
 def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
-    """List every pair of shapes of the robot that can touch, but for those of the same or of adjacent bodies.
+    """Add every pair of shapes of the robot that can touch, except those of the same or of adjacent bodies.
 
-    Geoms that the MJCF's own pairs name stand for all shapes of their bodies. Of the other bodies spheres and
-    capsules stand for themselves, and each other shape for its bounding box, filled with capsules.
+    Geoms in the MJCF's own pairs replace all shapes of their bodies. On other bodies, spheres and capsules
+    are used directly, and any other shape is replaced by its bounding box, filled with capsules.
 
     Args:
         spec: of the robot; its geoms have names.
@@ -47,7 +47,7 @@ def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
         of_body = stand_ins or [name for geom in solid for name in _round(body, geom, model)]
         if of_body:
             shapes[model.body(body.name).id] = of_body
-    for one, other in _that_can_touch(spec.copy().compile(), shapes):
+    for one, other in _touching_pairs(spec.copy().compile(), shapes):
         if frozenset((one, other)) not in listed:
             spec.add_pair(name=f"{one}/{other}", geomname1=one, geomname2=other, condim=SMOOTH)
     for pair in spec.pairs if rough else ():
@@ -56,7 +56,7 @@ def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
 
 
 def _friction(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> float:
-    """Of a contact of two geoms (MuJoCo's documentation, "Contact parameters")."""
+    """Sliding friction between two geoms (MuJoCo's documentation, "Contact parameters")."""
     if one.priority != other.priority:
         return float(max(one, other, key=lambda geom: geom.priority).friction[0])
     return float(max(one.friction[0], other.friction[0]))
@@ -92,19 +92,19 @@ def _round(body: mujoco.MjsBody, geom: mujoco.MjsGeom, model: mujoco.MjModel) ->
 
 
 def _filling(wide_m: float, thin_m: float) -> Iterator[tuple[float, float, float]]:
-    """Circles in a rectangle of these half sizes: radius, and place along both sides, m.
+    """Circles in a rectangle of these half sizes: radius, and position along both sides, m.
 
-    Large ones side by side, and small ones in the corners, which the large ones leave open: edges stay sharp.
+    Large circles side by side, and small ones in the corners, so that edges stay sharp.
     """
     spread = wide_m - thin_m
     for place in np.linspace(-spread, spread, 1 + math.ceil(spread / thin_m)):
-        yield LARGE * thin_m, float(place), 0.0
-    small = thin_m / EDGE
+        yield RADIUS_SHARE * thin_m, float(place), 0.0
+    small = thin_m / EDGE_RATIO
     for sides in product((-1.0, 1.0), repeat=2):
         yield small, sides[0] * (wide_m - small), sides[1] * (thin_m - small)
 
 
-def _that_can_touch(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iterator[tuple[str, str]]:
+def _touching_pairs(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iterator[tuple[str, str]]:
     excluded = excluded_bodies(model)
     pairs = [
         pair
@@ -132,7 +132,7 @@ def excluded_bodies(model: mujoco.MjModel) -> set[tuple[int, int]]:
 
 
 def adjacent(model: mujoco.MjModel, one: int, other: int) -> bool:
-    """MuJoCo's filter: the same body, or parent and child; the world is nobody's parent."""
+    """MuJoCo's filter: the same body, or parent and child; the world does not count as a parent."""
     one, other = int(model.body_weldid[one]), int(model.body_weldid[other])
     parents = [int(model.body_weldid[model.body_parentid[body]]) for body in (one, other)]
     return one == other or (WORLD not in (one, other) and (other == parents[0] or one == parents[1]))

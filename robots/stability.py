@@ -11,14 +11,16 @@ from footfall.robots.stance import in_default_pose
 
 TRAINING_TIMESTEP_S = 0.005
 PLANT_TIMESTEP_S = 0.001
-MOST_TAKEN = 1.5  # share of a velocity that an explicit step may remove; from 2 on, speeds grow without bound
-MOST_TURNED_RAD = 2.0  # natural frequency times step; beyond, oscillations grow (symplectic Euler)
+MAX_VELOCITY_SHARE = (
+    1.5  # share of a velocity that an explicit step may remove; above 2, speeds grow without bound
+)
+MAX_STEP_ANGLE_RAD = 2.0  # natural frequency times step; above, oscillations grow (symplectic Euler)
 
 
 def instabilities(
     description: Description, model: mujoco.MjModel, kp: np.ndarray, kd: np.ndarray, motor: Motor
 ) -> Iterator[str]:
-    """Joints whose stiffness or damping is too large for their inertia, in the default pose, the base free.
+    """Joints with too much stiffness or damping for their inertia, in the default pose, with a free base.
 
     The plant's steps are explicit in the damping: a step of length h removes h D / M of a velocity. Training
     steps are implicit in it (envs/physics/interface.py) but longer. The stiffness is explicit in both.
@@ -39,7 +41,7 @@ def instabilities(
     dry = motor.friction + (0.0 if motor.stribeck is None else motor.stribeck)
     damping = kd + dry / motor.friction_speed + motor.damping
     rate, index = _fastest(_mobility(description, model), damping)
-    if PLANT_TIMESTEP_S * rate > MOST_TAKEN:
+    if PLANT_TIMESTEP_S * rate > MAX_VELOCITY_SHARE:
         yield (
             f"joint {description.joint_names[index]}: kd, friction at low speed and damping come to"
             f" {damping[index]:.3g} N m s/rad, too much for its inertia and physics steps of"
@@ -60,7 +62,7 @@ def longest_timestep(description: Description, model: mujoco.MjModel, kp: np.nda
         kp: stiffness, N m/rad, (n,).
     """
     squared_frequency, joint = _fastest(_mobility(description, model), kp)
-    return float(MOST_TURNED_RAD / np.sqrt(squared_frequency)), description.joint_names[joint]
+    return float(MAX_STEP_ANGLE_RAD / np.sqrt(squared_frequency)), description.joint_names[joint]
 
 
 def _mobility(description: Description, model: mujoco.MjModel) -> np.ndarray:
@@ -73,7 +75,7 @@ def _mobility(description: Description, model: mujoco.MjModel) -> np.ndarray:
 
 
 def _fastest(mobility: np.ndarray, gains: np.ndarray) -> tuple[float, int]:
-    """Greatest eigenvalue of mobility times gains, and the joint that moves most in its mode."""
+    """Largest eigenvalue of mobility times gains, and the joint that moves most in its mode."""
     root = np.sqrt(gains)
     values, modes = np.linalg.eigh(root[:, None] * mobility * root)
     return float(values[-1]), int(np.abs(modes[:, -1]).argmax())

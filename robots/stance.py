@@ -1,4 +1,4 @@
-"""Geometry of the default pose: the height of the base and the places of the feet."""
+"""Geometry of the default pose: height of the base and positions of the feet."""
 
 from itertools import product
 
@@ -31,7 +31,7 @@ def lowest_points(description: Description, model: mujoco.MjModel) -> np.ndarray
 
 
 def lying_clearance(description: Description, model: mujoco.MjModel) -> float:
-    """How high the base is above its lowest foot in the lying pose, level, m; below 0 if the feet hang free.
+    """Height of the level base above its lowest foot in the lying pose, m; negative: feet in the air.
 
     Every joint must have a `lying_rad`.
     """
@@ -58,14 +58,14 @@ def _lowest_of_feet(description: Description, model: mujoco.MjModel, data: mujoc
 
 
 def base_below(description: Description, model: mujoco.MjModel) -> float:
-    """How far the base reaches below its origin when level, m; 0 for a base without collision geometry."""
+    """Depth of the level base below its origin, m; 0 for a base without collision geometry."""
     return -float(base_corners(description, model)[:, 2].min())
 
 
 def base_corners(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """Corners of the box around the collision geometry of the base, m, base frame, (8, 3).
 
-    All are the origin for a base without collision geometry.
+    Without collision geometry all corners are the origin.
     """
     data = in_default_pose(model, description)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
@@ -92,7 +92,7 @@ def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> floa
 
 
 def _farthest(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: np.ndarray) -> float:
-    """How far a geom reaches along a direction of the world, (3,) of length 1, from the world's origin, m."""
+    """Extent of a geom from the world's origin along a unit vector (3,) in the world, m."""
     size = model.geom_size[geom]
     along = direction @ data.geom_xmat[geom].reshape(3, 3)  # the direction in the geom's axes
     kinds = mujoco.mjtGeom

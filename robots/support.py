@@ -1,4 +1,4 @@
-"""The static stability margin: the distance of a point to the edge of the support polygon."""
+"""The static stability margin: distance of the centre of mass to the edge of the support polygon."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ def support_margin(feet: Sequence[Point], point: Point) -> float:
     have a margin of at most 0: minus the distance to them.
 
     Args:
-        feet: (x, y) of each foot that stands, m.
+        feet: (x, y) of each standing foot, m.
         point: (x, y) of the centre of mass above them, m.
     """
     hull = convex_hull(feet)

@@ -20,7 +20,7 @@ ROTATION = np.array([-1.0, 1.0, -1.0])  # mirrors rotation vectors, angular velo
 class Mirror(NamedTuple):
     """A mirror image of vectors: reorder, then change signs."""
 
-    source: np.ndarray  # (n,) where each component comes from
+    source: np.ndarray  # (n,) index of the component that each component comes from
     sign: np.ndarray  # (n,) 1.0 or -1.0
 
     def __call__(self, vector: Array) -> Array:
@@ -39,7 +39,7 @@ class Symmetry(NamedTuple):
 
 
 def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
-    """Pairs the robot's parts by their places in the default pose.
+    """Pair the robot's parts by their positions in the default pose.
 
     A joint with axis a at position p is the mirror image of one at (p_x, -p_y, p_z) whose axis is parallel
     to (-a_x, a_y, -a_z): an axis is a rotation vector.
@@ -85,7 +85,7 @@ def _clock_sign(robot: Robot, partners: np.ndarray, phase: np.ndarray | None) ->
 
 
 def _partners(places: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:
-    """For each place (k, 3), the index of the one at its mirror image."""
+    """For each position (k, 3), the index of the one at its mirror image."""
     distances = np.linalg.norm(places[:, None] * VECTOR - places[None], axis=-1)
     nearest = np.argmin(distances, axis=1)
     for name, distance in zip(names, distances.min(axis=1), strict=True):

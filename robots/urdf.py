@@ -1,4 +1,4 @@
-"""A robot's URDF, made from its MJCF: kinematics, masses, limits, and the shapes that URDF has."""
+"""A robot's URDF, made from its MJCF: kinematics, masses, limits, and shapes that URDF supports."""
 
 import math
 from collections.abc import Iterable
@@ -12,9 +12,9 @@ from footfall.common.rotations import rotation_matrix
 from footfall.robots.description import Robot
 from footfall.robots.link_tree import FIXED, Link, link_tree, load_model
 
-SEEN_GROUPS = 3  # geoms of groups 0, 1 and 2 are drawn, as in MuJoCo's viewer
-NOISE = 1e-12  # of rounding, where a coordinate is zero
-LOCKED = 1e-9  # cosine of a pitch at which roll and yaw turn about the same axis
+SEEN_GROUPS = 3  # geoms of groups 0, 1 and 2 are visible, as in MuJoCo's viewer
+NOISE = 1e-12  # rounding error of a zero coordinate
+LOCKED = 1e-9  # cosine of the pitch below which roll and yaw have the same axis (gimbal lock)
 MOMENTS = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 CAPSULES, BOXES = "Ellipsoids drawn as capsules", "Shapes drawn as boxes"
 Geom = mujoco.mjtGeom
@@ -32,13 +32,13 @@ class _Shape(NamedTuple):
 def urdf(robot: Robot) -> str:
     """The robot's URDF, as text.
 
-    Links and joints have their names of the MJCF, below `base_link`; see `link_tree`. A capsule becomes a
+    Links and joints keep their names of the MJCF, below `base_link`; see `link_tree`. A capsule becomes a
     cylinder and two spheres. An ellipsoid becomes the capsule along its longest axis, its radius the
     geometric mean of the other two semi-axes. Any other shape becomes the box around it. The comment at the
     top lists the links with such approximations. URDF has no reflected inertia (armature).
 
     Raises:
-        UserError: URDF has no joint like one of the robot's.
+        UserError: the robot has a joint that URDF does not support.
     """
     model = load_model(robot)
     links = link_tree(robot, model)
@@ -53,7 +53,7 @@ def urdf(robot: Robot) -> str:
 
 
 def _comment(robot: Robot, model: mujoco.MjModel, links: Iterable[Link]) -> str:
-    """Where the file comes from, and which links have approximated shapes."""
+    """The source of the file, and the links with approximated shapes."""
     approximated: dict[str, list[str]] = {CAPSULES: [], BOXES: []}
     for link in links:
         for geom in _geoms(model, link.body):
@@ -188,7 +188,7 @@ def _capsule(size: np.ndarray) -> list[_Shape]:
 
 
 def _ellipsoid(size: np.ndarray) -> list[_Shape]:
-    """The capsule that stands for an ellipsoid with these semi-axes."""
+    """The capsule that approximates an ellipsoid with these semi-axes."""
     longest = int(size.argmax())
     radius = math.sqrt(np.delete(size, longest).prod())
     turn = np.roll(np.eye(3), longest + 1, axis=1)  # z of the capsule along the longest axis
@@ -211,7 +211,7 @@ def _add_origin(element: ElementTree.Element, position: np.ndarray, rotation: np
 
 
 def _angles(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation, also of one with a pitch of a quarter turn."""
+    """Roll, pitch and yaw of a rotation, even at a pitch of ±90 degrees."""
     cosine = math.hypot(rotation[2, 1], rotation[2, 2])
     pitch = math.atan2(-rotation[2, 0], cosine)
     if cosine < LOCKED:

@@ -4,7 +4,7 @@ One mass of heat capacity C, heated by the copper loss R I^2, cools through a th
 
     C T' = R I^2 - (T - T_ambient) / R_th.
 
-For a constant current this is a first-order approach, with time constant R_th C, of T_ambient + R_th R I^2.
+For a constant current, T approaches T_ambient + R_th R I^2 exponentially, with time constant R_th C.
 The winding's own resistance R is constant here.
 """
 
@@ -21,15 +21,15 @@ AMBIENT_C = 25.0
 class Winding(NamedTuple):
     """Thermal parameters of the motors: arrays that broadcast to (..., n).
 
-    A joint's motor without a thermal model has no heating, and one without derating ends at infinity.
+    Without a thermal model `heating` is 0; without derating `derating_end` is infinite.
     """
 
     ambient: Array  # degrees Celsius
-    start_rise: Array  # K above ambient at first
-    heating: Array  # K/(N m)^2, the rise that a constant motor torque at the joint leads to, over its square
-    cooling: Array  # 1/s, over the time constant
-    derating_end: Array  # degrees Celsius at which the motor has no torque left; infinite for no derating
-    derating_span: Array  # K below, over which the current limit falls
+    start_rise: Array  # K above ambient, initially
+    heating: Array  # K/(N m)^2, final rise under a constant motor torque at the joint, over its square
+    cooling: Array  # 1/s, inverse of the time constant
+    derating_end: Array  # degrees Celsius at which the motor has no torque left; infinite: no derating
+    derating_span: Array  # K, width of the range below `derating_end` in which the current limit falls
 
     @property
     def start_c(self) -> Array:
@@ -41,9 +41,9 @@ def warmed(temperature_c: Array, squared_torque: Array, winding: Winding | None,
     """Temperatures after a time of constant power, degrees Celsius, (..., n).
 
     Args:
-        temperature_c: before, degrees Celsius.
+        temperature_c: initial temperatures, degrees Celsius.
         squared_torque: mean square of the motor torque at the joint, (N m)^2.
-        winding: the parameters; None for motors without a thermal model, whose temperature stays as it is.
+        winding: the parameters; None for motors without a thermal model, whose temperature does not change.
         elapsed_s: the time.
     """
     if winding is None:
@@ -54,14 +54,14 @@ def warmed(temperature_c: Array, squared_torque: Array, winding: Winding | None,
 
 
 def allowed(temperature_c: Array, winding: Winding) -> Array:
-    """Share of the peak torque left at these temperatures, (..., n), 0 to 1; 1 at unknown ones (NaN)."""
+    """Share of the peak torque left at these temperatures, (..., n), 0 to 1; 1 for NaN."""
     share = (winding.derating_end - temperature_c) / winding.derating_span
     xp = library(share)
     return xp.maximum(xp.fmin(share, 1.0), 0.0)
 
 
 def at_temperature(motor: Motor, temperature_c: Array, winding: Winding | None) -> Motor:
-    """The motor with the current limit that its temperature leaves; unchanged without a thermal model."""
+    """The motor with its current limit at this temperature; unchanged without a thermal model."""
     if winding is None:
         return motor
     return motor._replace(peak_torque=allowed(temperature_c, winding) * motor.peak_torque)

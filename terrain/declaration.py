@@ -12,7 +12,7 @@ from footfall.common.config import read_yaml, require_between, structure, takes_
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
 from footfall.common.terms import bind, parameters
-from footfall.terrain.ground import MOST_CELLS, Ground
+from footfall.terrain.ground import MAX_CELLS, Ground
 from footfall.terrain.shapes import RIM_M, SHAPES, Places
 
 NAMED = Path(__file__).parent / "grounds.yaml"
@@ -36,8 +36,8 @@ class GroundConfig:
         require_between(self, 2.0 * RIM_M, 100.0, "size_m")
         require_between(self, 0.01, 0.5, "cell_m")
         cells = round(self.size_m / self.cell_m)
-        if cells > MOST_CELLS:
-            raise ValueError(f"size_m / cell_m must be {MOST_CELLS} at most, not {cells}")
+        if cells > MAX_CELLS:
+            raise ValueError(f"size_m / cell_m must be {MAX_CELLS} at most, not {cells}")
 
 
 def parameters_of_shapes() -> list[str]:

@@ -6,7 +6,7 @@ rim continue. For NumPy and JAX.
 
 from typing import Any, NamedTuple
 
-MOST_CELLS = 2048  # along a side
+MAX_CELLS = 2048  # along a side
 SAME_M = 1e-3  # cells whose heights differ by less belong to one level
 NOWHERE_M = -1e3  # height of a level that nothing can touch
 

@@ -11,7 +11,7 @@ from footfall.deploy.log_analysis.columns import Column
 from footfall.deploy.log_analysis.findings import LogFindings
 from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
 
-MOST_POINTS = 700  # of a line
+MAX_POINTS = 700  # of a line
 READINGS = 120  # of a panel, shown under the pointer
 PATH_SHOWN_S = 4.0
 NOTHING = Column(np.zeros(0), np.zeros((0, 0)))
@@ -204,7 +204,7 @@ def _window(time_s: np.ndarray, places: np.ndarray, start_s: float) -> np.ndarra
 
 def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Minimum and maximum of each interval, so that peaks stay visible."""
-    size = -(-len(values) // (MOST_POINTS // 2))
+    size = -(-len(values) // (MAX_POINTS // 2))
     if size <= 2:
         return time_s, values
     whole = len(values) // size * size
@@ -216,6 +216,6 @@ def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def _peaks(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Maximum of each interval."""
-    size = -(-len(values) // MOST_POINTS)
+    size = -(-len(values) // MAX_POINTS)
     whole = len(values) // size * size
     return time_s[:whole:size], values[:whole].reshape(-1, size).max(axis=1)

@@ -1,1 +1,1 @@
-"""Makes a robot folder from another maker's URDF or MJCF."""
+"""Makes a robot folder from any URDF or MJCF."""

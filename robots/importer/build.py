@@ -20,7 +20,7 @@ SHOWN = 4  # names listed in a message; further ones are counted
 def build_machine(
     source: Source, name: str, feet: tuple[str, ...] = (), forward: str = "", up: str = "z"
 ) -> tuple[Machine, list[str]]:
-    """A legged machine, and its guesses, one line each.
+    """A legged machine, and the guesses made, one line each.
 
     Args:
         source: the model.
@@ -71,7 +71,7 @@ def build_machine(
 
 
 def shortened(names: list[str]) -> str:
-    """A few names, and the number of the others."""
+    """The first few names, and the number of the others."""
     more = len(names) - SHOWN
     return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
 
@@ -94,11 +94,11 @@ def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
     ]
     if not names:
         return []
-    return [f"joints that lead to no foot are rigid, as near to zero as they go: {shortened(names)}"]
+    return [f"joints that move no foot are rigid, as near to zero as their ranges allow: {shortened(names)}"]
 
 
 def _imu(model: mujoco.MjModel, base: int) -> tuple[np.ndarray, str]:
-    """Place of the IMU in the base's frame, (3,) m, and a line that says where it is from."""
+    """Position of the IMU in the base's frame, (3,) m, and a line with its source."""
     data = pose_of(model, model.qpos0)
     rotation, origin = data.xmat[base].reshape(3, 3), data.xpos[base]
     bodies = [("link", model.body(b).name, data.xpos[b], b) for b in range(model.nbody)]

@@ -21,15 +21,15 @@ from footfall.robots.stance import in_default_pose
 
 DIGITS = 4
 SMALLEST_SOLE_M = 2e-3
-# Of `step` on point feet, over its value on soles: quick steps do what a point cannot press to one side.
-STEP_TIME, DOUBLE_SUPPORT, SOONEST, LATEST = 0.6, 0.4, 0.42, 0.63
-AT_ONCE = {"capture_m": 1e-4, "near_m": 1.0}  # start of a robot that cannot stand still
-AT_ONCE_S = 0.05
+# Times of `step` on point feet over those on soles: a point cannot shift its pressure, so steps are quicker.
+STEP_TIME, DOUBLE_SUPPORT, EARLIEST, LATEST = 0.6, 0.4, 0.42, 0.63
+IMMEDIATE_START = {"capture_m": 1e-4, "near_m": 1.0}  # start of a robot that cannot stand still
+IMMEDIATE_SETTLE_S = 0.05
 
 Unit = tuple[float, float, float]  # exponents of kg, m and s
-NONE: Unit = (0, 0, 0)
+NO_UNIT: Unit = (0, 0, 0)
 
-# By the end of a setting's name; what has none of these is a share, a count, an angle or a rate of ours.
+# By the end of a setting's name; all other settings are shares, counts, angles or rates of the loop.
 BY_SUFFIX: dict[str, Unit] = {
     "_rad_s2": (0, 0, -2),
     "_m_s2": (0, 1, -2),
@@ -61,9 +61,9 @@ BY_KEY: dict[str, Unit] = {
     "whole_body.weights.attitude": (0, 0, 4),
     "whole_body.weights.swing_attitude": (0, 0, 4),
     "whole_body.weights.posture": (0, 0, 4),
-    "whole_body.weights.force": NONE,
+    "whole_body.weights.force": NO_UNIT,
 }
-# Distances that are measured on both robots.
+# Distances that are measured on both robots, and the fields of `Size` that have them.
 MEASURED = {
     "apart_m": "apart_m",
     "sideways_m": "apart_m",
@@ -71,17 +71,19 @@ MEASURED = {
     "half_length_m": "sole_length_m",
     "half_width_m": "sole_width_m",
 }
-# Least part of a hinge's axis that is not along y with which its leg moves a foot sideways.
+# A leg moves its foot sideways if a hinge axis has at least this part outside the y direction.
 SIDEWAYS = 0.1
-PLANAR_DUTY = 0.65  # least duty factor under MPC of legs that cannot push sideways: more feet bear at once
+PLANAR_DUTY = (
+    0.65  # minimum duty factor under MPC for legs that cannot push sideways, so that more feet stand
+)
 
 
 class Size(NamedTuple):
-    """What settings are scaled by."""
+    """The quantities by which settings are scaled."""
 
     mass_kg: float
     height_m: float  # of the base, standing
-    spread_m: float  # the same height; 0 if a leg cannot move its foot sideways
+    spread_m: float  # height_m; 0 if a leg cannot move its foot sideways
     apart_m: float  # from the rightmost foot to the leftmost one, middle to middle
     sole_length_m: float  # of one foot's points of contact
     sole_width_m: float
@@ -91,7 +93,7 @@ class Walking(NamedTuple):
     """Settings of the hand-written controllers."""
 
     sections: dict[str, Any]  # by controller
-    origin: str  # where they come from
+    origin: str  # the source of the settings
     kp: float  # the largest gains among them, N m/rad and N m s/rad
     kd: float
 
@@ -110,7 +112,7 @@ def size_of(model: mujoco.MjModel, data: mujoco.MjData, legs: Sequence[Limb]) ->
 
     Args:
         model: with a free base.
-        data: all places computed, the base level.
+        data: with kinematics computed and the base level.
         legs: each with a foot of spheres and ellipsoids.
     """
     feet = [leg.geoms for leg in legs]
@@ -136,7 +138,7 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     Args:
         size: of the other robot.
         feet: their number.
-        stiffest: largest stiffness of the robot's own gains, N m/rad: `stand` gets no less.
+        stiffest: largest stiffness of the robot's own gains, N m/rad; the minimum for `stand`.
     """
     shipped = {name: load_robot(name) for name in available_robots()}
     counts = {name: len(robot.description.feet) for name, robot in shipped.items()}
@@ -148,12 +150,12 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     of = size_of(model, data, robot.description.feet)
     sections = _scaled(read_yaml(robot.folder / "controllers.yaml"), "", of, size)
     if size.spread_m == 0.0:
-        _let_more_feet_bear(sections)
+        _raise_duty(sections)
     stand = sections["stand"]
     raised = max(1.0, stiffest / stand["kp"])
     stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
     if "step" in sections and max(size.sole_length_m, size.sole_width_m) <= SMALLEST_SOLE_M:
-        sections = {"step": _stepping_at_once(sections["step"])}
+        sections = {"step": _immediate_stepping(sections["step"])}
     origin = f"{name} ({of.mass_kg:.3g} kg, standing {of.height_m:.3g} m high)"
     return Walking(sections, origin, _largest(sections, "kp"), _largest(sections, "kd"))
 
@@ -166,20 +168,20 @@ def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
     return head + yaml.safe_dump(kept, sort_keys=False, default_flow_style=None, width=110)
 
 
-def _stepping_at_once(step: dict[str, Any]) -> dict[str, Any]:
-    """The settings of `step` for feet of one point: it steps from the first moment on, and faster."""
+def _immediate_stepping(step: dict[str, Any]) -> dict[str, Any]:
+    """The settings of `step` for point feet: it steps from the beginning, and faster."""
     gait, limits = step["gait"], step["gait"]["limits"]
     gait["step_s"] = _rounded(STEP_TIME * gait["step_s"])
     gait["double_support_s"] = _rounded(DOUBLE_SUPPORT * gait["double_support_s"])
     soonest, latest = limits["time_s"]
-    limits["time_s"] = [_rounded(SOONEST * soonest), _rounded(LATEST * latest)]
-    step["start"] |= AT_ONCE
-    step["settle_s"] = AT_ONCE_S
-    step["whole_body"]["weights"]["swing_attitude"] = 0.0  # a point has none
+    limits["time_s"] = [_rounded(EARLIEST * soonest), _rounded(LATEST * latest)]
+    step["start"] |= IMMEDIATE_START
+    step["settle_s"] = IMMEDIATE_SETTLE_S
+    step["whole_body"]["weights"]["swing_attitude"] = 0.0  # a point has no attitude
     return step
 
 
-def _let_more_feet_bear(sections: dict[str, Any]) -> None:
+def _raise_duty(sections: dict[str, Any]) -> None:
     """Raise the duty factor of the controllers that plan forces."""
     for section in sections.values():
         plan = section.get("plan", section)
@@ -188,13 +190,13 @@ def _let_more_feet_bear(sections: dict[str, Any]) -> None:
 
 
 def _gait(section: dict[str, Any]) -> str | None:
-    """The gait that a controller's settings name, if any."""
+    """The name of the gait in a controller's settings, or None."""
     gait = section.get("plan", section).get("gait", {})
     return gait.get("name") if isinstance(gait, dict) else None
 
 
 def _scaled(value: Any, key: str, of: Size, to: Size) -> Any:
-    """A copy of a setting and all below it, its numbers scaled from one robot's size to another's."""
+    """A copy of a setting, recursively, with numbers scaled from one robot's size to another's."""
     if isinstance(value, dict):
         return {name: _scaled(each, f"{key}.{name}", of, to) for name, each in value.items()}
     if isinstance(value, list):
@@ -219,11 +221,11 @@ def _unit(key: str) -> Unit:
     fitting = [known for known in BY_KEY if f".{key}".endswith(f".{known}")]
     if fitting:
         return BY_KEY[max(fitting, key=len)]
-    return next((unit for suffix, unit in BY_SUFFIX.items() if key.endswith(suffix)), NONE)
+    return next((unit for suffix, unit in BY_SUFFIX.items() if key.endswith(suffix)), NO_UNIT)
 
 
 def _largest(value: Any, name: str) -> float:
-    """The largest number of this name in a section and all below it; 0 if there is none."""
+    """The largest number with this name in a section, recursively; 0 if there is none."""
     if not isinstance(value, dict):
         return 0.0
     return max((each if key == name else _largest(each, name) for key, each in value.items()), default=0.0)

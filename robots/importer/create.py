@@ -1,4 +1,4 @@
-"""Makes a robot folder from another maker's model."""
+"""Makes a robot folder from a URDF or MJCF."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -31,9 +31,11 @@ from footfall.robots.importer.robot_yaml import (
 from footfall.robots.importer.statics import statics
 from footfall.robots.importer.training_yaml import training_yaml
 
-LIES = "lying pose: legs folded until the base is on the ground; it stands up from there in simulation"
-LIES_NOT = "no lying pose: of those tried in simulation, it rests in none and stands up from it"
-ON_SOLES = 2  # legs of a machine that walks upright, its knees bent forward
+LYING_FOUND = (
+    "lying pose: legs folded until the base is on the ground; the robot stands up from it in simulation"
+)
+LYING_NOT_FOUND = "no lying pose: the robot rests in and stands up from none of the poses tried in simulation"
+BIPED_LEGS = 2  # number of legs of a machine that walks upright, with its knees bent forward
 
 
 @dataclass(frozen=True)
@@ -48,15 +50,16 @@ class ImportRequest:
     up: str = "z"  # axis of the base that points up
     packages: tuple[Path, ...] = ()  # folders with the packages of a URDF's meshes
     peak_torque_nm: ByJoint = field(default_factory=dict)  # overrides the file, by part of a joint's name
-    actuators: Mapping[str, str] = field(
-        default_factory=dict
-    )  # by part of a joint's name, see actuators.yaml
+    # Names in actuators.yaml, by part of a joint's name.
+    actuators: Mapping[str, str] = field(default_factory=dict)
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
-    # Ranges for quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
+    # Randomisation ranges for quadrupeds of usual size, (lowest, highest) by name: see randomisation_yaml.
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # names; the first is used
-    find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None  # (n,) rad, of a robot that can lie
+    find_lying_pose: Callable[[Robot], np.ndarray | None] | None = (
+        None  # (n,) rad; None if the robot cannot lie
+    )
 
 
 class Imported(NamedTuple):
@@ -103,7 +106,7 @@ def import_robot(request: ImportRequest) -> Imported:
     protocols, beyond = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
     apart = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
-    if len(machine.legs) == ON_SOLES and pose.knees_forward_m < 0.0:
+    if len(machine.legs) == BIPED_LEGS and pose.knees_forward_m < 0.0:
         guesses.append(
             f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
         )
@@ -118,23 +121,23 @@ def import_robot(request: ImportRequest) -> Imported:
         guesses.append("start: held up until it steps in place, since it cannot stand still on two points")
     guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
     if beyond:
-        guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")
+        guesses.append(f"no protocol has the ranges of {shortened(beyond)}: the widest was taken")
     if apart:
-        guesses.append(f"{len(apart)} pairs of links that meet in the default pose do not collide")
+        guesses.append(f"{len(apart)} pairs of links that overlap in the default pose do not collide")
     guesses.append(_about_leg_pairs(leg_pairs))
     origin = f"Made from {request.source.name} by footfall robot new."
 
     def described(lying: Mapping[str, float] | None = None) -> str:
-        """`robot.yaml`, with a lying pose if there is one."""
+        """The text of `robot.yaml`, with a lying pose if there is one."""
         return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
 
     def completed(robot: Robot) -> dict[str, str]:
-        """Files that depend on the loaded robot: on its gaits and its lying pose."""
+        """Texts of files that depend on the loaded robot: on its gaits and its lying pose."""
         lying = None
         if request.find_lying_pose is not None:
             found = request.find_lying_pose(robot)
             lying = None if found is None else dict(zip(robot.joint_names, found.tolist(), strict=True))
-            guesses.append(LIES if lying else LIES_NOT)
+            guesses.append(LYING_FOUND if lying else LYING_NOT_FOUND)
         gaits = request.gaits_of(robot)
         return {
             "robot.yaml": described(lying),
@@ -146,7 +149,7 @@ def import_robot(request: ImportRequest) -> Imported:
 
     texts = {
         MODEL_FILE: model_xml(
-            paired, pose.height_m, apart, leg_pairs, [origin, "What was guessed stands in robot.yaml."]
+            paired, pose.height_m, apart, leg_pairs, [origin, "robot.yaml lists the guesses."]
         ),
         "robot.yaml": described(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
@@ -156,7 +159,7 @@ def import_robot(request: ImportRequest) -> Imported:
 
 
 def _beyond_rated(joints: Sequence[str], torque_nm: np.ndarray, rated: ByJoint) -> list[str]:
-    """A line on joints that need more than their rated torque to stand, none if there are none."""
+    """A line about joints that need more than their rated torque to stand; empty if there are none."""
     found = [
         f"{joint} {abs(torque):.3g} of {limit:.3g} N m"
         for joint, torque in zip(joints, torque_nm, strict=True)
@@ -167,13 +170,15 @@ def _beyond_rated(joints: Sequence[str], torque_nm: np.ndarray, rated: ByJoint) 
 
 def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
     if not pairs:
-        return "legs do not meet in training: their capsules met in no random pose, or seldom"
+        return "legs do not collide in training: their capsules collided in no random pose, or rarely"
     listed = shortened([f"{one} with {other}" for one, other in pairs])
-    return f"legs meet in training through {len(pairs)} pairs of capsules, each costs training time: {listed}"
+    return (
+        f"legs collide in training through {len(pairs)} pairs of capsules, each costs training time: {listed}"
+    )
 
 
 def _name(folder: Path) -> str:
-    """The robot's name: the folder's, of the characters that a name may have."""
+    """The robot's name: the folder's, with invalid characters replaced."""
     name = "".join(c if c.isalnum() or c in "-_" else "_" for c in folder.resolve().name)
     return name or "robot"
 
@@ -183,7 +188,7 @@ def _as_comment(guesses: list[str]) -> list[str]:
 
 
 def _refuse_unknown(machine: Machine, request: ImportRequest) -> None:
-    """Raises UserError for a part of a joint's name that no joint has."""
+    """Raise UserError for a part of a joint's name that occurs in no joint's name."""
     names = [hinge.name for hinge in machine.hinges]
     for option, values in (
         ("--peak-torque", request.peak_torque_nm),
@@ -222,9 +227,9 @@ def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], 
     """Write the files into a new folder if footfall can load them.
 
     Args:
-        folder: to make.
+        folder: the new folder.
         texts: of the files, by name.
-        completed: further or replaced texts, given the robot that the files describe.
+        completed: returns further or replaced texts for the robot that the files describe.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

@@ -9,17 +9,17 @@ from footfall.robots.importer.limbs import Limb
 from footfall.robots.importer.machine import Geom, Kind, Leg, Link
 from footfall.robots.importer.shapes import Shape, fit_sole, lowest_point, rotation_of, support
 
-LEVEL_M = 0.01  # geoms whose lowest points differ by less in height touch together
+LEVEL_M = 0.01  # geoms whose lowest points differ by less in height touch the ground together
 ROUND = (Kind.mjGEOM_SPHERE, Kind.mjGEOM_ELLIPSOID)
 LONG = (Kind.mjGEOM_CAPSULE, Kind.mjGEOM_CYLINDER)
-WITH_ANKLE = 5  # joints of a leg that can hold a sole level
+WITH_ANKLE = 5  # number of joints of a leg that can keep a sole level
 CORNER_M = 0.005  # radius of the spheres at the corners of a sole
-LEVEL_SLOPE = 0.25  # sine of the largest angle from the ground of a capsule that lies on it
-LARGEST_TIP_M = 0.04  # radius of a sphere that is put at the end of a limb
+LEVEL_SLOPE = 0.25  # sine of the largest angle to the ground of a capsule that lies on it
+LARGEST_TIP_M = 0.04  # radius of a sphere added at the end of a limb
 
 
 def leg_names(ends: list[str]) -> list[str]:
-    """Names of legs: the distinct parts of the names of their last links, as FL of FL_calf beside FR_calf."""
+    """Names of legs: the distinct parts of their last links' names, as FL and FR of FL_calf and FR_calf."""
     tokens = [end.split("_") for end in ends]
     while all(len(words) > 1 for words in tokens) and len({words[-1] for words in tokens}) == 1:
         tokens = [words[:-1] for words in tokens]
@@ -38,11 +38,11 @@ def stand_on(
     Any other end gets a sphere.
 
     Args:
-        link: the limb's last, number `index`.
-        limb: as found.
-        joints: those of the leg alone.
+        link: the limb's last link, with index `index`.
+        limb: the limb.
+        joints: the joints that only this leg has.
         name: of the leg.
-        up: the world's z in the link's frame where all joints are at zero, (3,).
+        up: the world's z in the link's frame with all joints at zero, (3,).
 
     Raises:
         UserError: the link has no collision geometry.
@@ -83,7 +83,7 @@ def _can_stand(shape: Shape, up: np.ndarray) -> bool:
 
 
 def is_sole(shape: Shape, up: np.ndarray) -> bool:
-    """Whether a shape is a box that lies flat, at least as long and as wide as it is high."""
+    """Whether a shape is a level box, at least as long and as wide as it is high."""
     if shape.kind != Kind.mjGEOM_BOX:
         return False
     along = np.abs(rotation_of(shape.quaternion).T @ up)
@@ -99,7 +99,7 @@ def _lies(shape: Shape, up: np.ndarray) -> bool:
 
 
 def _thinner(shape: Shape) -> Shape:
-    """A capsule or a cylinder of half the radius: the spheres at its ends touch the ground, it does not."""
+    """A capsule or a cylinder with half the radius, so that only the spheres at its ends touch the ground."""
     return shape._replace(size=shape.size * [0.5, 1.0, 1.0])
 
 
@@ -116,7 +116,7 @@ def _ends(geom: Geom) -> list[Geom]:
 
 
 def _outline(balls: list[Geom], up: np.ndarray) -> list[Geom]:
-    """The up to four balls that lie farthest out, towards the corners of the area that they cover."""
+    """The balls, four at most, that are farthest towards the corners of the area that all balls cover."""
     places = np.array([ball.shape.position for ball in balls])
     level = places - np.outer(places @ up, up)
     level -= (level.max(axis=0) + level.min(axis=0)) / 2
@@ -163,7 +163,7 @@ def _corner_radius(shape: Shape, up: np.ndarray) -> float:
 
 
 def _tip(shape: Shape, up: np.ndarray) -> Shape:
-    """A sphere that touches the ground where the shape does."""
+    """A sphere that touches the ground at the shape's lowest point."""
     radius = float(shape.size[0] if shape.kind in LONG else shape.size.min())
     radius = min(radius, LARGEST_TIP_M)
     size = np.array([radius, 0.0, 0.0])

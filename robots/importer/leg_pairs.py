@@ -19,11 +19,11 @@ from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.shapes import fit_along
 
 POSES = 4000
-LOW_SHARE = 0.5  # of the standing height: least depth of both feet below the base
-LEAST_SHARE = 0.01  # of the poses with both feet that low: least share in which two capsules collide
+LOW_SHARE = 0.5  # smallest depth of both feet below the base, over the standing height
+MIN_SHARE = 0.01  # smallest share of poses with two low feet in which two capsules collide
 STARTS = 400
 START_RAD = 0.1  # deviation of joints from the default pose at the start of training
-SHANK_SHARE = 0.25  # of a leg's length: least distance of the shank's joint from the foot
+SHANK_SHARE = 0.25  # smallest distance of the shank's joint from the foot, over the leg's length
 
 GeomPair = tuple[str, str]
 
@@ -44,7 +44,7 @@ class _Capsule(NamedTuple):
 def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
     """The machine with the capsules through which its legs collide; without capsules if no legs can collide.
 
-    Candidates collide in at least `LEAST_SHARE` of the poses and never near the start of training. The most
+    Candidates collide in at least `MIN_SHARE` of the poses and never near the start of training. The most
     frequent ones are taken, at most as many as there are capsules. Mirror images count equally often.
 
     Args:
@@ -65,7 +65,7 @@ def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
     mirrored = _mirror_images(machine, capsules, data)
     images = {frozenset(mirrored[name] for name in pair): share[pair] for pair in names}
     share |= {pair: max(share[pair], images.get(frozenset(pair), 0.0)) for pair in names if share[pair]}
-    often = [pair for pair in sorted(names, key=lambda pair: -share[pair]) if share[pair] >= LEAST_SHARE]
+    often = [pair for pair in sorted(names, key=lambda pair: -share[pair]) if share[pair] >= MIN_SHARE]
     pairs = tuple(often[: len(capsules)])
     used = {name for pair in pairs for name in pair}
     return LegPairs(_with_capsules(machine, [c for c in capsules if c.geom.name in used]), pairs)
@@ -98,7 +98,7 @@ def _capsules_of(
 
 
 def _mirror_images(machine: Machine, capsules: list[_Capsule], data: mujoco.MjData) -> dict[str, str]:
-    """For each capsule the same part of the leg nearest to its mirror image, by name."""
+    """For each capsule, the name of the same part of the leg nearest to its mirror image."""
     hips = np.array([data.joint(leg.joints[0]).xanchor for leg in machine.legs])
     base = data.body(machine.links[0].name)
     hips = (hips - base.xpos) @ base.xmat.reshape(3, 3)
@@ -118,7 +118,7 @@ def _with_capsules(machine: Machine, capsules: list[_Capsule]) -> Machine:
 def _share_meeting(
     machine: Machine, pose: Pose, candidates: list[tuple[_Capsule, _Capsule]], random: np.random.Generator
 ) -> dict[GeomPair, float]:
-    """Share of the poses with low feet in which each pair collides; 0 if it does at the start of training."""
+    """Share of poses with low feet in which each pair collides; 0 if it collides at the start of training."""
     names = {(a.geom.name, b.geom.name): (a.leg, b.leg) for a, b in candidates}
     model = mujoco.MjModel.from_xml_string(model_xml(machine, pairs=names))
     data = mujoco.MjData(model)

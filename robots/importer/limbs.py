@@ -15,7 +15,7 @@ from footfall.robots.importer.source import Source
 
 FOOT_NAME = re.compile(r"foot|feet|sole|paw|(^|[^a-z])toes?([^a-z]|$)", re.IGNORECASE)
 NO_FOOT_NAME = re.compile(r"gripper|hand|finger|thumb|palm|wrist|wheel", re.IGNORECASE)
-AS_LOW = 0.7  # least depth of a foot, as a share of the deepest limb's
+MIN_DEPTH_SHARE = 0.7  # smallest depth of a foot, over that of the deepest limb
 FEWEST_FEET = 2
 
 
@@ -23,8 +23,8 @@ class Limb(NamedTuple):
     """A chain of joints that ends in a foot."""
 
     joints: tuple[str, ...]  # from the base outwards; those near the base may be shared with other limbs
-    bodies: tuple[int, ...]  # that move together at its end
-    foot_bodies: frozenset[str]  # those that are called feet, if any
+    bodies: tuple[int, ...]  # bodies that move together at its end
+    foot_bodies: frozenset[str]  # bodies that are named as feet, if any
 
 
 class Limbs(NamedTuple):
@@ -38,11 +38,11 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
 
     Args:
         source: the model.
-        named: bodies that are feet, or carry them. If empty, limbs whose last part is named a foot are taken,
-            otherwise those that reach lowest.
+        named: bodies that are feet, or carry them. If empty, limbs whose last part is named as a foot are
+            taken, or else those that reach lowest.
 
     Raises:
-        UserError: there are no feet, or a leg has other joints than hinges that move and have motors.
+        UserError: there are no feet, or a leg has joints that are no independent hinges.
     """
     model = source.model
     base = base_of(model)
@@ -52,13 +52,13 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     depth = _depths(source, base, ends)
     called = {end: _called_feet(model, _welded(model, end)) for end in ends}
     if named:
-        feet, why = _by_name(source, ends, named), "as asked for"
+        feet, why = _by_name(source, ends, named), "as requested"
     elif sum(bool(called[end]) and depth[end] > 0 for end in ends) >= FEWEST_FEET:
         feet, why = [end for end in ends if called[end] and depth[end] > 0], "by their names"
     else:
-        feet = [end for end in ends if depth[end] >= AS_LOW * max(depth.values()) > 0]
+        feet = [end for end in ends if depth[end] >= MIN_DEPTH_SHARE * max(depth.values()) > 0]
         _refuse_hands(source.path, model, feet)
-        why = "for being lowest where all joints are at zero"
+        why = "as the lowest limbs with all joints at zero"
     if len(feet) < FEWEST_FEET:
         raise UserError(_no_feet(source.path, model, base, feet))
     legs = tuple(_limb(model, base, end, called[end]) for end in feet)
@@ -106,7 +106,7 @@ def _depths(source: Source, base: int, ends: list[int]) -> dict[int, float]:
 
 
 def _called_feet(model: mujoco.MjModel, bodies: list[int]) -> frozenset[str]:
-    """Bodies that are named feet, or carry geoms or sites that are."""
+    """Bodies that are named as feet, or carry geoms or sites that are."""
     found = {body for body in bodies if FOOT_NAME.search(model.body(body).name)}
     if not found:
         geoms = [g for g in range(model.ngeom) if FOOT_NAME.search(model.geom(g).name)]
@@ -139,12 +139,12 @@ def _no_feet(path: Path, model: mujoco.MjModel, base: int, found: list[int]) -> 
 
 
 def _refuse_hands(path: Path, model: mujoco.MjModel, feet: list[int]) -> None:
-    """Raises UserError if limbs that were taken for being lowest end in hands or wheels by their names."""
+    """Raise UserError if limbs that were chosen as the lowest end in hands or wheels by their names."""
     names = [name for end in feet for name in _names(model, end) if NO_FOOT_NAME.search(name)]
     if names:
         raise UserError(
-            f"{path}: its lowest limbs end in {', '.join(names)}, which are no feet by their names: footfall"
-            " moves machines with legs; if these are legs, name their last links with --feet; if another axis"
+            f"{path}: its lowest limbs end in {', '.join(names)}, which are not named as feet: footfall"
+            " needs machines with legs; if these are legs, name their last links with --feet; if another axis"
             " than z points up, give --up"
         )
 

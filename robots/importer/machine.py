@@ -1,4 +1,4 @@
-"""A legged machine as plain data, taken from another maker's model."""
+"""A legged machine as plain data, taken from a URDF or MJCF."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from footfall.robots.importer.shapes import Shape, fit_shape, quaternion_of, rot
 from footfall.robots.importer.source import Source
 
 Kind = mujoco.mjtGeom
-LEAST_MASS_KG = 1e-6  # of a moving link
+MIN_MASS_KG = 1e-6  # of a moving link
 PRIMITIVES = (
     Kind.mjGEOM_SPHERE,
     Kind.mjGEOM_CAPSULE,
@@ -30,8 +30,8 @@ class Hinge:
     anchor: np.ndarray  # (3,) m
     low: float  # rad
     high: float
-    zero: float  # rad, where the links are as the file places them
-    armature: float  # reflected inertia, kg m^2; 0 where the file gives none
+    zero: float  # rad, angle at which the links are placed as in the file
+    armature: float  # reflected inertia, kg m^2; 0 if the file gives none
     damping: float  # N m s/rad
     friction: float  # N m
 
@@ -46,7 +46,7 @@ class Geom:
     contype: int
     conaffinity: int
     of_body: str  # name of its body in the source file
-    points: np.ndarray | None = None  # (k, 3) m, hull of the mesh that it replaces
+    points: np.ndarray | None = None  # (k, 3) m, hull of the mesh that this shape replaces
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Leg:
 
     name: str
     joints: tuple[str, ...]  # of its own, from the base outwards
-    link: int  # that carries the foot
+    link: int  # index of the link that carries the foot
     geoms: tuple[str, ...]  # that the foot stands on
 
 
@@ -93,7 +93,7 @@ class Machine:
 
     @property
     def stands_still(self) -> bool:
-        """Whether its feet touch the ground at three points or more, which span an area."""
+        """Whether its feet touch the ground at three or more points, which span an area."""
         return sum(len(leg.geoms) for leg in self.legs) > 2
 
     def with_hinges(self, hinges: dict[str, Hinge]) -> "Machine":
@@ -131,7 +131,7 @@ def _without_massless(links: list[Link], path: Path) -> tuple[Link, ...]:
 
     Several joints of a link turn it one after the other, the first outermost, so nothing else changes.
     """
-    while (index := next((i for i, link in enumerate(links) if link.mass < LEAST_MASS_KG), None)) is not None:
+    while (index := next((i for i, link in enumerate(links) if link.mass < MIN_MASS_KG), None)) is not None:
         light = links[index]
         carried = [i for i, link in enumerate(links) if link.parent == index]
         if len(carried) != 1 or light.parent < 0 or light.geoms:
@@ -172,7 +172,7 @@ def frozen_pose(model: mujoco.MjModel, driven: set[str]) -> np.ndarray:
 
 
 def pose_of(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
-    """The model in a pose, all places computed."""
+    """The model in a pose, with kinematics computed."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)

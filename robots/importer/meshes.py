@@ -1,4 +1,4 @@
-"""Vertices of mesh files: MuJoCo reads OBJ and binary STL, Collada and STL as text are read here."""
+"""Vertices of mesh files: MuJoCo reads OBJ and binary STL; this module reads Collada and text STL."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -11,7 +11,7 @@ from footfall.common.errors import UserError
 from footfall.robots.importer.shapes import rotation_of
 
 VERTEX = re.compile(r"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
-# From a Collada file's axes to ours, of which z points up; files without <up_axis> are taken as they are.
+# From a Collada file's axes to axes with z up; files without <up_axis> are not rotated.
 TO_Z_UP = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -37,7 +37,7 @@ def read_points(path: Path, scale: np.ndarray) -> np.ndarray:
 
 
 def _is_text_stl(path: Path) -> bool:
-    """MuJoCo reads binary STL only. The header of a binary one may begin with "solid", too."""
+    """Whether a file is text STL, which MuJoCo cannot read. A binary header may also begin with "solid"."""
     if path.suffix.lower() != ".stl":
         return False
     with path.open("rb") as file:
@@ -55,7 +55,7 @@ def _text_stl(path: Path) -> np.ndarray:
 def _by_mujoco(path: Path) -> np.ndarray:
     spec = mujoco.MjSpec()
     mesh = spec.add_mesh(name="mesh", file=str(path.resolve()))
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # no need to be closed
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # the mesh need not be closed
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh")
     try:
         model = spec.compile()
@@ -65,7 +65,7 @@ def _by_mujoco(path: Path) -> np.ndarray:
 
 
 def mesh_points(model: mujoco.MjModel, mesh: int) -> np.ndarray:
-    """Vertices of a compiled mesh as its file has them, (k, 3) m: MuJoCo centres and turns them."""
+    """Vertices of a compiled mesh as in its file, (k, 3) m: undoes MuJoCo's centring and rotation."""
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     turned = model.mesh_vert[start : start + count] @ rotation_of(model.mesh_quat[mesh]).T
     return turned + model.mesh_pos[mesh]
@@ -94,7 +94,7 @@ def _points_of_scene(root: ET.Element) -> np.ndarray:
 
 
 def _positions(geometry: ET.Element) -> np.ndarray:
-    """The points that a geometry's <vertices> name, (k, 3)."""
+    """The points of a geometry's <vertices>, (k, 3)."""
     for entry in geometry.iter("input"):
         if entry.get("semantic") == "POSITION":
             source = (entry.get("source") or "").lstrip("#")

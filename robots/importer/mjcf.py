@@ -1,4 +1,4 @@
-"""Reads an MJCF; refuses what footfall cannot simulate."""
+"""Reads an MJCF; refuses features that footfall cannot simulate."""
 
 import re
 from pathlib import Path
@@ -37,13 +37,13 @@ def read_mjcf(path: Path) -> Source:
         coupled=frozenset(model.joint(int(joint)).name for joint in coupled),
         guesses=(
             *limit_hinges(model),
-            *([f"{model.ntendon} tendons were left out"] if model.ntendon else []),
+            *([f"{model.ntendon} tendons were ignored"] if model.ntendon else []),
         ),
     )
 
 
 def _pose(model: mujoco.MjModel) -> dict[str, float]:
-    """Joint positions by name: of the first keyframe with a name such as `stand`, else of the first one."""
+    """Joint positions by name, from the first keyframe with a name such as `stand`, or else the first one."""
     if not model.nkey:
         return {}
     names = [model.key(key).name for key in range(model.nkey)]
@@ -63,7 +63,7 @@ def _meshes(model: mujoco.MjModel) -> dict[str, np.ndarray]:
 
 
 def _peak_torques(model: mujoco.MjModel) -> dict[str, float]:
-    """Largest torque of each joint, N m, by its name: of its actuators, within its own limit."""
+    """Largest torque of each joint, N m, by name: that of its actuators, within the joint's own limit."""
     found: dict[str, float] = {}
     for joint in range(model.njnt):
         limits = []

@@ -21,7 +21,7 @@ FOOT_FRICTION = 0.8
 
 LEG_CLASS = [
     '    <default class="leg">',
-    "      <!-- Legs meet each other through the pairs below, and nothing else. -->",
+    "      <!-- Legs collide with each other only through the pairs below. -->",
     '      <geom group="3" contype="0" conaffinity="0"/>',
     "    </default>",
 ]
@@ -40,7 +40,7 @@ def model_xml(
         machine: the robot.
         height_m: of the base above the ground.
         not_colliding: pairs of links that do not collide.
-        pairs: of geoms that collide whatever links they belong to, by name.
+        pairs: names of geoms that always collide, in pairs.
         notes: lines of the comment at the top.
     """
     comment = "\n     ".join(note.replace("--", "- -") for note in notes)
@@ -136,5 +136,5 @@ def _turn(quaternion: np.ndarray) -> str:
 
 
 def _numbers(values: np.ndarray, digits: int = 6) -> str:
-    """Numbers with at most so many decimals, without minus zero."""
+    """Numbers with at most `digits` digits, without minus zero."""
     return " ".join(f"{round(float(value), digits) + 0.0:.{digits}g}" for value in values)

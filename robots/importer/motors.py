@@ -1,4 +1,4 @@
-"""Motors of a machine: given by the user, else by its file, else guessed."""
+"""Motors of a machine: from the user, or else from its file, or else guessed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -13,18 +13,18 @@ from footfall.robots.importer.machine import Hinge, Machine
 from footfall.robots.importer.source import Source
 from footfall.robots.importer.statics import Statics
 
-# Of the joints of Go1 and G1, whose rotors are published: 1.2e-4 to 2.5e-4.
+# The joints of Go1 and G1, whose rotor inertias are published, have 1.2e-4 to 2.5e-4.
 ARMATURE_PER_TORQUE = 1.7e-4  # kg m^2 per N m of peak torque
-NO_LOAD_SPEED_RAD_S = 30.0  # where a file gives none
-FASTEST_RAD_S = 60.0  # a larger figure in a file is not a motor's
+NO_LOAD_SPEED_RAD_S = 30.0  # if a file gives none
+FASTEST_RAD_S = 60.0  # larger values in a file are not a motor's
 FRICTION_SPEED_RAD_S = 0.2
 PLANT_STEP_S = 0.001
-FRICTION_TAKEN = 0.3  # share of a velocity that the ramp of friction may remove in one step of the plant
-MOST_LEVERAGE = 3.0  # torque over weight times reach; a larger figure in a file is not a motor's
-LEAN_RAD = 0.75  # error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
-MOST_SAG_RAD = 0.12  # under the robot's own weight
-STABILITY_MARGIN = 2.0  # stiffness over the least stiffness that stands: errors grow twofold
-GEAR_RATIO = 10.0  # of motors of medium size; used for the copper loss only
+FRICTION_TAKEN = 0.3  # share of a velocity that the friction ramp may remove in one step of the plant
+MAX_LEVERAGE = 3.0  # torque over weight times reach; larger values in a file are not a motor's
+LEAN_RAD = 0.75  # position error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
+MAX_SAG_RAD = 0.12  # under the robot's own weight
+STABILITY_MARGIN = 2.0  # stiffness over the smallest stiffness with which the machine stands
+GEAR_RATIO = 10.0  # of medium-sized motors; used for the copper loss only
 FREQUENCIES_HZ = tuple(np.arange(1.0, 61.0, 0.5).tolist())
 
 ByJoint = Mapping[str, float]  # value by part of a joint's name; '' is in every name
@@ -63,7 +63,8 @@ def value_for(joint: str, values: ByJoint) -> float | None:
 def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -> tuple[Machine, list[str]]:
     """The machine with a reflected inertia for each joint, and the guesses.
 
-    It is the given value, else the file's, else proportional to the peak torque (see `ARMATURE_PER_TORQUE`).
+    It is the given value, or else the file's, or else proportional to the peak torque
+    (`ARMATURE_PER_TORQUE`).
     """
     estimated: list[str] = []
 
@@ -87,13 +88,13 @@ def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -
 
 
 def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: float) -> dict[str, float]:
-    """Peak torque of each joint, N m: as given, else the file's.
+    """Peak torque of each joint, N m: the given one, or else the file's.
 
     Raises:
         UserError: a joint has none, or the file's is implausible for a machine of this weight.
     """
     peak = {}
-    most = MOST_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
+    most = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
     for hinge in machine.hinges:
         named, filed = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
         if named is None and filed is None:
@@ -136,7 +137,7 @@ def choose_drive(
         f"winding{'' if gear else ' and gear ratio'}: assumed, they price the copper loss only",
     ]
     if not any(hinge.friction or hinge.damping for hinge in hinges):
-        guesses.append("friction and damping of the joints: none, as the file says nothing")
+        guesses.append("friction and damping of the joints: none, as the file gives none")
 
     def stiffness(frequency: float) -> np.ndarray:
         return armature * (2 * np.pi * frequency) ** 2
@@ -144,15 +145,13 @@ def choose_drive(
     def stands(frequency: float) -> bool:
         kp = stiffness(frequency)
         sag = float(np.abs(standing.torque_nm / kp).max())
-        return sag < MOST_SAG_RAD and standing.stable(kp / STABILITY_MARGIN)
+        return sag < MAX_SAG_RAD and standing.stable(kp / STABILITY_MARGIN)
 
     frequency = next((f for f in FREQUENCIES_HZ if f >= usual - 0.25 and stands(f)), None)
     found = frequency is not None
     if frequency is None:
         frequency = min(FREQUENCIES_HZ, key=lambda f: abs(f - usual))
-        guesses.append(
-            "no stiffness of the joints lets it stand by itself: it needs a policy that balances it"
-        )
+        guesses.append("the robot cannot stand by joint stiffness alone: it needs a policy that balances it")
     else:
         guesses.append(f"gains: a natural frequency of {frequency:g} Hz, at which it should stand")
     kp = stiffness(frequency)
@@ -174,7 +173,7 @@ def choose_drive(
 
 
 def _refuse_weak(machine: Machine, source: Source, peak: Mapping[str, float], standing: Statics) -> None:
-    """Raises UserError if joints need more than their peak torque to stand; names the worst first."""
+    """Raise UserError if joints need more than their peak torque to stand; the worst is named first."""
     needed = dict(zip((hinge.name for hinge in machine.hinges), np.abs(standing.torque_nm), strict=True))
     weak = sorted((name for name in needed if needed[name] > peak[name]), key=lambda n: peak[n] / needed[n])
     if weak:

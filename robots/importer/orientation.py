@@ -1,4 +1,4 @@
-"""Which way a base faces: turns its frame until x points forward and z up; guesses forward by names."""
+"""Orientation of a base: rotates its frame so that x points forward and z up; guesses forward by names."""
 
 import copy
 import re
@@ -19,11 +19,11 @@ AXES = {
     for name, axis in zip("xyz", np.eye(3), strict=True)
 }
 WORDS = {"l": "l", "left": "l", "r": "r", "right": "r"}
-CLEAR = 0.9  # least cosine of the angle between the guessed direction and an axis
+CLEAR = 0.9  # smallest cosine of the angle between the guessed direction and an axis
 
 
 def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
-    """The source with another frame of its base, which stands level in it.
+    """The source with another frame of its base, in which the base is level.
 
     Args:
         source: the model; it is not changed.
@@ -56,10 +56,10 @@ def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
 
 
 def guessed_forward(source: Source, limbs: Limbs) -> str:
-    """The horizontal axis of the base that points forward, by which legs are called left and right.
+    """The horizontal axis of the base that points forward, guessed from legs that are named left and right.
 
     Returns:
-        "x" where the names do not tell.
+        The axis; "x" if the names are unclear.
     """
     model = source.model
     data = pose_of(model, frozen_pose(model, set()))

@@ -13,21 +13,21 @@ from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.targets import soft_limits
 
-GIVEN_RANGE = 0.94  # likewise for a given pose: the soft limits, less rounding
+GIVEN_RANGE = 0.94  # share of each joint's range for a given pose: the soft limits, less rounding
 USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
 FARTHEST_RAD = np.pi  # largest angle of a joint
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
-SPREAD_SHARE = 0.4  # a leg that reaches down less than this share of its length, at zero, is spread out
-SPREAD_IN = 0.7  # how far from its hip the foot of such a leg stands, as a share of where it is at zero
+SPREAD_SHARE = 0.4  # at zero, a spread leg reaches down less than this share of its length
+SPREAD_IN = 0.7  # distance of a spread leg's foot from its hip, over that at zero
 STARTS = 5
 STEPS = 40
-WORTH_A_STEP = 1e-3  # share of the cost
+WORTH_A_STEP = 1e-3  # smallest reduction of the cost, as a share, to continue
 DAMPING = 1e-3
 WEIGHTS = {"place": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
-STANDS = 0.3  # least share of a leg's reach at which a given pose stands
-ALIKE = 0.002  # costs that differ by less count as equal
-THE_SAME = 1e-4  # costs that differ by less keep the pose
-OFF_CENTRE = 0.02  # of a leg's length: a smaller lateral offset of the centre of mass counts as 0
+STANDS = 0.3  # smallest share of a leg's reach at which a given pose counts as standing
+EQUAL_COST = 0.002  # costs that differ by less count as equal
+SAME_COST = 1e-4  # if costs differ by less, the pose is kept
+OFF_CENTRE = 0.02  # a lateral offset of the centre of mass below this share of a leg's length counts as 0
 BALANCING_ROUNDS = 4
 
 
@@ -37,8 +37,8 @@ class Pose(NamedTuple):
     joints: dict[str, float]  # rad
     height_m: float  # of the base, feet just touching
     knees_forward_m: float  # mean distance of the knees in front of the lines from hips to feet
-    reach_m: float  # of the longest leg: from its first joint to the lowest point of its foot, stretched
-    given: bool = False  # it is the given one
+    reach_m: float  # of the longest leg, stretched: from its first joint to the lowest point of its foot
+    given: bool = False  # whether it is the given pose
 
 
 def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, seed: int = 0) -> Pose:
@@ -69,7 +69,7 @@ class _Search:
             data.qpos[at] = np.clip(0.0, low, high)
         mujoco.mj_kinematics(self._model, data)
         reach = [self._solve(leg, self._lowest_of(leg)).reach for leg in legs]
-        takes = bool(given) and self._take(given, reach)
+        takes = bool(given) and self._apply_given(given, reach)
         if not takes:
             self._balance(reach)
         mujoco.mj_kinematics(self._model, data)
@@ -77,8 +77,8 @@ class _Search:
         knees = float(np.mean([leg.knee(data) for leg in legs]))
         return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach), takes)
 
-    def _take(self, given: Mapping[str, float], reach: list[float]) -> bool:
-        """Take a given pose; returns whether it stands: whether a leg is stretched far enough."""
+    def _apply_given(self, given: Mapping[str, float], reach: list[float]) -> bool:
+        """Set a given pose; returns whether it stands, which needs one leg stretched far enough."""
         for hinge in self._machine.hinges:
             low, high = soft_limits(hinge.low, hinge.high, GIVEN_RANGE)
             self._data.joint(hinge.name).qpos = np.clip(given[hinge.name], low, high)
@@ -111,11 +111,11 @@ class _Search:
         ]
 
     def _lowest_of(self, leg: "LegSearch") -> np.ndarray:
-        """A place far below the hip: reaching for it stretches the leg."""
+        """A point far below the hip: reaching for it stretches the leg."""
         return np.array([*leg.hip[:2], leg.hip[2] - 1.2 * leg.length])
 
     def _next(self, leg: "LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
-        """The angles of an earlier leg, mirrored on the other side; searched anew if those do not fit."""
+        """The angles of an earlier leg, mirrored on the other side, or a new search if they do not fit."""
         before = [(other, found) for other, found in zip(self._legs, solved, strict=False)]
         like = [
             (leg.like(other, found.joints), found.cost) for other, found in before if other.kind == leg.kind
@@ -124,9 +124,11 @@ class _Search:
             return self._solve(leg, target)
         exact = min((self._as_is(leg, target, joints) for joints, _ in like), key=lambda found: found.cost)
         nearby = self._descend(leg, target, exact.joints)
-        if exact.cost < nearby.cost + THE_SAME:
+        if exact.cost < nearby.cost + SAME_COST:
             return exact
-        return nearby if nearby.cost < max(cost for _, cost in like) + ALIKE else self._solve(leg, target)
+        return (
+            nearby if nearby.cost < max(cost for _, cost in like) + EQUAL_COST else self._solve(leg, target)
+        )
 
     def _as_is(self, leg: "LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
         joints = np.clip(joints, leg.low, leg.high)
@@ -138,7 +140,7 @@ class _Search:
         starts = [leg.near_zero, *self._random.uniform(leg.low, leg.high, (STARTS, len(leg.at)))]
         found = [self._descend(leg, target, start) for start in starts]
         best = min(solved.cost for solved in found)
-        good = [solved for solved in found if solved.cost < best + ALIKE]
+        good = [solved for solved in found if solved.cost < best + EQUAL_COST]
         return max(good, key=lambda solved: solved.knee * (1.0 if len(self._legs) == 2 else -1.0))
 
     def _descend(self, leg: "LegSearch", target: np.ndarray, start: np.ndarray) -> "_Solved":
@@ -197,7 +199,7 @@ class _Solved(NamedTuple):
     joints: np.ndarray
     cost: float
     reach: float  # m, from the hip down to the foot's lowest point
-    knee: float  # how far the knee is in front of the line from hip to foot, m
+    knee: float  # m, distance of the knee in front of the line from hip to foot
 
 
 class LegSearch:
@@ -239,7 +241,7 @@ class LegSearch:
         return data.xmat[self._body].reshape(3, 3) @ self._upright
 
     def knee(self, data: mujoco.MjData) -> float:
-        """Distance in front of the line from hip to foot of the joint farthest from it, m."""
+        """Forward distance from the hip-foot line of the joint farthest from that line, m."""
         foot, anchors = self.foot(data), data.xanchor[self._ids]
         along = foot - self.hip
         share = np.clip((anchors - self.hip) @ along / max(along @ along, 1e-9), 0.0, 1.0)
@@ -247,13 +249,13 @@ class LegSearch:
         return float(away[int(np.linalg.norm(away, axis=1).argmax())][0])
 
     def natural_place(self) -> np.ndarray:
-        """Desired place of the foot on the ground, (2,) m: as at zero, nearer if the leg is spread there."""
+        """Desired position of the foot on the ground, (2,) m: as at zero, or nearer if the leg is spread."""
         outward = self._place_at_zero - self.hip
         spread = -outward[2] < SPREAD_SHARE * self.length
         return (self.hip + (SPREAD_IN if spread else 1.0) * outward)[:2]
 
     def like(self, other: "LegSearch", joints: np.ndarray) -> np.ndarray:
-        """Joints of this leg that turn its links like `joints` turn those of another leg.
+        """Joint angles that rotate this leg's links as `joints` rotate those of another leg.
 
         Across the body's middle plane a rotation vector (x, y, z) is mirrored to (-x, y, -z).
         """

@@ -6,7 +6,7 @@ from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.training_yaml import MASS_KG, REACH_M
 
-MOST_TAKEN = 0.5  # largest share of the base's mass that a negative load may remove
+MAX_LOAD_SHARE = 0.5  # largest share of the base's mass that a negative load may remove
 
 
 def randomisation_yaml(machine: Machine, pose: Pose, usual: Mapping[str, tuple[float, float]]) -> str:
@@ -20,12 +20,12 @@ def randomisation_yaml(machine: Machine, pose: Pose, usual: Mapping[str, tuple[f
     """
     load, length = machine.mass / MASS_KG, pose.reach_m / REACH_M
     text = f"""\
-# What differs between robots of this kind, where domain_rand/default.yaml means another: its load on a
-# quadruped of {MASS_KG:g} kg, and the offset of its centre of mass on legs of {REACH_M:g} m, by size.
+# Changes to domain_rand/default.yaml: its payload, which suits a quadruped of {MASS_KG:g} kg, and its offset
+# of the centre of mass, which suits legs of {REACH_M:g} m, scaled by size.
 """
     if "payload_kg" in usual:
         low, high = (load * kg for kg in usual["payload_kg"])
-        low = max(low, -MOST_TAKEN * machine.links[0].mass)
+        low = max(low, -MAX_LOAD_SHARE * machine.links[0].mass)
         text += f"payload_kg: {{low: {low:.2g}, high: {high:.2g}}}\n"
     if "com_offset_m" in usual:
         left, right = (length * metres for metres in usual["com_offset_m"])

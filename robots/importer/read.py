@@ -1,4 +1,4 @@
-"""Reads another maker's model, a URDF or an MJCF."""
+"""Reads a URDF or an MJCF."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -14,11 +14,11 @@ def read_source(path: Path, packages: tuple[Path, ...] = ()) -> Source:
 
     Args:
         path: the file.
-        packages: folders in which to look for the packages that a URDF's meshes lie in, beside the folders
-            above the URDF and ROS_PACKAGE_PATH.
+        packages: folders with the packages of a URDF's meshes, in addition to the folders above the URDF and
+            ROS_PACKAGE_PATH.
 
     Raises:
-        UserError: the file is neither or cannot be used; the message says why.
+        UserError: the file is neither, or cannot be used.
     """
     if not path.is_file():
         raise UserError(f"no file at {path}: give a URDF or an MJCF")

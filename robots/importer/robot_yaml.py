@@ -15,16 +15,16 @@ from footfall.robots.importer.pose import Pose
 
 MODEL_FILE = "robot.xml"
 HELD_START = (
-    "# It cannot stand still on two points: a run holds it up until it steps in place.",
+    "# The robot cannot stand still on two points: a run holds it up until it steps in place.",
     "held_start: true",
 )
 SOFT_LIMIT_FACTOR = 0.95
 DAMPING_RATIO = 1.0
-# Fastest command, over the root of gravity times leg length, and rad/s of yaw: on two legs and on more.
+# Largest command over sqrt(gravity times leg length), and rad/s of yaw: on two legs, and on more.
 OF_TWO, OF_MORE = (0.25, 0.6), (0.45, 1.0)
-MOTORS_PER_BUS = 3  # at 500 Hz and 1 Mbit/s, beside an IMU
+MOTORS_PER_BUS = 3  # at 500 Hz and 1 Mbit/s, together with an IMU
 TARGET_RATE_SHARE = 2.0  # of the fastest joint's no-load speed
-# Of motors of medium size; used for the copper loss only.
+# Of medium-sized motors; used for the copper loss only.
 TORQUE_CONSTANT, WINDING_RESISTANCE = 0.1, 0.2
 
 
@@ -80,10 +80,10 @@ def robot_yaml(
         f"  torque_share: {drive.torque_share:g}",
         "",
         f"soft_limit_factor: {SOFT_LIMIT_FACTOR:g}     # share of each joint's range that targets may use",
-        f"target_rate_rad_s: {TARGET_RATE_SHARE * fastest:g}     # fastest that a position target may move",
+        f"target_rate_rad_s: {TARGET_RATE_SHARE * fastest:g}     # largest speed of a position target",
         "",
         "# Gear ratio and winding are assumed, and so is the line between peak torque and no-load speed.",
-        "# protocol is a placeholder: see deploy/drivers/mit.py for the motors that there are.",
+        "# protocol is a placeholder: see deploy/drivers/mit.py for the supported motors.",
         "motors:",
         *(line for kind in types for line in _motor(names[kind], *kind)),
         "",
@@ -99,10 +99,10 @@ def robot_yaml(
         "feet:",
         *(_foot(leg) for leg in machine.legs),
         "",
-        "# Which bus carries the IMU's frames: a placeholder.",
+        "# The bus of the IMU's frames: a placeholder.",
         "imu_bus: can0",
         "",
-        "# Commands that scenarios ask of this robot, scaled from those of others by the length of the legs.",
+        "# Command ranges of scenarios, scaled from those of other robots by leg length.",
         _commands(command_range(machine, pose)),
     ]
     if not machine.stands_still:
@@ -113,15 +113,15 @@ def robot_yaml(
 def choose_protocols(
     machine: Machine, drive: Drive, known: Mapping[str, Ranges], gains: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[dict[str, str], list[str]]:
-    """Motor model for each joint: the one with the least torque whose frames have the required ranges.
+    """Motor model for each joint: the weakest one whose frames have the required ranges.
 
-    If none has, it is the one with the most torque, and the joint is in the second result.
+    If none has them, it is the strongest one, and the joint is in the second result.
 
     Args:
         machine: the robot.
         drive: its motors and gains.
         known: motor models.
-        gains: stiffness and damping that frames have to carry beside the drive's, N m/rad and N m s/rad.
+        gains: further stiffness and damping that frames must carry, N m/rad and N m s/rad.
     """
     chosen, beyond = {}, []
     by_torque = sorted(known, key=lambda name: known[name].torque)
@@ -165,7 +165,7 @@ def _foot(leg: Leg) -> str:
 
 
 def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
-    """Bus and id of each joint, in joint order: each leg on buses of its own, and so are joints of no leg."""
+    """Bus and id of each joint, in joint order. Each leg has its own buses, and so have the other joints."""
     leg_of = {joint: leg.name for leg in machine.legs for joint in leg.joints}
     places: dict[str, tuple[str, int]] = {}
     filling: dict[str | None, tuple[int, int]] = {}  # bus and number of motors on it
@@ -181,7 +181,7 @@ def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
 
 
 def command_range(machine: Machine, pose: Pose) -> CommandRange:
-    """Speeds as shares of sqrt(g L), of which the Froude number is the square, with L the legs' reach."""
+    """Speeds proportional to sqrt(g L), at a constant Froude number, with L the legs' reach."""
     share, yaw = OF_TWO if len(machine.legs) == 2 else OF_MORE
     forward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5, 1)
     leftward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5 / 2, 1)

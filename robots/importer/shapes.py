@@ -1,4 +1,4 @@
-"""Primitive shapes fitted to points, which replace meshes.
+"""Fits primitive shapes, which replace meshes, to points.
 
 The support function h(u) of a convex body is its largest extent in each direction u. For primitives of given
 axes it is linear in their sizes:
@@ -18,10 +18,10 @@ import mujoco
 import numpy as np
 
 DIRECTIONS = 400
-THINNEST_M = 1e-3  # least half-thickness of a shape
-SOLE_M = 0.02  # thickness of a sole, and of the layer that counts as its underside
+THINNEST_M = 1e-3  # smallest half-thickness of a shape
+SOLE_M = 0.02  # thickness of a sole, and of the layer of points that counts as its underside
 NEARLY_LEVEL = 0.05  # sine of the angle
-WORTH_ANOTHER = 0.9  # a shape replaces a simpler one, or one along the link, if its error is below this share
+MIN_IMPROVEMENT = 0.9  # a less simple shape is used if its error is below this share of the simpler one's
 
 Kind = mujoco.mjtGeom
 
@@ -50,7 +50,7 @@ def fit_shape(points: np.ndarray) -> tuple[Shape, float]:
     fits += [_fit_box(directions, reach, points, frame) for frame in frames]
     best, error = fits[0]
     for shape, this in fits[1:]:
-        if this < WORTH_ANOTHER * error:
+        if this < MIN_IMPROVEMENT * error:
             best, error = shape, this
     return best, error
 

@@ -1,4 +1,4 @@
-"""Another maker's model: the compiled model, and the motors' figures of its file."""
+"""The model to import: the compiled model, and the motor figures of its file."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,12 +15,12 @@ class Source:
 
     path: Path
     model: mujoco.MjModel
-    self_collisions: bool  # the file defines which parts can collide
+    self_collisions: bool  # whether the file defines which parts can collide
     meshes: dict[str, np.ndarray]  # hull (k, 3) m of each geom that is a mesh, in the frame of its body
-    peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints whose torque the file gives
+    peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints with a torque in the file
     speed_rad_s: dict[str, float] = field(default_factory=dict)
     pose_rad: dict[str, float] = field(default_factory=dict)  # a pose of the file, if there is one
-    coupled: frozenset[str] = frozenset()  # joints that follow another one
+    coupled: frozenset[str] = frozenset()  # joints that follow another joint
     guesses: tuple[str, ...] = ()  # assumptions, one line each
 
 
@@ -48,13 +48,13 @@ def free_the_base(spec: mujoco.MjSpec, path: Path) -> None:
     if base.joints:
         raise UserError(
             f"{path}: '{base.name}' has no free joint but {len(base.joints)} others, such as"
-            f" '{base.joints[0].name}': a base that cannot move in all directions is none of footfall's"
+            f" '{base.joints[0].name}': footfall needs a base that can move in all directions"
         )
     base.add_freejoint(name=_new_name(spec.joints, "floating_base"))
 
 
 def limit_hinges(model: mujoco.MjModel) -> list[str]:
-    """Give hinges without a range half a turn either way; returns that guess, none if all have one."""
+    """Give hinges without a range ±180 degrees; returns that guess, or nothing if all have a range."""
     hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)
     model.jnt_range[hinges] = -np.pi, np.pi
     model.jnt_limited[hinges] = 1

@@ -1,9 +1,9 @@
 """Statics of a machine on stiff joints: its torques, and whether it tips.
 
 With its feet fixed to the ground, a robot at rest in its default pose is stable if its potential energy (of
-gravity and of the joints' springs) has a minimum there: N'(K + G)N is positive definite, with N a basis of
-the motions that leave the feet where they are, K the joints' stiffnesses and G the slope of gravity's
-generalised force, the ground's forces held.
+gravity and of the joints' springs) has a minimum there: N'(K + G)N is positive definite. N is a basis of the
+motions that do not move the feet, K has the joints' stiffnesses, and G is the slope of gravity's generalised
+force at constant ground forces.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ STEP = 1e-5  # rad and m, of the central differences
 
 
 class Statics(NamedTuple):
-    """At rest in the default pose, the feet on the ground."""
+    """Statics at rest in the default pose, with the feet on the ground."""
 
     torque_nm: np.ndarray  # (n,) of the joints, in joint order
     gravity: np.ndarray  # (k, k) N' G N
@@ -38,8 +38,8 @@ def statics(
 
     Args:
         model: with a free base as its first joint.
-        joints: names of the driven ones.
-        legs: their geoms, spheres and ellipsoids, stand on the ground.
+        joints: names of the driven joints.
+        legs: the legs; their geoms, spheres and ellipsoids, stand on the ground.
         qpos: (nq,) the base level.
     """
     data = mujoco.MjData(model)

@@ -4,7 +4,7 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 
-# The robot that the presets (train/presets/) were tuned on, and their figures that depend on size.
+# The robot for which the presets (train/presets/) were tuned, and their values that depend on size.
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -1.2e-3, -6.0e-3
@@ -31,7 +31,7 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
     standing = (
         ""
         if machine.stands_still
-        else "    standing_command: 0.0 # it steps in place: it cannot stand still\n"
+        else "    standing_command: 0.0 # the robot steps in place: it cannot stand still\n"
     )
     return f"""\
 # Changes to the presets, which suit a quadruped of {MASS_KG:g} kg on legs of {REACH_M:g} m: lengths, times,

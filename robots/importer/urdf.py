@@ -34,21 +34,21 @@ MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0
 
 
 class _Limit(NamedTuple):
-    """Limits of a joint's motor in a URDF; None where the file has none."""
+    """Limits of a joint's motor in a URDF; None if the file has none."""
 
     effort_nm: float | None
     speed_rad_s: float | None
 
 
 def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Source:
-    """Read a URDF whose XML is parsed; `root` is changed on the way. See `read_source`."""
+    """Read a URDF from its parsed XML; modifies `root`. See `read_source`."""
     if any("xacro" in element.tag for element in root.iter()):
         raise UserError(f"{path} is a xacro: expand it first, with 'xacro {path.name} > model.urdf'")
     if not root.findall("link"):
         raise UserError(f"{path} has no links")
     _refuse_repeated_names(root, path)
     guesses = [*_visuals_for_collisions(root, path)]
-    if mended := list(_mend_inertias(root, path)):
+    if mended := list(_repair_inertias(root, path)):
         guesses.append(f"physically impossible inertias were corrected: {', '.join(mended)}")
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
@@ -94,13 +94,13 @@ def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
         )
     for visual in seen:
         visual.tag = "collision"
-    yield "no link has a collision geometry: the visual ones were taken"
+    yield "no link has a collision geometry: visual geometry was taken"
 
 
-def _mend_inertias(root: ET.Element, path: Path) -> Iterator[str]:
-    """Repair missing and impossible inertias, which MuJoCo refuses; returns the names of the latter.
+def _repair_inertias(root: ET.Element, path: Path) -> Iterator[str]:
+    """Repair missing and impossible inertias, which MuJoCo refuses; yields links with impossible ones.
 
-    A link without mass gets almost none: bodies fixed to it may have enough (see `machine.build_links`).
+    A link without mass gets a negligible one: bodies fixed to it may have enough (see `build_links`).
     """
     for link in root.findall("link"):
         inertial = link.find("inertial")
@@ -160,7 +160,7 @@ def _take_meshes(
 
 
 def _placed(points: np.ndarray, origin: ET.Element | None, path: Path) -> np.ndarray:
-    """Points (k, 3) moved by a URDF's origin; its angles are about the fixed axes x, y, z, in this order."""
+    """Points (k, 3) transformed by a URDF's origin; its angles are about the fixed axes x, y, z, in order."""
     if origin is None:
         return points
     turn = np.empty(4)
@@ -179,7 +179,7 @@ def _vector(text: str, path: Path) -> np.ndarray:
 
 
 def _find(name: str, urdf: Path, packages: tuple[Path, ...]) -> Path:
-    """The file of a mesh's name; raises UserError if there is none."""
+    """The file of a mesh; raises UserError if there is none."""
     candidates = list(_candidates(name, urdf.resolve(), packages))
     for candidate in candidates:
         if candidate.is_file():

@@ -267,7 +267,7 @@ class TestPlants:
         truth = bench.body.truth()
         assert np.isnan(truth.foot_position).all()
         assert not truth.foot_contact.any()
-        assert "what these feet do is not recorded" in bench.body.notes[0]
+        assert "these feet are not recorded" in bench.body.notes[0]
 
     def test_without_reflected_inertia_it_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
         plant = rewritten(

@@ -136,7 +136,7 @@ class TestCommand:
         ]
         monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)  # takes seconds
         assert main(["robot", "new", *arguments]) == 0
-        assert "no stiffness of the joints lets it stand by itself" in capsys.readouterr().out
+        assert "the robot cannot stand by joint stiffness alone" in capsys.readouterr().out
         falls = "wrong: it does not stand by itself"
         assert falls not in wrong(tmp_path / "two", capsys, "3")
         yaml = tmp_path / "two" / "robot.yaml"

@@ -373,8 +373,8 @@ class TestCreate:
 
     def test_torques_that_no_frame_carries_are_told_of(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, peak_torque_nm={"FL_knee": 900.0}))
-        assert "no protocol here carries what FL_knee can do: the widest was taken" in made.guesses
+        assert "no protocol has the ranges of FL_knee: the widest was taken" in made.guesses
         plain = import_robot(self.request(tmp_path, "plain"))
-        assert not any("no protocol here" in guess or "pairs of links" in guess for guess in plain.guesses)
+        assert not any("no protocol has" in guess or "pairs of links" in guess for guess in plain.guesses)
         assert plain.guesses[0] == "base: 'trunk', its x axis pointing forward, z up"
         assert any(guess.startswith("gains: a natural frequency") for guess in plain.guesses)

@@ -60,7 +60,7 @@ def made(tmp_path: Path, text: str) -> tuple[Robot, list[str]]:
     imported = import_robot(
         ImportRequest(tmp_path / "m.xml", tmp_path / "made", RANGES, peak_torque_nm={"": 20.0})
     )
-    told = [guess for guess in imported.guesses if "meet in training" in guess]
+    told = [guess for guess in imported.guesses if "collide in training" in guess]
     return load_robot(tmp_path / "made"), told
 
 

@@ -81,7 +81,7 @@ class TestMachine:
     def test_only_joints_of_the_robot_that_lead_to_no_foot_are_said_to_be_rigid(self, source: Source) -> None:
         _, guesses = build_machine(source, "odd")
         assert [guess for guess in guesses if "rigid" in guess] == [
-            "joints that lead to no foot are rigid, as near to zero as they go: arm"
+            "joints that move no foot are rigid, as near to zero as their ranges allow: arm"
         ]
 
     def test_a_feather_keeps_its_inertia_and_a_machine_its_height(self, machine: Machine) -> None:

@@ -77,7 +77,7 @@ class TestUrdf:
         only = quadruped(foot=visual).replace("collision>", "visual>")
         none = read(tmp_path, only, "urdf")
         assert (none.model.geom_size[:, 0] == 0.03).sum() == 4
-        assert none.guesses == ("no link has a collision geometry: the visual ones were taken",)
+        assert none.guesses == ("no link has a collision geometry: visual geometry was taken",)
         assert some.guesses == ()
         with pytest.raises(UserError, match="no link has a collision or visual geometry"):
             read(tmp_path, '<robot name="r"><link name="a"/></robot>', "urdf")
