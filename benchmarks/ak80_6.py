@@ -1,14 +1,14 @@
-"""Fits a double pendulum of two T-Motor AK80-6, and judges on held-out motion beside the published fit.
+"""Fits a double pendulum of two T-Motor AK80-6; held-out errors of this and of the published fit.
 
     pip install "footfall[train,report]"
     python benchmarks/ak80_6.py --data FOLDER --workers 2 --plot ak80_6.png
 
 FOLDER holds the CSV files design_A.0_2022… of github.com/dfki-ric-underactuated-lab/double_pendulum
-(BSD-3). Where a file has the commanded torques beside measured ones, the commanded ones drive the simulation.
-Windows of 0.5 s are simulated from their own starts, which are refined under a prior; recordings count alike.
-Blocks of 2.5 s are held out, a third of them in each of three fits; then each recording in turn. There is one
-model for all fits, the joint law with load and Stribeck friction: nothing is chosen on held-out motion.
-Intervals: recordings are drawn with replacement and the fit is repeated.
+(BSD-3). Where a file has both commanded and measured torques, the commanded ones drive the simulation.
+Windows of 0.5 s are simulated from their own initial states, which are refined under a prior. All recordings
+have the same weight. Blocks of 2.5 s are held out, a third of them in each of three fits; then each recording
+in turn. All fits have the same model, the joint law with load and Stribeck friction: no choice depends on
+held-out motion. Intervals are bootstrapped over recordings.
 
 The share of motion that is explained compares the error with the motion from each window's start. The
 published set is simulated by the same code: its friction torque c atan(100 v) has c pi/2 as Coulomb friction.
@@ -222,7 +222,7 @@ def report_null(windows: Shooting, fitted: np.ndarray) -> None:
     """Print directions of parameters that the recordings do not tell."""
     residual, slope = windows.slopes(fitted)
     found = null_directions(slope.reshape(-1, len(NAMES)), NAMES, float(np.sqrt((residual**2).mean())))
-    print("\n".join(f"not told: {each.text}" for each in found) or "no direction is left untold")
+    print("\n".join(f"not determined: {each.text}" for each in found) or "every direction is determined")
 
 
 if __name__ == "__main__":

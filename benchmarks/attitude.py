@@ -58,7 +58,7 @@ WALKS = (
 
 
 def push(number: int) -> Push:
-    """The pushes go round the robot."""
+    """Push `number` of a walk; each comes from another side."""
     angle = 1.3 * number
     return Push(
         FIRST_PUSH_S + PUSH_EVERY_S * number, (PUSH_M_S * np.cos(angle), PUSH_M_S * np.sin(angle), 0.0)
@@ -66,7 +66,7 @@ def push(number: int) -> Push:
 
 
 class Errors(NamedTuple):
-    """Of one walk, while its policy decides, rad, (T,)."""
+    """Errors of one walk while its policy decides, rad, (T,)."""
 
     fell: bool
     tilt: np.ndarray
@@ -74,14 +74,14 @@ class Errors(NamedTuple):
     tilt_by_legs: np.ndarray
 
 
-def apart(found: np.ndarray, true: np.ndarray) -> float:
+def vertical_angle(found: np.ndarray, true: np.ndarray) -> float:
     """Angle between the verticals of two orientations, rad."""
     difference = rotation_matrix(found)[2] - rotation_matrix(true)[2]
     return 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(difference))))
 
 
 def errors(walk: Walk, seed: int) -> Errors:
-    """Run one walk."""
+    """Errors of the attitude filter and of the base estimator in one walk."""
     shipped = load_robot(walk.robot)
     robot = replace(shipped, description=replace(shipped.description, imu_protocol="footfall-inertial"))
     policy = load_policy(walk.policy, robot)
@@ -102,9 +102,9 @@ def errors(walk: Walk, seed: int) -> Errors:
         seen_us.append(loop.now_us)
         if loop.walking:
             found, true = loop.sensed.quaternion, body.truth().base_quaternion
-            tilts.append(apart(found, true))
+            tilts.append(vertical_angle(found, true))
             yaws.append(wrap_angle(float(heading(found) - heading(true))))
-            by_legs.append(apart(estimator.odometry().orientation, true))
+            by_legs.append(vertical_angle(estimator.odometry().orientation, true))
 
     episode = Episode(
         command_source=walk.command,

@@ -3,16 +3,16 @@
     python benchmarks/bus_load.py [--robots go1 hexapod]
         [--buses in-process socket-pairs virtual udp_multicast]
 
-A whole loop (`stand`: joint layer, supervisor, sensor checks, driver, bus) at its joint rate by the wall
-clock, on motors that answer every frame at once and stand still, without physics. They run in the same
-process, but for udp_multicast, socketcan and socket-pairs, where they have a process of their own; socketcan
-needs the interfaces that `robot.yaml` names, socket-pairs is its code without the kernel's CAN stack
-(`socket_pairs`). Prints a JSON object for each case:
+A whole loop (`stand`: joint layer, supervisor, sensor checks, driver, bus) runs at its joint rate by the wall
+clock. Its simulated motors have no physics: they stand still and answer every frame at once. They run in the
+same process, or in another one for udp_multicast, socketcan and socket-pairs. socketcan needs the interfaces
+that `robot.yaml` names; socket-pairs is its code without the kernel's CAN stack (`socket_pairs`). Prints a
+JSON object for each case:
 
-`share` of a processor that the loop's thread takes at its joint rate, the motors left out: its processor
-time for one tick times the rate, so that a busy machine, which leaves ticks out, does not flatter it.
-`bus_share` is what sending and receiving take of it. `calibration_ms` is the processor time of a loop that is
-always the same, just before and after: shares of two machines, or hours, compare by it.
+`share` is the share of a processor that the loop's thread takes, without the motors: its processor time for
+one tick times the joint rate. Ticks that a busy machine skips do not lower it. `bus_share` is the part of
+`share` for sending and receiving. `calibration_ms` is the processor time of a fixed reference loop, just
+before and after: divide shares by it to compare machines or times of day.
 """
 
 import argparse
@@ -49,10 +49,10 @@ from footfall.robots.description import Robot, load_robot
 
 IN_PROCESS = "in-process"
 PAIRS = "socket-pairs"
-FROM_ELSEWHERE = (MULTICAST, SOCKETCAN, PAIRS)  # reach another process
+FROM_ELSEWHERE = (MULTICAST, SOCKETCAN, PAIRS)  # buses whose motors run in another process
 PERIOD_US = 1000
-START_S = 20.0  # that somebody has to be there
-QUEUE_FRAMES = 64  # no write shall wait
+START_S = 20.0  # limit for the start of the motors
+QUEUE_FRAMES = 64  # enough that no write waits
 
 
 class StillRobot:
@@ -113,11 +113,11 @@ class InProcessBus:
         return []
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """No resource is open."""
 
 
 class TimedBus:
-    """Another bus, with the thread's time that sending and receiving took."""
+    """A bus that measures the thread's processor time in its `send` and `receive`, `spent_s`."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus, self.spent_s = bus, 0.0
@@ -125,7 +125,7 @@ class TimedBus:
 
     @property
     def elsewhere_s(self) -> float:
-        """What of it was the robot's."""
+        """The part of `spent_s` that the simulated motors took."""
         return getattr(self._bus, "elsewhere_s", 0.0)
 
     def send(self, frames: Frames, now_us: int) -> int:
@@ -142,7 +142,7 @@ class TimedBus:
 
 
 class Event(Protocol):
-    """threading's or multiprocessing's."""
+    """`threading.Event` or `multiprocessing.Event`."""
 
     def set(self) -> None: ...
 
@@ -150,7 +150,7 @@ class Event(Protocol):
 
 
 def answer(name: str, kind: str, ready: Event, stop: Event, ends: Ends) -> None:
-    """Be a still robot on an interface, or at these ends, until told to stop."""
+    """Simulate a still robot on an interface, or at these socket ends, until `stop` is set."""
     robot = load_robot(name)
     wiring, still = wire(robot), StillRobot(robot)
     with in_place_of_interfaces(ends):
@@ -169,21 +169,21 @@ def answer(name: str, kind: str, ready: Event, stop: Event, ends: Ends) -> None:
 
 @contextmanager
 def answering(name: str, kind: str) -> Iterator[None]:
-    """Somebody who answers, for as long as the context lasts, and the way there."""
+    """Context in which a still robot answers, in a thread or process, and interfaces lead to it."""
     near, far = socket_pairs(wire(load_robot(name)).buses) if kind == PAIRS else ({}, {})
     context = multiprocessing.get_context("spawn")
     begin: Any = context.Process if kind in FROM_ELSEWHERE else threading.Thread
     event: Any = context.Event if kind in FROM_ELSEWHERE else threading.Event
     ready, stop = event(), event()
-    somebody = begin(target=answer, args=(name, kind, ready, stop, far), daemon=True)
-    somebody.start()
+    responder = begin(target=answer, args=(name, kind, ready, stop, far), daemon=True)
+    responder.start()
     ready.wait(START_S)
     try:
         with in_place_of_interfaces(near):
             yield
     finally:
         stop.set()
-        somebody.join(5.0)
+        responder.join(5.0)
 
 
 def interface_of(kind: str) -> str:

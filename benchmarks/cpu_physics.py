@@ -2,11 +2,11 @@
 
     python benchmarks/cpu_physics.py
 
-Both have the cpu preset's settings, and each its best batch size. Rounds alternate in one process, so that
-what else the machine does falls upon both; each figure is the median of the rounds, and the ratio of the
-medians. The environment, and what is above it, is first warmed up with random actions and then goes on from
-round to round, so that episodes end and begin as they do in training; the share of steps that ended one is
-printed. Run it on a quiet machine.
+Both use the cpu preset's settings, each with its best batch size. Rounds of both alternate in one process, so
+that other load slows both alike. A figure is the median of the rounds; a ratio is that of the medians. The
+environment and PPO are first warmed up with random actions. Each round goes on from the state of the last
+one, so that episodes end and begin as in training; the share of steps that ended an episode is printed. Run
+it on a quiet machine.
 """
 
 import argparse
@@ -81,13 +81,13 @@ def measure(rounds: dict[Any, Round], count: int) -> tuple[dict[Any, float], flo
     return {key: statistics.median(rates) for key, rates in seen.items()}, episodes_ended / steps_done
 
 
-def going_on(advance: Callable[[Any], tuple[Any, Any]], state: Any, steps: int, batch: int) -> Round:
-    """Rounds that each begin where the one before ended, after the warm-up.
+def continued_rounds(advance: Callable[[Any], tuple[Any, Any]], state: Any, steps: int, batch: int) -> Round:
+    """A function that runs one round from the state in which the last one ended; a warm-up comes first.
 
     Args:
-        advance: from a state to the next, and how many episodes ended on the way.
-        state: the first.
-        steps: environment steps on the way, of all robots.
+        advance: function of a state that returns the next state and the number of episodes that ended.
+        state: the initial state.
+        steps: environment steps of one call of `advance`, of all robots.
         batch: number of robots.
     """
 
@@ -156,7 +156,7 @@ def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
         state, (done, *_) = roll_out(state, jax.random.PRNGKey(k))
         return (state, k + 1), done.sum()
 
-    return going_on(advance, (state, 0), batch * calls, batch)
+    return continued_rounds(advance, (state, 0), batch * calls, batch)
 
 
 def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
@@ -172,7 +172,7 @@ def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
             done += int(np.count_nonzero(terminated | truncated))
         return nothing, done
 
-    return going_on(roll_out, None, batch * calls, batch)
+    return continued_rounds(roll_out, None, batch * calls, batch)
 
 
 def ppo(config: TrainConfig, batch: int) -> Round:
@@ -188,7 +188,7 @@ def ppo(config: TrainConfig, batch: int) -> Round:
         return state, jnp.sum(ended)
 
     state = jax.jit(lambda: initial_state(env, networks, config.ppo, 0))()
-    return going_on(advance, state, config.ppo.steps_per_iteration, batch)
+    return continued_rounds(advance, state, config.ppo.steps_per_iteration, batch)
 
 
 def begin(env: LocomotionEnv, batch: int) -> Any:

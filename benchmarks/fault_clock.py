@@ -1,10 +1,10 @@
-"""Faults that need a wall clock: a policy that is late, a loop that pauses or comes late to every tick.
+"""Faults that need a wall clock: a late policy, a loop that pauses once, a loop that is late at every tick.
 
     python benchmarks/fault_clock.py [--seeds 3] [--rate 500]
 
-As fault_table.py does in lockstep, in as much time as it takes: `go1-flat` walks in simulation, after half a
-second something happens, and the run is watched for two more. A row without a fault says whether the machine
-keeps up at this rate at all: nothing else should run on it. Exit status 1 if a row is not as expected.
+`fault_table.py` covers the other faults, in lockstep. `go1-flat` walks in simulation. The fault comes after
+half a second, and the run goes on for two more. The row without a fault shows whether the machine keeps up at
+this rate: nothing else should run on it. Exit status 1 if a row is not as expected.
 """
 
 import argparse
@@ -54,7 +54,10 @@ class AddedDelay:
 
 
 class TimingFault(NamedTuple):
-    """One row. `within_s` is from the fault to damping or lying down; None if it need not be noticed."""
+    """One row.
+
+    `within_s` limits the time from the fault to damping or lying down; None: no detection is required.
+    """
 
     name: str
     delay: Callable[[], AddedDelay]
@@ -71,9 +74,17 @@ KINDS = (
     TimingFault(
         "each policy step takes 60 ms", lambda: AddedDelay(in_step_s=0.06), 0.11, "no frame goes out"
     ),
-    TimingFault("a pause of 30 ms", lambda: AddedDelay(in_tick_s=0.03, once=True), None, "a walk bears it"),
     TimingFault(
-        "a pause of 60 ms", lambda: AddedDelay(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"
+        "a pause of 30 ms",
+        lambda: AddedDelay(in_tick_s=0.03, once=True),
+        None,
+        "the robot keeps walking",
+    ),
+    TimingFault(
+        "a pause of 60 ms",
+        lambda: AddedDelay(in_tick_s=0.06, once=True),
+        0.1,
+        "motors that get no frame send no reply",
     ),
     TimingFault(
         "a pause of 200 ms", lambda: AddedDelay(in_tick_s=0.2, once=True), 0.1, "a guard damps after 77 ms"
@@ -88,7 +99,7 @@ KINDS = (
 
 
 class Watch:
-    """Injects the fault, and notes when the first frames go out that damp, or lay the robot down."""
+    """Injects the fault, and records when the first frames are sent that damp or lower the robot."""
 
     def __init__(self, kind: TimingFault, body: SimulatedRobot, is_damping: Callable[[Frames], bool]) -> None:
         self._kind, self._body, self._is_damping = kind, body, is_damping
@@ -150,7 +161,10 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
 
 
 def as_expected(kind: TimingFault, runs: list[dict[str, Any]]) -> bool:
-    """Whether every run was noticed in time, or none was that need not be."""
+    """Whether the fault was detected in time in every run.
+
+    Without a time limit: whether no run had a supervisor's fault or a fall.
+    """
     if kind.within_s is None:
         return not any(run["fault"] or run["fell"] for run in runs)
     return all(run["seconds"] is not None and run["seconds"] <= kind.within_s for run in runs)

@@ -1,4 +1,4 @@
-"""One run of a simulated robot into which a fault is injected, and what its supervisor made of it.
+"""One run of a simulated robot into which a fault is injected, and how its supervisor responds.
 
 No benchmark itself: `fault_table.py` calls it.
 """
@@ -40,15 +40,15 @@ from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
 STAND_S, DAMPING_S = 0.8, 0.1
-CHARGE, LOW_CHARGE = 0.7, 0.35  # of a battery at first, and of one that runs empty
+CHARGE, LOW_CHARGE = 0.7, 0.35  # initial charge of a battery, and of one that runs empty, shares
 SAFE = (*DAMPED, Mode.LOWERING)
-BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes, or the push that fells a robot which gets up
-UNFOLDED_S = RecoveryConfig().unfold_s  # then the get-up policy decides, whose faults count
-UP_BETWEEN_S = (0.1, 0.6)  # of getting up, when the fault comes
-LOOK_S = 0.01  # between two looks at whether the robot is down
+BETWEEN_S = (0.5, 1.0)  # time in walking at which the fault comes, or the push that fells the robot
+UNFOLDED_S = RecoveryConfig().unfold_s  # time in getting up from which the get-up policy decides
+UP_BETWEEN_S = (0.1, 0.6)  # time in getting up at which the fault comes
+FALL_CHECK_S = 0.01  # period of the check whether the robot is down
 TIPPED_RAD = 0.6  # tilt of a robot that has fallen while it lay or stood up
-DOWN_S = 0.2  # that it is down, to count as fallen
-LONGEST_S = 60.0  # of a run in which the robot gets up
+DOWN_S = 0.2  # a robot that is down for this long counts as fallen
+LONGEST_S = 60.0  # limit of a run in which the robot gets up
 
 
 @dataclass(frozen=True)
@@ -62,15 +62,15 @@ class Run:
     seed: int
     detected: bool
     seconds: float | None  # from the fault to damping, or to the beginning of lying down
-    fault: str  # what the supervisor said
+    fault: str  # the supervisor's message
     final_state: str
-    fell: bool  # before that
+    fell: bool  # before the supervisor's fault
     torque_over: float
     outside_rad: float
     rate_share: float
     stiff: bool  # whether any motor got stiffness
-    stiff_when_damped: bool  # likewise, while the loop damped the robot
-    came: bool  # whether the fault came at all: not if a robot that shall get up did not fall
+    stiff_when_damped: bool  # whether any motor got stiffness while the loop damped the robot
+    came: bool  # whether the fault was injected; it is not if a robot that shall get up did not fall
 
 
 def kind_of(name: str) -> FaultKind:
@@ -82,7 +82,7 @@ def title_of(kind: FaultKind) -> str:
 
 
 class Watch:
-    """Injects the fault at its time, and sees what follows."""
+    """Injects the fault at its time, and records how the robot responds."""
 
     def __init__(self, injector: FaultInjector, kind: FaultKind, audit: Audit, damped: Audit) -> None:
         rng = injector.rng
@@ -94,7 +94,7 @@ class Watch:
         self.loop: ControlLoop | None = None
         self.injected_us: int | None = 0 if kind.starting else None
         self.safe_us: int | None = None  # damped, or on its way to lie down
-        self.fault = ""  # what the supervisor said then
+        self.fault = ""  # the supervisor's message at that time
         self.fell = False
         self._look_us, self._down_s = 0, 0.0
         injector.bus.watch = self._audit_frames
@@ -139,8 +139,8 @@ class Watch:
                 self.safe_us, self.fault = now_us, loop.state.faults[-1] if loop.state.faults else ""
             return
         if mode in (Mode.CHECKING, *MOVING) and now_us >= self._look_us:
-            self._look_us = now_us + round(LOOK_S * 1e6)
-            self._down_s = self._down_s + LOOK_S if self._down(mode) else 0.0
+            self._look_us = now_us + round(FALL_CHECK_S * 1e6)
+            self._down_s = self._down_s + FALL_CHECK_S if self._down(mode) else 0.0
             self.fell = self.fell or self._down_s >= DOWN_S
         if self._kind.wiring and mode not in DECIDING:
             return

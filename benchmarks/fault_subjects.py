@@ -1,4 +1,4 @@
-"""Who is put through faults, on which ground, and the parts of a run that all of its kinds share.
+"""Robots, policies and grounds of the fault table, and the parts that its kinds of runs share.
 
 No benchmark itself: `fault_table.py` and its parts use it.
 """
@@ -96,12 +96,12 @@ def powered(name: str) -> Robot:
 
 
 def policy_of(robot: str, name: str) -> Policy:
-    """Anew for each run: what one has learned of its robot shall not be there in the next."""
+    """A policy for one run. Loaded each time, so that no run inherits what a policy learned in another."""
     return load_policy(name, robot_of(robot))
 
 
 def ground_of(subject: Subject, seed: int) -> Ground | None:
-    """The ground of a run: the scenario's levels take turns. None is level."""
+    """The ground of a run: the seed picks the scenario's level. None is level ground."""
     if not subject.ground:
         return None
     scenario = load_scenarios(robot_of(subject.robot)).scenarios[subject.ground]

@@ -4,19 +4,19 @@
     python benchmarks/faults.py --rooms robots,plant --python .venv/bin/python
     python benchmarks/faults.py --faults benchmarks/fresh_faults.json
 
-faults.json holds one small change each (a sign, an axis, a unit, one step, a missing clip, a forgotten
-reset), with what goes wrong for whom. They were written at commit 0e3b032, those from number 21 on at
-b2090f6, by people who had not read the tests. fresh_faults.json holds 100 others, in files drawn at random
-by their lines, written at commit c24c935 from the source alone. What the code has changed since does not
-apply any more and does not count.
+Each entry of faults.json is one small change (a sign, an axis, a unit, one step, a missing clip, a forgotten
+reset) and its consequence for a user. They were written at commit 0e3b032, those from number 21 on at
+b2090f6, by authors who had not read the tests. fresh_faults.json holds 100 others, written at commit c24c935
+from the source alone; their files were drawn at random, weighted by lines. An entry whose line has changed
+since is skipped and does not count.
 
-Each fault is put, alone, into a copy of the repository, and a few test files run on it at a time: of all
-faults those that name the changed module first, `test_<module>.py` before the others, then, for faults that
-nothing has noticed, the others of its room, until a test fails which passes on an unchanged copy (those of
---failing, one a line, are known not to). One JSON object for each such run is appended to --out as it ends;
-what stands there already is not run again.
-A fault is noticed if a test fails, not noticed if all of its room have passed, open if some were not run
-or ran out of time.
+Each fault is applied, alone, to a copy of the repository, on which a few test files run at a time. Files that
+name the changed module run first, `test_<module>.py` before the others. Faults that these do not notice then
+get the other test files of their room. A fault is done when a test fails that passes on an unchanged copy;
+--failing lists tests that fail there, one a line. One JSON object for each run is appended to --out as it
+ends; runs that --out has already are not repeated.
+A fault is noticed if a test fails, and not noticed if all files of its room have passed. It is open if some
+were not run or ran out of time.
 """
 
 import argparse
@@ -38,16 +38,16 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "*.egg-info")
+NOT_COPIED = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "*.egg-info")
 FILES_AT_ONCE = 6
-SLOW = re.compile(r"jax|subprocess|shell|realtime")  # what takes seconds to start comes last
+SLOW = re.compile(r"jax|subprocess|shell|realtime")  # test files with these words take seconds to start
 FAILED = re.compile(r"^(?:FAILED|ERROR) (tests/.*?)(?: - |$)", re.MULTILINE)
-OF_THE_COMMAND = r"footfall\.(?:verbs|cli|options|evaluation|gym|live_state)\b|from footfall import|\bshell\b"
+COMMAND_LINE = r"footfall\.(?:verbs|cli|options|evaluation|gym|live_state)\b|from footfall import|\bshell\b"
 
 
 @dataclass(frozen=True)
 class Job:
-    """Some test files to run on a copy that has one fault."""
+    """Test files to run on a copy of the repository with one fault."""
 
     fault: dict[str, str]
     files: tuple[str, ...]
@@ -64,7 +64,7 @@ def jobs_for(fault: dict[str, str], texts: dict[str, str]) -> list[Job]:
     names = (
         rf"\b{re.escape(module)}\b|from {re.escape(package)} import [^\n]*\b{name}\b|{re.escape(path.name)}"
     )
-    room = OF_THE_COMMAND if fault["room"] == "footfall" else rf"\bfootfall\.{fault['room']}\b"
+    room = COMMAND_LINE if fault["room"] == "footfall" else rf"\bfootfall\.{fault['room']}\b"
     direct = [each for each, text in texts.items() if re.search(names, text)]
     direct.sort(key=lambda each: Path(each).stem != f"test_{name}")
     others = [each for each, text in texts.items() if re.search(room, text) and each not in direct]
@@ -245,7 +245,7 @@ def main() -> None:
         tests = Tests(options.python, cache, options.timeout, failing)
         copies = [scratch / f"copy{worker}" for worker in range(options.workers + 1)]
         for copy in copies:
-            shutil.copytree(ROOT, copy, symlinks=True, ignore=LEFT_OUT)
+            shutil.copytree(ROOT, copy, symlinks=True, ignore=NOT_COPIED)
 
         def work(copy: Path) -> None:
             while time.monotonic() - began < options.time_limit:

@@ -60,7 +60,7 @@ POLICY = "go1-flat"
 ZOO = Path(footfall.policies.__file__).parent / "zoo"
 COUNTS = {"logs": 600, "frames": 10_000_000, "yaml": 2000, "policies": 600}
 PIECES = {"logs": 20, "frames": 102_400, "yaml": 60, "policies": 60}  # cases of each
-MOST_SHOWN = 20  # tracebacks
+MAX_SHOWN = 20  # tracebacks
 LOOP = """
 joint_rate_hz: 500
 stand_s: 1.0
@@ -216,7 +216,7 @@ def main() -> int:
     for what in options.what:
         print(json.dumps(summary(what, pieces)), flush=True)
     escaped = {label: trace for each in pieces for label, trace in each["escaped"].items()}
-    for label, trace in list(escaped.items())[:MOST_SHOWN]:
+    for label, trace in list(escaped.items())[:MAX_SHOWN]:
         print(f"-- {label}\n{trace}", file=sys.stderr)
     for line in errors:
         print(line, file=sys.stderr)

@@ -2,8 +2,8 @@
 
     python benchmarks/gait_walks.py --workers 16 --out gait_walks.jsonl
 
-Every gait of every robot, over the simulated bus with the scenarios' sensor noise. It is told a velocity and
-nothing else; what it drifts is the gait's. Prints a table.
+Every gait of every robot walks over the simulated bus with the scenarios' sensor noise. It gets a constant
+velocity command and no correction of its heading: the drift is the gait's. Prints a table.
 """
 
 import argparse

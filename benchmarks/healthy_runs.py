@@ -1,4 +1,4 @@
-"""Runs of healthy robots, on which the supervisor shall not stop: false alarms.
+"""Runs of healthy robots, which the supervisor shall not stop: the rate of false alarms.
 
 No benchmark itself: `fault_table.py` calls it.
 """
@@ -22,18 +22,18 @@ from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
-KINDS = ("nominal", "pushed", "randomised")  # not pushed; pushed; another robot each time, and pushed
-EPISODE_S = 6.0  # of a run with pushes
-NOMINAL_S = 12.0  # of one without
-FALL_S = 1.0  # that a robot takes at most to lie on the ground once it cannot be held any more
+KINDS = ("nominal", "pushed", "randomised")  # no pushes; pushes; pushes and a new random robot in each run
+EPISODE_S = 6.0  # duration of a run with pushes
+NOMINAL_S = 12.0  # duration of a run without pushes
+FALL_S = 1.0  # upper limit of the time that an unrecoverable robot takes to fall to the ground
 PUSH_M_S = 0.6
 
 
 def run_healthy(task: HealthyTask) -> dict[str, Any]:
-    """One run of a healthy robot: what its supervisor said, if anything.
+    """One run of a healthy robot, as a JSON object with the fault that its supervisor reported, if any.
 
-    Whatever it said is a false alarm unless the robot was falling. The same run tells by limits that no fall
-    reaches: it goes the same way until then, and within `FALL_S` the simulator sees the robot down, or not.
+    A fault is a false alarm unless the robot was falling. To find out, the run is repeated with limits that
+    no fall reaches: it is identical until the fault. The robot was falling if it is down within `FALL_S`.
     """
     task = HealthyTask(*task)
     config = deploy_config(robot_of(task.robot))
@@ -53,7 +53,7 @@ def run_healthy(task: HealthyTask) -> dict[str, Any]:
 
 
 def _beyond_falls(config: DeployConfig) -> DeployConfig:
-    """The same limits, but for those that a falling robot goes beyond: it lies on the ground then."""
+    """The same limits, except those that a falling robot exceeds: these are out of its reach."""
     sensors = replace(config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lean_error=2.0, lift_error=2.0)
     return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
@@ -62,11 +62,11 @@ Course = tuple[VelocityFunction, tuple[Push, ...], float]  # commands, pushes, d
 
 
 class Walk(NamedTuple):
-    """How a healthy robot's walk ended. Times are of walking, s."""
+    """How a healthy robot's walk ended. Times count from the start of walking, s."""
 
-    fault: str  # what the supervisor said; empty if nothing
+    fault: str  # the supervisor's message; empty without a fault
     fault_s: float | None
-    fell_s: float | None  # when the simulator saw it down; None if a fault came first
+    fell_s: float | None  # time of the fall in the simulator; None if the run ended with a fault before
 
 
 def _walk(task: HealthyTask, config: DeployConfig) -> Walk:

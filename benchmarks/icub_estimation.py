@@ -4,12 +4,12 @@
     python benchmarks/icub_estimation.py --data FOLDER
 
 FOLDER holds `walking.mat`, `com-sinusoid.mat` and `model.urdf` of github.com/ami-iit, repository
-paper_ramadoss-2022-iros-humanoid-base-estimation (BSD-3). The estimator gets gyro, accelerometer, encoders of
-the legs and vertical forces at the feet; contacts, attitude, velocity and place are its own. Joint velocities
-are differences of positions. The recording's time stamps jitter: their mean period counts.
+paper_ramadoss-2022-iros-humanoid-base-estimation (BSD-3). The estimator reads gyro, accelerometer, encoders
+of the legs and vertical forces at the feet, and estimates contacts, attitude, velocity and position. Joint
+velocities are differences of positions. The recording's time stamps jitter, so their mean period is used.
 
-Prints the errors against the recorded pose of the base. The reference velocity is the slope of its place over
-0.11 s. The reference lets feet that stand creep by 5 to 20 mm.
+Prints the errors against the recorded pose of the base. The reference velocity is the slope of its position
+over 0.11 s. In the reference, standing feet creep by 5 to 20 mm.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from footfall.robots.description import Robot
 RECORDINGS = ("walking", "com-sinusoid")
 LEGS = slice(14, 26)  # of the recorded joints: neck, torso, arms, then left and right leg
 FIRST = 300  # samples at rest: the default pose
-SETTINGS = {  # its encoders and its accelerometer are good, its feet land hard
+SETTINGS = {  # the robot's encoders and accelerometer are good, its feet land hard
     "own_attitude": True,
     "filter": {
         "leg_velocity_noise": 0.01,
@@ -41,12 +41,12 @@ SETTINGS = {  # its encoders and its accelerometer are good, its feet land hard
         "push_m_s": 1.0,
     },
 }
-SLOPE = 5  # samples on either side, of the reference velocity
-MOVING_M_S = 0.05  # horizontal speed of the reference from which on the robot walks or sways
+SLOPE = 5  # samples on either side, for the slope that gives the reference velocity
+MOVING_M_S = 0.05  # horizontal speed of the reference above which the robot counts as moving
 
 
 class Recording(NamedTuple):
-    """What was recorded, at a constant period; base axes."""
+    """The samples of a recording at a constant period, in base axes."""
 
     robot: Robot
     period_s: float
@@ -54,15 +54,15 @@ class Recording(NamedTuple):
     acceleration: np.ndarray  # (T, 3) m/s^2
     position: np.ndarray  # (T, 12) of the joints, rad
     force: np.ndarray  # (T, 2) at the feet, N
-    place: np.ndarray  # (T, 3) of the base, m, by the reference
-    rotation: np.ndarray  # (T, 3, 3) body to world, likewise
+    place: np.ndarray  # (T, 3) reference position of the base, m
+    rotation: np.ndarray  # (T, 3, 3) reference, body to world
 
 
 class Estimated(NamedTuple):
-    """What the estimator finds, from its first sample on."""
+    """Outputs of the estimator, from its first sample on."""
 
     first: int  # sample at which it starts
-    place: np.ndarray  # (T, 3) m, axes of the base at the start, z up
+    place: np.ndarray  # (T, 3) position of the base, m, axes of the base at the start, z up
     velocity: np.ndarray  # (T, 3) m/s, body frame
     rotation: np.ndarray  # (T, 3, 3)
     yaw: np.ndarray  # (T,) rad

@@ -1,10 +1,11 @@
-"""What a fit finds of robots whose parameters it does not know: planted truths on the simulated bus.
+"""Errors of identified parameters on simulated robots with known, randomised ones.
 
     python benchmarks/identification.py --robot go1 --draws 20 --workers 2 [--json FILE]
 
-Each draw: a robot out of `FAMILY`, its base clamped, is recorded twice by `footfall identify record`'s own
-code, over its quantised frames. One recording is fitted leg by leg, another one, of another motion and other
-gains, judges. Errors are of the fit against the draw; position errors against the judging recording.
+Each draw is a robot out of `FAMILY` with a clamped base. The code of `footfall identify record` records it
+twice, over its quantised frames. Each leg is fitted to the first recording. The second one, of another motion
+with other gains, is held out. Parameter errors are against the draw, position errors against the held-out
+recording.
 """
 
 import argparse
@@ -79,7 +80,9 @@ class Outcome:
     draw: int
     leg: str
     errors: dict[str, list[float]] = field(default_factory=dict)  # by quantity, in the units of `TARGETS`
-    off: dict[str, list[float]] = field(default_factory=dict)  # by quantity: errors over half the interval
+    off: dict[str, list[float]] = field(
+        default_factory=dict
+    )  # by quantity: error / half-width of the interval
     not_told: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)
@@ -87,7 +90,7 @@ class Outcome:
 
 
 def drawn(robot: Robot, number: int) -> Sample:
-    """The hidden robot of a draw. The plant delays by whole physics steps, so the truth has such a delay."""
+    """The true parameters of a draw, with delays rounded to physics steps, as in the plant."""
     bodies = plant_model(robot).nbody - 1
     rng = np.random.default_rng([32, number])
     sample = draw(FAMILY, rng.random, len(robot.joint_names), bodies)

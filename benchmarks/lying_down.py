@@ -1,9 +1,9 @@
-"""How a robot ends whose policy fails in a walk: lying on its belly, or turned over.
+"""How a robot lies down after its policy fails in a walk: on its belly, or turned over.
 
     python benchmarks/lying_down.py --policy go1-flat --speed 1.8 --seeds 20
     python benchmarks/lying_down.py --speed 1.8 --set sink_share=0.0 sink_rate_rad_s=8.0
 
-Lockstep, with sensor noise; the policy's targets are no numbers from a drawn moment on.
+Runs in lockstep, with sensor noise. From a random time on the policy's targets are NaN.
 """
 
 import argparse
@@ -25,8 +25,8 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
 
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
-FAILS_S = (1.2, 1.7)  # of walking: it has reached its speed
-LEVEL_RAD = 0.3  # of a base that lies on its belly
+FAILS_S = (1.2, 1.7)  # time in walking at which the policy fails, when the robot has reached its speed
+LEVEL_RAD = 0.3  # largest tilt of a base that lies on its belly
 
 
 class Watch:
@@ -39,20 +39,20 @@ class Watch:
         self._sinking = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        place, motion = body.data.qpos, body.data.qvel
+        qpos, qvel = body.data.qpos, body.data.qvel
         if (
             loop.state.mode is Mode.WALKING
             and loop.walking_s >= self._at_s
             and self._policy.change_decision is None
         ):
             self._policy.change_decision = _no_numbers
-            self.speed = float(np.hypot(*motion[:2]))
+            self.speed = float(np.hypot(*qvel[:2]))
         if loop.state.faults:
-            self.last_tilt = tilt(place[3:7])
+            self.last_tilt = tilt(qpos[3:7])
             self.most_tilt = max(self.most_tilt, self.last_tilt)
             if self.touched_m_s is None and body.fall() == "the base touched the ground":
                 self.touched_m_s = self._sinking
-        self._sinking = -float(motion[2])
+        self._sinking = -float(qvel[2])
 
 
 def _no_numbers(command: JointCommand) -> JointCommand:

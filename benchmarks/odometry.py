@@ -39,11 +39,11 @@ from footfall.robots.model import plant_model
 FIRST_SEED = 1000
 RECORD_EVERY_S = 0.237  # no multiple of a gait period: errors oscillate with the stride
 SHARE = 0.5  # share of the robot's highest commands
-SIDE_S = 3.0  # time for one side of the rectangle
+SIDE_S = 3.0  # duration of one side of the rectangle
 PARTS = {"horizontal place": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
 PLANTS = ("nominal", "randomised")
 GOAL = 2.0  # drift, % of the distance
-LONG_ENOUGH_M = 0.5  # a shorter way says nothing about drift
+LONG_ENOUGH_M = 0.5  # drift per distance is not computed for shorter paths
 
 
 class Walk(NamedTuple):

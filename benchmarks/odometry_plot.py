@@ -1,4 +1,4 @@
-"""The picture of `odometry.py`: drift against distance, and of each robot a true and an estimated path."""
+"""The figure of `odometry.py`: drift over distance, and a true and an estimated path of each robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +17,12 @@ WIDTH_IN, HEIGHT_IN, DPI = 7.0, 7.4, 200  # 1400 pixels wide; letters can be rea
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b")
 PLANT, SHOWN_PATH = "randomised", "rectangle"
 WITHIN = (5.0, 50.0, 95.0)  # percentiles of the walks
-STILL_GOING = 0.5  # share of the walks that must have come so far for their percentiles to be shown
+STILL_GOING = 0.5  # share of the walks that must reach a distance for its percentiles to be shown
 STEP_M = 0.05
 
 
 def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (k,) m, and the percentiles `WITHIN` of the error of the place after each, (3, k) m.
+    """Distances (k,) m, and the percentiles `WITHIN` of the position error after each, (3, k) m.
 
     A walk counts as far as it went; distances that fewer than `STILL_GOING` of them reached are left out.
     """
@@ -86,7 +86,7 @@ def _draw_drift(axes: Axes, walks: dict[str, list[Walk]], goal_percent: float) -
         [0, farthest], [0, goal_percent * farthest], "k--", lw=1.2, label=f"{goal_percent:g} % of the way"
     )
     axes.set(xlim=(0, farthest), ylim=(0, 1.05 * highest), xlabel="distance walked, m")
-    axes.set_ylabel("error of the place, cm")
+    axes.set_ylabel("position error, cm")
     axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 

@@ -26,7 +26,7 @@ from resumable_runs import add_options, run_resumable
 from footfall.identify.null_space import null_directions
 from footfall.identify.shooting import Shooting
 
-SUPPORTED = 0.5  # half-width of an interval, as a share of the value, up to which a figure is told
+SUPPORTED = 0.5  # half-width of an interval, as a share of the value, up to which a figure is given
 PREDICTED = 3.0  # held-out error over that of the fit up to which recordings support a prediction
 AT_BOUND = 0.01  # distance from a bound, in scales, up to which a figure is its bound
 LONG_S = 5.9  # windows that show drift
@@ -131,14 +131,14 @@ def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarra
         if min(low - number.low, number.high - high) < AT_BOUND * number.scale:
             value = f"refused: {value} is at its bound"
         elif high - low > 2.0 * SUPPORTED * abs(fitted[place]):
-            value = f"refused: {value} is not told"
+            value = f"refused: {value} is not determined"
         rows.append([number.name, number.unit, value, f"{low:.4g} to {high:.4g}"])
     print(table(["joint law", "unit", "fit to all", "95 % over recordings"], rows))
     print(as_robot(dict(zip([number.name for number in windows.numbers], fitted, strict=True))))
     residual, slope = windows.slopes(fitted)
     names = [number.name for number in windows.numbers]
     found = null_directions(slope.reshape(-1, len(names)), names, float(np.sqrt((residual**2).mean())))
-    print("\n".join(f"not told: {each.text}" for each in found) or "no direction is left untold")
+    print("\n".join(f"not determined: {each.text}" for each in found) or "every direction is determined")
 
 
 def as_robot(value: dict[str, float], supply_v: float = 1.0) -> str:

@@ -33,12 +33,12 @@ from footfall.plant.robot import SimulatedRobot
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
-MOST_GROWTH = 0.02  # of memory, from the first tenth of a run to its end
-MOST_DRIFT_TICKS = 2.0
+MAX_GROWTH = 0.02  # relative growth of memory from the first tenth of a run to its end
+MAX_DRIFT_TICKS = 2.0
 NOTICED_WITHIN_S = 2.0
 PAGE = 4096
 WALL_CLOCK, LOCKSTEP = "wall clock", "lockstep"
-LOOKS = 200  # at memory and time, in a long run
+LOOKS = 200  # measurements of memory and time in a long run
 
 
 def command_at(time_s: float) -> np.ndarray:
@@ -101,8 +101,8 @@ def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, 
         wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
     as_long = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
     whole = trace.final_state == "IDLE" and as_long
-    flat = watcher.growth() < MOST_GROWTH
-    steady = abs(watcher.drift_us()) <= MOST_DRIFT_TICKS * config.tick_us
+    flat = watcher.growth() < MAX_GROWTH
+    steady = abs(watcher.drift_us()) <= MAX_DRIFT_TICKS * config.tick_us
     return {
         "part": kind,
         "good": whole and flat and steady,

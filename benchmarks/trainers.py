@@ -3,8 +3,8 @@
     python benchmarks/trainers.py --preset gpu --iterations 20
     python benchmarks/trainers.py --preset cpu --trainers rsl_rl --set ppo.num_envs=128
 
-Whole iterations after compilation: rollout, learning, metrics. brax also runs with its networks in single
-precision, as rsl_rl's do. Of rsl_rl it prints the seconds of the rollout, of the environment within it, and
+Whole iterations after compilation are timed: rollout, learning, metrics. brax also runs with float32
+networks, as rsl_rl has. For rsl_rl it prints the seconds of the rollout, of the environment steps in it, and
 of learning. Needs the extra `rsl-rl`.
 """
 

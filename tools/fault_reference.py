@@ -22,7 +22,7 @@ FAULT_COLUMNS = {
 
 
 def faults() -> str:
-    """The fault table: all rows as HTML, which a script sorts and filters where there is one."""
+    """The fault table as HTML, which a script of the page sorts and filters."""
     rows = json.loads(FAULTS.read_text(encoding="utf-8"))["rows"]
     head = "".join(f"<th>{html.escape(title)}</th>" for title in FAULT_COLUMNS.values())
     body = "\n".join(

@@ -1,4 +1,4 @@
-"""Renders the README's moving pictures: a policy walks, turns and is pushed on the simulated robot.
+"""Renders the README's animations: a policy walks, turns and is pushed on the simulated robot.
 
 python tools/make_picture.py go1-flat
 python tools/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
@@ -12,7 +12,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-# MuJoCo settles on a way to render when it is imported.
+# MuJoCo reads MUJOCO_GL when it is imported.
 if sys.platform.startswith("linux"):
     os.environ.setdefault("MUJOCO_GL", "egl")
 
@@ -25,25 +25,25 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.terrain.declaration import load_ground
 
-COURSE = (  # from this time on, s: shares of the fastest forward, leftward and turning command
+COURSE = (  # (start time in s, shares of the largest forward, leftward and yaw command)
     (0.0, (1.0, 0.0, 0.0)),
     (3.5, (0.5, 0.0, -1.0)),
     (5.0, (1.0, 0.0, 0.0)),
 )
-STRAIGHT_SHARE = 0.5  # of the fastest forward command, on ground that is not level
+STRAIGHT_SHARE = 0.5  # share of the largest forward command, on ground that is not level
 PUSH_AFTER_S = 2.0
 DURATION_S = 6.0
-BEGIN = 12  # frames left out, in which it sets off
+BEGIN = 12  # index of the first frame; before it the robot starts to walk
 QUALITY = 55  # of WebP, 0 to 100
 
 
 def straight(fastest: np.ndarray, time_s: float) -> np.ndarray:
-    """Straight ahead, as `command`."""
+    """The command straight ahead, (3,), with the arguments of `command`."""
     return fastest * [STRAIGHT_SHARE, 0.0, 0.0]
 
 
 def command(fastest: np.ndarray, time_s: float) -> np.ndarray:
-    """What is asked for so long after walking began, (3,), of a robot whose fastest command (3,) this is."""
+    """The command, (3,), at a time after walking began; `fastest` (3,) is the robot's largest command."""
     return fastest * [shares for start_s, shares in COURSE if time_s >= start_s][-1]
 
 
@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path(__file__).parents[1] / "docs/images/walking.webp")
     parser.add_argument("--push", type=float, default=2.0, help="m/s to the left")
     parser.add_argument("--width", type=int, default=films.WIDTH, help="of the picture, pixels")
-    parser.add_argument("--ground", help="as of footfall deploy; the robot goes straight, without a push")
+    parser.add_argument("--ground", help="as in footfall deploy; the robot walks straight, without pushes")
     options = parser.parse_args()
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)

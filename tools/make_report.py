@@ -1,10 +1,10 @@
-"""Puts results of `footfall evaluate --json` together: one JSON, and the page that `compare` writes.
+"""Merges results of `footfall evaluate --json` into one JSON, and renders the page that `compare` writes.
 
 python tools/make_report.py a.json b.json --json docs/comparison.json --html report.html
 python tools/make_report.py docs/comparison.json --html report.html
 
-Policies are named as their results name them; each walks over the test course here, once, for the page's
-plots of velocities, gait and time per step. Films are left out.
+Policies keep the names of their results. Each walks the test course once here, for the page's plots of
+velocities, gait and time per step. The page has no films.
 """
 
 import argparse
@@ -28,11 +28,11 @@ from footfall.robots.description import load_robot
 SHARED = ("robot", "seed", "ground_truth", "plant", "engine")
 
 
-def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Results by policy, the scenarios of all files together, those of policies' first in the order of files.
+def merge(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """The merged results by policy, in the order of the files, with the scenarios that all policies have.
 
     Raises:
-        UserError: results are of different robots, seeds or plants, or differ in their numbers of episodes.
+        UserError: results differ in robot, seed, ground truth, plant, engine or number of episodes.
     """
     merged: dict[str, dict[str, Any]] = {}
     for file in files:
@@ -54,7 +54,7 @@ def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
 
 
 def page(results: dict[str, dict[str, Any]]) -> str:
-    """The report of results that `together` put together; the policies' courses are run for it."""
+    """The page of results from `merge`, as HTML; runs each policy's test course."""
     first = next(iter(results.values()))
     config = EvaluationConfig(
         first["robot"],
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--html", type=Path)
     options = parser.parse_args()
     try:
-        results = together(options.results)
+        results = merge(options.results)
         if options.json:
             options.json.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
         if options.html:

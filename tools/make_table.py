@@ -1,7 +1,7 @@
 """Writes a comparison's headline figures into a Markdown file, between two markers.
 
-Errors and effort are left out of scenarios in which a policy fell often: a robot that lies down early neither
-errs nor works for long.
+Scenarios in which a policy fell often have no rows for errors and effort: a robot that falls early collects
+little of either.
 
 Usage: footfall compare ... --json compare.json && python tools/make_table.py compare.json README.md
 """
@@ -15,12 +15,12 @@ from typing import Any
 
 from footfall.evaluate.figures import figures, interval_text, measured, text
 
-SELDOM = 0.05  # of episodes
+SELDOM = 0.05  # fall rate up to which errors and effort are shown
 BEGIN, END = "<!-- comparison -->", "<!-- /comparison -->"
 
 
 def policies_of(results: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """The parts of a comparison that are about a policy."""
+    """The results of each policy, without a comparison's other keys."""
     return {name: part for name, part in results.items() if isinstance(part, dict) and "scenarios" in part}
 
 
@@ -30,9 +30,9 @@ def table(results: Mapping[str, Any]) -> str:
     lines = ["| | " + " | ".join(policies) + " |", "| --- |" + " ---: |" * len(policies)]
     for scenario in next(iter(policies.values()))["scenarios"]:
         summaries = [part["scenarios"][scenario] for part in policies.values()]
-        somebody_fell = any(summary["fall_rate"] > SELDOM for summary in summaries)
+        often_fell = any(summary["fall_rate"] > SELDOM for summary in summaries)
         for figure in figures().values():
-            if not (figure.headline and measured(figure, summaries)) or (figure.upright and somebody_fell):
+            if not (figure.headline and measured(figure, summaries)) or (figure.upright and often_fell):
                 continue
             cells = [_cell(text(figure, each), interval_text(figure, each)) for each in summaries]
             lines.append(

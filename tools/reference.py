@@ -49,12 +49,12 @@ def command_line() -> str:
 
 
 def settings(cls: type, path: str = "", seen: dict[type, str] | None = None) -> str:
-    """A table of a dataclass's fields, and one for each kind of dataclass among them.
+    """A table of a dataclass's fields, and one for each dataclass that they hold, as Markdown.
 
     Args:
         cls: the dataclass that a YAML file is read into.
         path: dotted key of the section; empty for the whole file.
-        seen: dataclasses that have a table already, and its key.
+        seen: key of the table that each dataclass has already.
     """
     seen = {} if seen is None else seen
     parts = [f"## `{path}`\n" if path else "## Top level\n", _first_paragraph(cls), ""]
@@ -76,13 +76,13 @@ def settings(cls: type, path: str = "", seen: dict[type, str] | None = None) -> 
 
 
 def attributes(cls: type) -> str:
-    """A table of the attributes of a class, with the comments beside them."""
+    """A table of a class's attributes and the comments beside them, as Markdown."""
     rows = [f"| `{name}` | {_cell(meaning)} |" for name, meaning in _comments(cls).items()]
     return "\n".join(["| attribute | meaning |", "| --- | --- |", *rows])
 
 
 def _nested(hint: Any) -> tuple[type | None, str]:
-    """The dataclass that a field holds, alone or several times, and the suffix of its key."""
+    """The dataclass in a field's type, directly or in a container, and the suffix of its key."""
     if isinstance(hint, type) and is_dataclass(hint):
         return hint, ""
     suffix = {tuple: "[]", list: "[]", dict: ".NAME"}.get(get_origin(hint), "")
@@ -145,7 +145,7 @@ def _comments(cls: type) -> dict[str, str]:
 
 
 def _lines_above(lineno: int, by_line: dict[int, tuple[str, bool]]) -> range:
-    """The whole comment lines above a field."""
+    """The numbers of the comment lines directly above a field."""
     first = lineno
     while by_line.get(first - 1, ("", False))[1]:
         first -= 1
@@ -161,7 +161,7 @@ def _cell(text: str) -> str:
 
 
 def _anchor(key: str) -> str:
-    """As the site writes the heading `key` in addresses."""
+    """The anchor that the site gives the heading `key`."""
     return "".join(c for c in key.lower() if c.isalnum() or c in "_-")
 
 
@@ -216,7 +216,7 @@ def _measurement(table: dict[str, Any]) -> str:
 
 
 def ros2() -> str:
-    """Names that a run has in ROS 2: topics, services, the action."""
+    """The ROS 2 topics, services and action of a run."""
     published = [
         (table.absolute(each.name), TOPICS[each.feed].kind, _at_most(each.rate_hz), each.about)
         for each in table.PUBLISHED
@@ -227,7 +227,7 @@ def ros2() -> str:
     return "\n\n".join(
         [
             _table(("published", "type", "at most, Hz", "content"), published),
-            _table(("listened to", "type", "content"), topics),
+            _table(("subscribed", "type", "content"), topics),
             _table(("service or action (rclpy)", "type", "what it does"), services),
         ]
     )

@@ -2,7 +2,7 @@
 
 mkdocs reads this file by its path (`hooks` in mkdocs.yml). A page asks for a generated section with the line
 `<!-- generated: NAME -->`; NAME is a key of `reference.SECTIONS`. A link that leaves `docs/` leads to a page
-with the file's text, so that the site is whole without a forge and without a network.
+with the file's text, so that the site works without GitHub and without a network.
 """
 
 import re
@@ -15,7 +15,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-sys.path.insert(0, str(Path(__file__).parent))  # mkdocs runs this file without its folder on the path
+sys.path.insert(0, str(Path(__file__).parent))  # mkdocs does not add this file's folder to sys.path
 
 import reference
 
@@ -47,7 +47,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Fill in generated sections and turn links that leave `docs/` to the pages made for them."""
+    """Insert generated sections, and redirect links that leave `docs/` to the pages generated for them."""
     uri = page.file.src_uri
     origin = _origin(uri)
     filled = STATES.sub(_as_table, GENERATED.sub(lambda match: reference.SECTIONS[match[1]](), markdown))
@@ -63,7 +63,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def _as_table(diagram: re.Match[str]) -> str:
-    """A state diagram's transitions as a table: drawing it would take a script from another server."""
+    """A state diagram's transitions as a table, since mermaid would load a script from another server."""
     rows = [("from", "to", "when"), ("---", "---", "---")]
     rows += [(start.replace("[*]", "start"), end.replace("[*]", "end"), when)
              for start, end, when in TRANSITION.findall(diagram[1])]  # fmt: skip
@@ -94,7 +94,7 @@ def _source_uri(target: str) -> str:
 
 
 def _origin(uri: str) -> str:
-    """Where a page's text lies in the repository."""
+    """Path of a page's text in the repository."""
     return uri.removeprefix("source/") if uri.startswith("source/") else DOCS + uri
 
 

@@ -68,7 +68,7 @@ def twice(injector: FaultInjector) -> None:
 
 
 def foreign(injector: FaultInjector) -> None:
-    """A bus on which somebody else talks, too."""
+    """A bus on which another sender transmits, too."""
     foreign = Frames(
         np.full(8, injector.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
     )

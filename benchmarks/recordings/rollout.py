@@ -1,6 +1,6 @@
 """Motion of candidates over windows of recordings: a simulator for `identify/shooting.py`, in JAX.
 
-It computes in double precision. The rest of the process must not see that: trainings use single precision.
+It computes in float64 within its own context: training in the same process stays in float32.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,20 +15,20 @@ from footfall.identify.shooting import Number, Simulate
 Accelerate = Callable[[Mapping[str, Any], jnp.ndarray, jnp.ndarray], jnp.ndarray]
 """Numbers by name, state (q, v) of (2 n,) and what the motors get, (u,): accelerations (n,)."""
 
-MOST_RAD_S = 60.0  # keeps a bad candidate finite
+MAX_RAD_S = 60.0  # clip on joint speeds, so that a bad candidate stays finite
 
 
 class Inputs(NamedTuple):
-    """What the motors got over W windows, on the physics grid, and when readings were taken."""
+    """Inputs of the motors over W windows, by physics step, and the times of readings."""
 
-    given: np.ndarray  # (W, M + S, u) from M steps before the start on
-    margin: int  # M, the longest delay
+    given: np.ndarray  # (W, M + S, u) inputs from M steps before the start on
+    margin: int  # M, the longest delay, steps
     step_s: float
-    read: np.ndarray  # (W, R) steps from the start, not whole
+    read: np.ndarray  # (W, R) times of readings, steps from the start, fractional
 
 
 def delayed(given: jnp.ndarray, delay: jnp.ndarray) -> jnp.ndarray:
-    """A column (T,) that takes effect later by a number of steps, which need not be whole."""
+    """An input (T,) delayed by a number of steps, which may be fractional."""
     at = jnp.arange(given.shape[0], dtype=float)
     return jnp.interp(at - delay, at, given)
 
@@ -43,11 +43,11 @@ def rollouts(
     """Semi-implicit Euler over all windows and candidates.
 
     Args:
-        accelerate: of one window of one candidate.
-        inputs: of the windows.
-        numbers: that candidates have.
-        delays: name of the number that delays each input, s; None or absent for none.
-        scales: likewise of a factor of each input.
+        accelerate: accelerations in one window of one candidate.
+        inputs: inputs of all windows.
+        numbers: the parameters of a candidate.
+        delays: name of the parameter that delays each input, s; None or absent for none.
+        scales: name of the parameter that scales each input; None or absent for none.
     """
     names = [each.name for each in numbers]
     with jax.enable_x64(True):
@@ -71,7 +71,7 @@ def rollouts(
 
         def step(state: jnp.ndarray, drive: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
             speed = state[n:] + inputs.step_s * accelerate(value, state, drive)
-            speed = jnp.clip(speed, -MOST_RAD_S, MOST_RAD_S)
+            speed = jnp.clip(speed, -MAX_RAD_S, MAX_RAD_S)
             after = jnp.concatenate([state[:n] + inputs.step_s * speed, speed])
             return after, after[:n]
 

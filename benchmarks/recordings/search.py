@@ -1,22 +1,22 @@
-"""An evolution strategy for fits whose residuals have no slope: a servo that sticks."""
+"""An evolution strategy for fits whose residuals have zero gradient, as those of a servo that sticks."""
 
 import numpy as np
 
 from footfall.identify.shooting import Shooting
 
-ROUNDS = 3  # of refining starts between searches
+ROUNDS = 3  # searches; initial states are refined before each
 POPULATION = 16
-FIRST_SPREAD = 0.4  # of candidates, in scales
+FIRST_SPREAD = 0.4  # initial standard deviation of candidates, in scales
 
 
 def search(windows: Shooting, first: np.ndarray, generations: int, seed: int) -> np.ndarray:
-    """Numbers, (p,), with the least mean absolute error that CMA-ES finds from `first`.
+    """The parameters, (p,), of least mean absolute error that CMA-ES finds from `first`.
 
     Args:
-        windows: of the recordings that count.
-        first: numbers of another fit.
-        generations: of each round.
-        seed: of the draws.
+        windows: windows of the recordings to fit.
+        first: parameters of another fit, (p,).
+        generations: generations of each search.
+        seed: seed of CMA-ES.
     """
     import cma
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-MOST_DRAWN = 12  # windows of each recording
+MAX_DRAWN = 12  # plotted windows of each recording
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
@@ -49,7 +49,7 @@ def plot_windows(
     length = measured.shape[1]
     for row, each in enumerate(recordings):
         chosen = np.flatnonzero(recording == each)
-        chosen = chosen[:: max(1, len(chosen) // MOST_DRAWN)]
+        chosen = chosen[:: max(1, len(chosen) // MAX_DRAWN)]
         for column, channel in enumerate(channels):
             axis = axes[row, column]
             for place, window in enumerate(chosen):

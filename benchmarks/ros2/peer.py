@@ -1,4 +1,4 @@
-"""A node of true rclpy that keeps what it hears, for `looks.py`. It needs nothing of footfall."""
+"""A node of real rclpy that stores the messages it receives, for `looks.py`; independent of footfall."""
 
 import json
 import time
@@ -10,7 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 
 class Peer:
-    """A node that keeps what it hears."""
+    """A node that stores the messages it receives, with their times of arrival."""
 
     def __init__(self) -> None:
         rclpy.init()

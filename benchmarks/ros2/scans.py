@@ -1,4 +1,4 @@
-"""Feeds a policy with height scans by true rclpy, and looks into the run's log for what it read; 1 if wrong.
+"""Sends height scans to a policy by real rclpy and checks in the run's log what it read; 1 if wrong.
 
     python benchmarks/ros2/scans.py jazzy/bin/python [--backend cyclonedds]
 

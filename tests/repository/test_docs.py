@@ -214,13 +214,13 @@ def test_results_from_several_files_make_one_comparison(tmp_path: Path) -> None:
         return path
 
     both = [written(policy, scenario) for policy in ("b", "a") for scenario in ("push", "walk")]
-    results = make_report.together([*both, written("a", "sweep")])
+    results = make_report.merge([*both, written("a", "sweep")])
     assert {name: list(result["scenarios"]) for name, result in results.items()} == {
         "b": ["push", "walk"],
         "a": ["push", "walk"],
     }
     with pytest.raises(UserError, match="differ in 'seed'"):
-        make_report.together([written("c", "push", seed=1), written("d", "push")])
+        make_report.merge([written("c", "push", seed=1), written("d", "push")])
 
 
 def test_command_lines_are_found() -> None:
