@@ -236,7 +236,7 @@ def test_wrong_entries_are_refused_by_their_place() -> None:
             {"rewards": (with_settings("own_terms:AirTime", least_s=-1.0),)},
             "env.rewards[0].least_s: must be from 0 to 1, not -1",
         ),
-        ({"rewards": (RewardConfig("own_terms:crooked", 1.0),)}, "[0]: gives 12 numbers, expected 1"),
+        ({"rewards": (RewardConfig("own_terms:crooked", 1.0),)}, "[0]: returns 12 numbers, expected 1"),
         ({"rewards": (RewardConfig("own_terms:broken", 1.0),)}, "env.rewards[0]: AttributeError: 'StepData'"),
         ({"rewards": (RewardConfig("own_terms:absent", 1.0),)}, "no reward 'own_terms:absent': "),
         ({"rewards": (RewardConfig("no_such_module:x", 1.0),)}, "no module 'no_such_module'"),
