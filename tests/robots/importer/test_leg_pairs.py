@@ -85,7 +85,7 @@ def test_an_imported_robot_trains_with_its_pairs_and_they_touch_nothing_else(tmp
     assert 'class="leg"' in text
     assert '<geom group="3" contype="0" conaffinity="0"/>' in text
     assert told == [
-        "legs meet in training through 2 pairs of capsules, each costs training time:"
+        "legs collide in training through 2 pairs of capsules, each costs training time:"
         " rl_shank with rr_shank, fl_shank with fr_shank"
     ]
     assert told[0] in robot.xml_path.with_name("robot.yaml").read_text().replace("\n# ", " ")
