@@ -19,7 +19,7 @@ class LevellingConfig:
     """How the ankles answer a pitch of the base while the robot stands up."""
 
     gain: float = 1.0  # share of the pitch; 0 for none
-    rate_gain_s: float = 0.1  # the same for the pitch rate
+    rate_gain_s: float = 0.05  # the same for the pitch rate; twice as much shakes a g1
     most_rad: float = 0.15  # largest correction
     fade_s: float = 0.1  # in which it sets in
 
