@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from shell import Shell
 
+from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
@@ -99,7 +100,8 @@ def test_a_robot_that_cannot_lie_begins_on_its_feet(
     made: list[PlantConfig] = []
     monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *given: made.append(given[3]))
     monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
-    setting: Any = SimpleNamespace(robot=SimpleNamespace(lying_pose=None), deploy=DeployConfig())
+    robot = SimpleNamespace(lying_pose=None)
+    setting: Any = SimpleNamespace(robot=robot, deploy=DeployConfig(), config=BringUpConfig())
     monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wire(go1))
     for step in STEPS:
         with bring_up._opened(setting, step, "sim"):

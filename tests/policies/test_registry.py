@@ -129,8 +129,8 @@ class TestOwn:
     @pytest.mark.parametrize(
         ("spec", "words"),
         [
-            ("yours:Sway", "no module 'yours': neither {folder} nor what is installed has it to import"),
-            ("mine.deep:Sway", "no module 'mine.deep': neither"),
+            ("yours:Sway", "no module 'yours': it is neither in {folder} nor installed"),
+            ("mine.deep:Sway", "no module 'mine.deep'"),
             ("mine:Swing", "no policy 'mine:Swing': {folder}/mine.py has no 'Swing'"),
             ("mine:Unfinished", "no rate_hz, needs_estimate, contract, notes, reset, act, stance"),
             ("mine:Odd", "mine:Odd cannot be built: TypeError: Odd() takes no arguments"),
