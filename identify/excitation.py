@@ -40,6 +40,8 @@ class ExcitationConfig:
         require_between(self, 0.01, 1.0, "amplitude_rad", "second_amplitude")
         require_between(self, 0.05, 40.0, "lowest_hz", "highest_hz", "corner_hz")
         require_between(self, 0.005, 0.5, "burst_share")
+        if (len(self.stiffness), len(self.damping)) != (2, 2):
+            raise ValueError("stiffness and damping need two values each: one for each chirp")
         if any(not 0.05 <= each <= 3.0 for each in (*self.stiffness, *self.damping)):
             raise ValueError("stiffness and damping must be from 0.05 to 3, as shares of the robot's gains")
 

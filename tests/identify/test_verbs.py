@@ -27,6 +27,19 @@ def test_a_fit_without_a_log_is_refused(arguments: list[str], capsys: pytest.Cap
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_motion_has_gains_for_both_chirps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "motion.yaml").write_text("stiffness: [0.5]")
+    arguments = [
+        "identify",
+        "record",
+        str(tmp_path / "log.mcap"),
+        "--excitation",
+        str(tmp_path / "motion.yaml"),
+    ]
+    assert main(arguments) == 2
+    assert "stiffness" in capsys.readouterr().err
+
+
 def test_a_plant_is_for_the_simulated_robot_alone(tmp_path: Path) -> None:
     arguments = ["identify", "record", str(tmp_path / "log.mcap"), "--bus", "virtual", "--plant", "other.xml"]
     assert main(arguments) == 2

@@ -9,6 +9,9 @@ import pytest
 pytest.importorskip("jax")
 
 import jax
+import jax.numpy as jnp
+from brax.training.acme import running_statistics
+from brax.training.types import UInt64
 
 from footfall.common.errors import UserError
 from footfall.envs.make import make_environment
@@ -37,7 +40,7 @@ class Trained:
         self.networks = make_networks(self.env.observation_sizes, self.env.action_size, config.ppo)
         state = jax.device_get(initial_state(self.env, self.networks, config.ppo, 5))
         mean = {name: np.full_like(each, 0.25) for name, each in state.normalizer.mean.items()}
-        normalizer = state.normalizer.replace(mean=mean)
+        normalizer = state.normalizer.replace(mean=mean, count=UInt64(hi=np.uint32(0), lo=np.uint32(10**8)))
         self.state = state._replace(normalizer=normalizer)
         observed = np.zeros((1, self.env.observation_sizes["state"]), np.float32)
         checkpoint.save(self.run.checkpoints, 3, self.state, observed)
@@ -95,6 +98,9 @@ class TestTakenOver:
         assert same(new.value, value)
         np.testing.assert_allclose(statistics.mean["state"], 0.25)
         assert statistics.mean["privileged_state"].shape == (7,)
+        ones = {n: jnp.ones((ppo.steps_per_iteration, e.size)) for n, e in statistics.mean.items()}
+        later = running_statistics.update(jax.tree.map(jnp.asarray, statistics), ones)
+        np.testing.assert_allclose(later.mean["privileged_state"], 0.5, atol=0.01)  # as fast as at a start
 
     def test_a_damaged_file_is_refused(self, trained: Trained, tmp_path: Path) -> None:
         broken = tmp_path / "start.ckpt"

@@ -38,14 +38,14 @@ def taken_over(
     try:
         if path.suffix == EXPORTED:
             return _of_policy(path, params, normalizer, ppo)
-        return _of_checkpoint(path, params, normalizer)
+        return _of_checkpoint(path, params, normalizer, ppo)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = " ".join(str(error).split())[:120]
         raise UserError(f"cannot start from {path}: {reason}") from None
 
 
 def _of_checkpoint(
-    path: Path, params: PPONetworkParams, normalizer: Any
+    path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, list[str]]:
     saved = serialization.msgpack_restore(path.read_bytes())["state"]
     policy = _of_same_shape(params.policy, saved["params"]["policy"])
@@ -57,7 +57,7 @@ def _of_checkpoint(
         said = "actor, its noise, critic and normaliser are taken over"
         return params.replace(policy=policy, value=value), whole, [said, ANEW]
     old = saved["normalizer"]
-    kept = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], _count(old["count"]))
+    kept = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], ppo.steps_per_iteration)
     said = "actor, its noise and normaliser are taken over"
     return params.replace(policy=policy), kept, [said, f"{CRITIC_ANEW}it observes something else", ANEW]
 
@@ -66,11 +66,9 @@ def _of_policy(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, list[str]]:
     actor = read_exported(path)
-    # One iteration's samples: the critic's observation has no statistics yet and shares this count.
-    count = ppo.steps_per_iteration
     return (
         params.replace(policy=with_dense_layers(params.policy, actor.layers)),
-        _with_actor(normalizer, actor.mean, actor.std, count),
+        _with_actor(normalizer, actor.mean, actor.std, ppo.steps_per_iteration),
         [
             "actor and normaliser are taken over; its noise is the preset's",
             f"{CRITIC_ANEW}an exported policy has none",
@@ -89,14 +87,11 @@ def _of_same_shape(fresh: Any, saved: Any) -> Any:
     return restored if all(jax.tree.leaves(same)) else None
 
 
-def _count(saved: Any) -> int:
-    return (int(saved["hi"]) << 32) + int(saved["lo"])
-
-
 def _with_actor(normalizer: Any, mean: np.ndarray, std: np.ndarray, count: int) -> Any:
     """A fresh normaliser with the statistics of the actor's observation, as if of `count` samples.
 
-    The critic's observation starts with mean 0 and deviation 1, weighted by the same count.
+    The critic's observation starts with mean 0 and deviation 1, weighted by the same count. One iteration's
+    samples are few enough: its statistics soon outweigh that start.
 
     Raises:
         ValueError: the observation has another size.
