@@ -90,7 +90,8 @@ class Ignored(JointCheck):
     show of it (`JointWindows.add`). A motor that repeats an old command pulls to an old target: its reports
     show no change, however small the torque. A late motor still shows all changes: its reports count for
     `explained_s` longer. A weak motor ignores `strength_share` at most. A change by less than
-    `torque_little` of the peak says nothing.
+    `torque_little` of the peak says nothing, nor does a change in one window alone: a foot that hits the
+    ground reports the torque of the speed before.
     """
 
     looks_at = "the changes of a motor's commands that its torque does not follow: it obeys an old command"
@@ -116,7 +117,9 @@ class Ignored(JointCheck):
             self._obeyed.popleft()
         if len(self._drive) < count + late:
             return np.zeros(self._n)
-        asked, shown = np.array(self._drive)[:count].std(axis=0), np.array(self._obeyed).std(axis=0)
+        drive = np.sort(np.array(self._drive)[:count], axis=0)
+        asked = np.minimum(drive[1:].std(axis=0), drive[:-1].std(axis=0))  # without the farthest window
+        shown = np.array(self._obeyed).std(axis=0)
         ignored: np.ndarray = (asked - shown) / np.maximum(asked, self._least)
         return ignored
 

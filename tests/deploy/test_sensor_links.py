@@ -202,7 +202,13 @@ class TestUnexplained:
 class TestIgnored:
     """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
 
-    def share(self, go1: Robot, target_of_motor: Callable[[float], float], strength: float = 1.0) -> float:
+    def share(
+        self,
+        go1: Robot,
+        target_of_motor: Callable[[float], float],
+        strength: float = 1.0,
+        target: Callable[[float], float] | None = None,
+    ) -> float:
         """What the check measures after 1.2 s of a motor that pulls to this target."""
         readings, sent, joints = JointReadings(go1, Ignored), np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
@@ -210,7 +216,7 @@ class TestIgnored:
         for k in range(1, 301):
             time_s = k * SAMPLE_US * 1e-6
             position, velocity = swing(time_s)
-            sent[0, 0] = self.target(time_s)
+            sent[0, 0] = (target or self.target)(time_s)
             torque = strength * (20.0 * (target_of_motor(time_s) - position) - 0.5 * velocity)
             joints = joints.copy()
             joints[:, 0] = position, velocity, torque
@@ -229,6 +235,11 @@ class TestIgnored:
         assert self.share(go1, self.target) < 0.1
         assert self.share(go1, late) < 0.1
         assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.ignored
+
+    def test_a_command_of_a_moment_that_no_report_shows_tells_nothing(self, go1: Robot) -> None:
+        """As when a foot hits the ground."""
+        moment = lambda time_s: 0.3 * (0.64 < time_s < 0.68)  # noqa: E731
+        assert self.share(go1, lambda _: 0.0, target=moment) < 0.1
 
 
 def test_an_attitude_that_leans_with_its_gyro_is_told_by_the_acceleration(go1: Robot) -> None:
