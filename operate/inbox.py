@@ -67,8 +67,8 @@ class Inbox:
         self._walks_since_s = clock()
         self._end: Request | None = None  # the run ends, also if the owner comes back
 
-    def bear_silence(self, longest_s: float) -> None:
-        """Let the run end after this much silence instead of the configuration's; before the run begins."""
+    def set_longest_silence(self, longest_s: float) -> None:
+        """Set the silence, s, after which the run ends; call before the run begins."""
         self._config = replace(self._config, lie_down_after_s=longest_s)
 
     # -- called by operators, from any thread --------------------------------------------------------

@@ -45,7 +45,7 @@ def steered_by_ros2(
         UserError: this computer has no ROS 2, or the bridge to it does not start.
     """
     backend, source = find_backend(config), PathSource(inbox, OPERATOR, abilities)
-    inbox.bear_silence(config.lie_down_after_s)
+    inbox.set_longest_silence(config.lie_down_after_s)
     with tempfile.TemporaryDirectory(prefix="footfall-ros2-") as folder:
         feed, steer = Path(folder) / "feed", Path(folder) / "steer"
         steering = SteeringSocket(steer, inbox, source, OPERATOR)

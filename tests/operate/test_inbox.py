@@ -36,7 +36,7 @@ def inbox(watch: Watch) -> Inbox:
 
 
 def test_an_operator_who_is_silent_between_two_goals_is_waited_for(inbox: Inbox, watch: Watch) -> None:
-    inbox.bear_silence(100.0)
+    inbox.set_longest_silence(100.0)
     assert inbox.put("nav2", velocity=[0.1, 0, 0]) == ""
     inbox.poll(WALKING)
     watch.now_s += 99.0
