@@ -2,13 +2,13 @@
 
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 
 from footfall.operate.ros2.arguments import parse
 from footfall.operate.ros2.rclpy_bridge.publishing import Publishing
+from footfall.operate.ros2.rclpy_bridge.spinning import spin_node
 from footfall.operate.ros2.rclpy_bridge.steering import Steering
 from footfall.operate.ros2.reading import Reading
 from footfall.operate.ros2.table import NODE
@@ -17,17 +17,14 @@ from footfall.operate.ros2.table import NODE
 def main(arguments: Sequence[str]) -> None:
     """Bridge until the run ends, or whoever started the bridge."""
     options, of_ros = parse("rclpy_bridge", arguments)
-    rclpy.init(args=[sys.argv[0], *of_ros])
-    try:
-        node = rclpy.create_node(NODE)
+
+    def begin(node: Node) -> None:
         publishing = Publishing(node)
         if options.steer is not None:
             Steering(node, options.steer, options.stamped)
         Reading(options, publishing.pass_on, rclpy.try_shutdown)
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
-            rclpy.spin(node)
-    finally:
-        rclpy.try_shutdown()
+
+    spin_node(NODE, of_ros, begin)
 
 
 if __name__ == "__main__":

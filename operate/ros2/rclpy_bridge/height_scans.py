@@ -2,14 +2,14 @@
 
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from footfall.operate.ros2.rclpy_bridge.publishing import message_type
+from footfall.operate.ros2.rclpy_bridge.spinning import spin_node
 from footfall.operate.ros2.reading import ready
 from footfall.operate.ros2.scan_sender import scan_sender
 from footfall.operate.ros2.table import HEIGHT_SCAN, SCAN_NODE
@@ -18,21 +18,17 @@ from footfall.operate.ros2.table import HEIGHT_SCAN, SCAN_NODE
 def main(arguments: Sequence[str]) -> None:
     """Send scans on until whoever started the bridge ends it; the arguments are a port and those of ROS."""
     port, *of_ros = arguments
-    rclpy.init(args=[sys.argv[0], *of_ros])
-    try:
-        with scan_sender(int(port)) as send:
+    with scan_sender(int(port)) as send:
 
-            def take(message: Any) -> None:
-                send(message.data[message.layout.data_offset :])
+        def take(message: Any) -> None:
+            send(message.data[message.layout.data_offset :])
 
-            node = rclpy.create_node(SCAN_NODE)
+        def begin(node: Node) -> None:
             quality = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             node.create_subscription(message_type(HEIGHT_SCAN.kind), HEIGHT_SCAN.name, take, quality)
             ready(rclpy.try_shutdown)
-            with suppress(KeyboardInterrupt, ExternalShutdownException):
-                rclpy.spin(node)
-    finally:
-        rclpy.try_shutdown()
+
+        spin_node(SCAN_NODE, of_ros, begin)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,27 @@
+"""A ROS node that works until its process is ended."""
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+
+
+def spin_node(name: str, of_ros: Sequence[str], begin: Callable[[Node], object]) -> None:
+    """Spin a new node until `rclpy.try_shutdown` is called, or Ctrl-C.
+
+    Args:
+        name: of the node.
+        of_ros: arguments of ROS, such as -r __ns:=/robot.
+        begin: sets up the node's publishers and subscriptions.
+    """
+    rclpy.init(args=[sys.argv[0], *of_ros])
+    try:
+        node = rclpy.create_node(name)
+        begin(node)
+        with suppress(KeyboardInterrupt, ExternalShutdownException):
+            rclpy.spin(node)
+    finally:
+        rclpy.try_shutdown()
