@@ -30,10 +30,9 @@ class JointWindow(NamedTuple):
     stiffness: np.ndarray  # of the last command, N m/rad
     target_speed: np.ndarray  # of the position target, rad/s
     target_travel: np.ndarray  # of the position target in the window before, rad
-    drive: (
-        np.ndarray
-    )  # mean of what the commands ask for apart from the readings, N m (see `JointWindows.add`)
-    obeyed: np.ndarray  # the same by the motors' reports
+    mean: np.ndarray  # (3, n) mean of the readings, rows as in `joints`
+    asked_mean: np.ndarray  # mean of the torque that the last command asks for at each reading, N m
+    gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
     torques: np.ndarray  # (k, n) each report, N m
     asked: np.ndarray  # (2, k, n) least torque that commands asked for before each, and minus the most, N m
     temperature_c: np.ndarray  # NaN where a motor does not report it
@@ -47,7 +46,10 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
         0.0,
         joints,
         np.zeros(joints.shape, bool),
-        *(none,) * 13,
+        *(none,) * 11,
+        np.zeros(joints.shape),
+        none,
+        np.zeros((2, len(none))),
         none[None],
         np.zeros((2, 1, joints.shape[1])),
         temperature_c,
@@ -67,7 +69,8 @@ class _Sums:
         self.torques: list[np.ndarray] = []
         self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
         self.minus_most: list[np.ndarray] = []
-        self.expected, self.drive, self.obeyed = np.zeros((3, n))
+        self.expected, self.asked_sum = np.zeros((2, n))
+        self.gains = np.zeros((2, n))
         self.travel, self.jolts = np.zeros((2, n))
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
         self.late_us = np.zeros(n)
@@ -124,9 +127,7 @@ class JointWindows:
             expected: (n,) torque that the last commands ask for at these readings, N m.
             asked: least torque that all commands since the last call asked for, and minus the greatest, N m,
                 (n,) each; None for `expected`.
-            sent: (5, n) the last command, rows as in `JointCommand`; None if unknown. Torque is
-                kp (q* - q) + kd (v* - v) + feed-forward. Its part without readings is the command's drive,
-                kp q* + kd v* + feed-forward; the torque report with kp q + kd v is the drive that is obeyed.
+            sent: (5, n) the last command, rows as in `JointCommand`; None if unknown.
         """
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
@@ -151,8 +152,8 @@ class JointWindows:
         sums.minus_most.append(minus_most)
         sums.expected += expected
         if sent is not None:
-            sums.drive += (sent[2:4] * sent[:2]).sum(axis=0) + sent[4]
-            sums.obeyed += (sent[2:4] * joints[:2]).sum(axis=0) + joints[2]
+            sums.gains = sent[2:4]
+            sums.asked_sum += (sums.gains * (sent[:2] - joints[:2])).sum(axis=0) + sent[4]
         sums.inertials.append(inertial)
         return len(sums.inertials) >= self._readings
 
@@ -187,7 +188,8 @@ class JointWindows:
     ) -> JointWindow:
         sums, count = self._sums, len(self._sums.inertials)
         elapsed_s = (self._added_us - sums.began_us) * 1e-6
-        _, velocity, torque = sums.readings / count
+        mean = sums.readings / count
+        _, velocity, torque = mean
         # Each position, less the travel until then, tells where the window began. The mean has less noise.
         started = sums.starts / count
         position_error = started - self._ended
@@ -207,8 +209,9 @@ class JointWindows:
             stiffness=stiffness,
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
-            drive=sums.drive / count,
-            obeyed=sums.obeyed / count,
+            mean=mean,
+            asked_mean=sums.asked_sum / count,
+            gains=sums.gains,
             torques=np.array(sums.torques),
             asked=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
             temperature_c=temperature_c,

@@ -86,12 +86,12 @@ class Unexplained(JointCheck):
 class Ignored(JointCheck):
     """Share of the changes of a motor's commands that it does not follow, over `ignored_s`.
 
-    Compares the spread of what the commands ask for apart from the readings, and of what the torque reports
-    show of it (`JointWindows.add`). A motor that repeats an old command pulls to an old target: its reports
-    show no change, however small the torque. A late motor still shows all changes: its reports count for
-    `explained_s` longer. A weak motor ignores `strength_share` at most. A change by less than
-    `torque_little` of the peak says nothing, nor does a change in one window alone: a foot that hits the
-    ground reports the torque of the speed before.
+    Torque is kp (q* - q) + kd (v* - v) + feed-forward. With kp q + kd v added, the torque of a motor that
+    obeys one old command stays the same, however small it is, while what the commands ask for changes. The
+    gains are those of the old command: as gaits repeat themselves, it had the least or the most stiffness of
+    late. A late motor still shows all changes: its reports count for `explained_s` longer. A weak motor
+    ignores `strength_share` at most. A change by less than `torque_little` of the peak says nothing, nor does
+    a change in one window alone: a foot that hits the ground reports the torque of the speed before.
     """
 
     looks_at = "the changes of a motor's commands that its torque does not follow: it obeys an old command"
@@ -104,23 +104,24 @@ class Ignored(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._drive: deque[np.ndarray] = deque()  # N m, (n,), of each window
-        self._obeyed: deque[np.ndarray] = deque()
+        self._windows: deque[np.ndarray] = deque()  # (6, n) position, velocity, torque, asked, kp, kd
 
     def measure(self, window: JointWindow) -> np.ndarray:
         late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows that a report may lag
         count = math.ceil(self._limits.ignored_s / window.elapsed_s)
-        self._drive.append(window.drive)
-        self._obeyed.append(window.obeyed)
-        while len(self._drive) > count + late:
-            self._drive.popleft()
-            self._obeyed.popleft()
-        if len(self._drive) < count + late:
+        self._windows.append(np.vstack((window.mean, window.asked_mean, window.gains)))
+        while len(self._windows) > count + late:
+            self._windows.popleft()
+        if len(self._windows) < count + late:
             return np.zeros(self._n)
-        drive = np.sort(np.array(self._drive)[:count], axis=0)
-        asked = np.minimum(drive[1:].std(axis=0), drive[:-1].std(axis=0))  # without the farthest window
-        shown = np.array(self._obeyed).std(axis=0)
-        ignored: np.ndarray = (asked - shown) / np.maximum(asked, self._least)
+        position, velocity, torque, asked, kp, kd = np.array(self._windows).transpose(1, 0, 2)
+        old = np.array([kp.argmin(axis=0), kp.argmax(axis=0)])[:, None]  # (2, 1, n) windows of old commands
+        readings = np.take_along_axis(kp[None], old, 1) * position
+        readings += np.take_along_axis(kd[None], old, 1) * velocity
+        shown = (torque + readings).std(axis=1)
+        drive = np.sort((asked + readings)[:, :count], axis=1)
+        changed = np.minimum(drive[:, 1:].std(axis=1), drive[:, :-1].std(axis=1))  # without the farthest
+        ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
         return ignored
 
 

@@ -208,15 +208,16 @@ class TestIgnored:
         target_of_motor: Callable[[float], float],
         strength: float = 1.0,
         target: Callable[[float], float] | None = None,
+        stiffness: Callable[[float], float] = lambda _: 20.0,
     ) -> float:
-        """What the check measures after 1.2 s of a motor that pulls to this target."""
+        """What the check measures after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
         readings, sent, joints = JointReadings(go1, Ignored), np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
         readings.begin(0, np.zeros(12, np.int64), joints)
         for k in range(1, 301):
             time_s = k * SAMPLE_US * 1e-6
             position, velocity = swing(time_s)
-            sent[0, 0] = (target or self.target)(time_s)
+            sent[0, 0], sent[2, 0] = (target or self.target)(time_s), stiffness(time_s)
             torque = strength * (20.0 * (target_of_motor(time_s) - position) - 0.5 * velocity)
             joints = joints.copy()
             joints[:, 0] = position, velocity, torque
@@ -229,6 +230,10 @@ class TestIgnored:
 
     def test_a_motor_that_obeys_an_old_command_is_noticed(self, go1: Robot) -> None:
         assert self.share(go1, lambda _: 0.02) > 0.95
+
+    def test_a_motor_that_keeps_an_old_stiffness_is_noticed(self, go1: Robot) -> None:
+        """Stiff in the swing, limp in the stance: a controller's own gait."""
+        assert self.share(go1, lambda _: 0.02, stiffness=lambda time_s: 20.0 * (time_s % 0.3 < 0.15)) > 0.95
 
     def test_a_motor_that_is_late_or_weak_obeys(self, go1: Robot) -> None:
         late = lambda time_s: self.target(time_s - 0.04)  # noqa: E731
