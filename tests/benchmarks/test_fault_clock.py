@@ -27,9 +27,7 @@ def kind(within_s: float | None) -> TimingFault:
         (None, {"fault": "", "seconds": None, "fell": True}, False),
     ],
 )
-def test_a_row_is_as_expected_where_all_runs_are(
-    within_s: float | None, changes: dict[str, Any], expected: bool
-) -> None:
+def test_row_expected_if_all_are(within_s: float | None, changes: dict[str, Any], expected: bool) -> None:
     good = {**RUN} if within_s else {**RUN, "fault": "", "seconds": None}
     assert fault_clock.as_expected(kind(within_s), [good, {**RUN, **changes}]) is expected
 

@@ -146,9 +146,7 @@ class TestAHealthyRun:
         monkeypatch.setattr(healthy_runs, "_drawn_push", lambda *_: Push(0.3, (0.0, push_m_s / 2, 0.0)))
         return healthy_runs.run_healthy(self.TASK)
 
-    def test_a_robot_that_would_have_walked_on_was_not_falling(
-        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
-    ) -> None:
+    def test_a_robot_that_walks_on_is_not_falling(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
         """Every walk tilts by more than 2 degrees."""
         run = self.run(monkeypatch, go1, 1.0, tilt_limit_rad=0.03)
         assert "tilt of 0.03 rad" in run["alarm"]
@@ -161,9 +159,7 @@ class TestAHealthyRun:
         assert (run["alarm"], run["fell"]) == ("", True)
         assert 0.3 < run["fault_s"] < run["fell_s"] < run["fault_s"] + 0.5  # 60 degrees, then 70
 
-    def test_a_fall_that_comes_later_excuses_nothing(
-        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
-    ) -> None:
+    def test_a_later_fall_excuses_nothing(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
         """The alarm comes in the first steps, the push after 0.3 s."""
         monkeypatch.setattr(healthy_runs, "FALL_S", 0.1)
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=0.02)
@@ -171,9 +167,7 @@ class TestAHealthyRun:
         assert "tilt of 0.02 rad" in run["alarm"]
         assert not run["fell"]
 
-    def test_one_that_fell_without_a_fault_has_none(
-        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
-    ) -> None:
+    def test_a_fall_without_fault_has_none(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=1.5, sensors={"sunk": 1.0})
         assert (run["fell"], run["fault"], run["fault_s"], run["alarm"]) == (True, "", None, "")
         assert 0.3 < run["fell_s"] < 1.0

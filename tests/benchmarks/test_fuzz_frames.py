@@ -46,9 +46,7 @@ def test_a_torque_that_the_frames_carry_is_held_against_the_motors(monkeypatch: 
         (-30.1, 23.7, 0.0),  # and brakes
     ],
 )
-def test_a_motor_pushes_with_what_its_speed_leaves_and_brakes_with_all(
-    go1: Robot, velocity: float, torque: float, excess: float | None
-) -> None:
+def test_motor_torque_by_its_speed(go1: Robot, velocity: float, torque: float, excess: float | None) -> None:
     assert (go1.motor.peak_torque[0], go1.motor.no_load_speed[0]) == (23.7, 30.1)
     sent, speeds = np.zeros((5, 12)), np.zeros(12)
     sent[4, 0], speeds[0] = torque, velocity
@@ -58,9 +56,7 @@ def test_a_motor_pushes_with_what_its_speed_leaves_and_brakes_with_all(
 
 
 @pytest.mark.parametrize(("model", "driver"), [("", MitDriver), ("DM4310", DamiaoDriver)])
-def test_a_driver_that_knows_its_motors_takes_its_short_way(
-    monkeypatch: pytest.MonkeyPatch, model: str, driver: Any
-) -> None:
+def test_the_short_way_of_a_known_driver(monkeypatch: pytest.MonkeyPatch, model: str, driver: Any) -> None:
     """Replies in the arrays of the batch before are of everybody: no index for each is looked up."""
     ways, decoded = Counter[bool](), driver._decoded
 

@@ -26,9 +26,7 @@ def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **said: str) -> str:
     return processor_kind()
 
 
-def test_a_kind_is_known_by_its_model_and_features_not_by_its_clock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_kind_is_its_model_and_features_not_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = kind(tmp_path, monkeypatch)
     assert kind(tmp_path, monkeypatch, clock="2000.0") == first
     assert kind(tmp_path, monkeypatch, model="B") != first
@@ -69,9 +67,7 @@ class TestCache:
             names.append(cache.processor_kind())
         assert names[0] != names[1]
 
-    def test_without_a_cache_of_the_users_it_lies_in_the_home(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_default_is_the_home_folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
         monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
         monkeypatch.setattr(cache.Path, "home", lambda: tmp_path)

@@ -273,9 +273,7 @@ class TestSettings:
         assert base == {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}
         assert merged({"a": 1}, {"a": {"b": 2}}) == {"a": {"b": 2}}
 
-    def test_a_file_of_the_largest_size_is_read_and_one_byte_more_refused(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_largest_size_is_the_limit(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(config, "LARGEST_BYTES", 2000)
         path = tmp_path / "a.yaml"
         path.write_text("a: 1 #" + "x" * 1994)

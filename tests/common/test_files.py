@@ -8,9 +8,7 @@ import pytest
 from footfall.common.files import write_atomically
 
 
-def test_the_content_is_on_the_disk_before_the_name_and_the_name_before_it_returns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_disk_has_the_content_before_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, happened = tmp_path / "kept", []
     path.write_bytes(b"old")
     plain_fsync, plain_replace = os.fsync, os.replace

@@ -83,9 +83,7 @@ def test_from_what_is_not_here_any_more(installed, url: str | None) -> None:
     assert install_extras("sweep") == f"{PIP} 'nosuchpackage[cpu]<2,>=1' 'numpy>=1'"
 
 
-def test_the_short_name_where_it_is_this_environments_pip(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_this_environments_pip_has_a_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("mine", "other"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "pip").touch(mode=0o755)
@@ -111,9 +109,7 @@ def test_a_defect_of_footfall_is_no_missing_package() -> None:
         import footfall.nosuchroom  # noqa: F401
 
 
-def test_doctor_names_one_command_to_train_whatever_lacks(
-    installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_doctor_names_one_command_for_all(installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def version(name: str) -> str:
         if name == "mujoco":
             return "3.3.0"

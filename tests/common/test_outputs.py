@@ -59,9 +59,7 @@ def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path
         check_outputs(Path(f"/dev/fd/{writer}"))
 
 
-def test_who_reads_while_it_is_written_sees_the_old_content(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_readers_see_the_old_content_meanwhile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "old.json"
     path.write_text("old")
 

@@ -50,9 +50,7 @@ class Pack:
 
 
 @pytest.mark.parametrize("chemistry", ["lithium_ion", IRON])
-def test_the_charge_is_right_from_full_to_empty_though_resistance_and_current_are_not(
-    go1: Robot, chemistry: str
-) -> None:
+def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemistry: str) -> None:
     pack = Pack(go1, 0.95, chemistry)
     pack.resistance, pack.reported_current = 1.2, 0.9
     errors = [pack.draw(6.0, 10.0).charge - pack.charge for _ in range(55)]

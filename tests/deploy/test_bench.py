@@ -183,9 +183,7 @@ class TestScan:
     MAKERS = (("MIT mode", "MIT mode"), ("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("moteus", "moteus"))
 
     @pytest.mark.parametrize(("motors", "makers"), list(zip(EVERY_MAKER, MAKERS, strict=True)))
-    def test_ids_and_makers_are_found_and_nothing_is_switched_on(
-        self, go1: Robot, motors: dict, makers: tuple[str, str]
-    ) -> None:
+    def test_it_finds_ids_and_enables_none(self, go1: Robot, motors: dict, makers: tuple[str, str]) -> None:
         stand = OnStand(with_motors(go1, **motors))
         hip, knee = makers
         first = motors.get("first_id", 1)
@@ -216,9 +214,7 @@ class TestScan:
         stand.scan()
         assert set(sent) == set(range(0x01, 0x20))
 
-    def test_motors_that_were_on_are_off_afterwards_and_one_that_is_not_there_is_not_found(
-        self, go1: Robot
-    ) -> None:
+    def test_enabled_motors_are_disabled_and_absent_ones_not_found(self, go1: Robot) -> None:
         stand = OnStand(go1)
         stand.bench().enable()
         assert stand.body.motors_on.all()

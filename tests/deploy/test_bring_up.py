@@ -132,9 +132,7 @@ class TestCriteria:
         found = list(modest(case_of(go1, samples(torque=only(5, steady) + only(3, steady)))))
         assert found == ["joint 3 needs 63% of its peak torque"]
 
-    def test_a_motor_that_was_hot_for_a_moment_is_found_among_those_that_do_not_tell(
-        self, go1: Robot
-    ) -> None:
+    def test_a_short_heat_is_found_although_others_report_none(self, go1: Robot) -> None:
         told = np.full((101, 12), np.nan)
         told[:, 8] = 59.0
         assert list(cool(case_of(go1, samples(temperature_c=told)))) == []
@@ -150,9 +148,7 @@ class TestCriteria:
         assert list(carry(case_of(go1, made))) == []
 
     @pytest.mark.parametrize(("share", "passes"), [(0.28, False), (0.32, True)])
-    def test_legs_have_to_tilt_the_base_by_three_tenths_of_what_is_asked(
-        self, go1: Robot, share: float, passes: bool
-    ) -> None:
+    def test_legs_must_tilt_the_base_by_0_3_of_it(self, go1: Robot, share: float, passes: bool) -> None:
         way = np.array([swaying(go1, 0.08, 1.0)(min(t, 0.999)) for t in TIME_S])
         tilt, zero = share * 0.08 * np.sin(np.pi * TIME_S) ** 2, np.zeros(101)
         up = np.stack([zero, np.sin(tilt), np.cos(tilt)], axis=1)
@@ -201,9 +197,7 @@ class TestCriteria:
 
     @pytest.mark.parametrize("by_rad", [0.08, -0.08])
     @pytest.mark.parametrize(("sways", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
-    def test_the_base_tilts_as_the_joints_say(
-        self, go1: Robot, sways: str, begin_s: float, by_rad: float
-    ) -> None:
+    def test_the_base_tilts_as_joints_do(self, go1: Robot, sways: str, begin_s: float, by_rad: float) -> None:
         """To its right, then to its front, or the other ways. An IMU that is askew is so before and after."""
         tilt = by_rad * np.sin(np.pi * TIME_S) ** 2
         way = swaying(go1, by_rad, 1.0)
@@ -242,9 +236,7 @@ class TestMotions:
         np.testing.assert_allclose(way(1.5), 0.05 * middle)
 
     @pytest.mark.parametrize("stands", [False, True])
-    def test_a_trajectory_is_followed_about_the_pose_found_or_the_default_one(
-        self, go1: Robot, stands: bool
-    ) -> None:
+    def test_the_pose_found_or_the_default_one_is_the_centre(self, go1: Robot, stands: bool) -> None:
         kp, kd, found = np.full(12, 10.0), np.full(12, 1.0), go1.default_pose + 0.2
         way = lambda time_s: np.full(12, 3.0 * time_s)  # noqa: E731
         policy = StandingTrajectoryPolicy(go1, way, kp, kd) if stands else TrajectoryPolicy(way, kp, kd)
@@ -339,9 +331,7 @@ class TestJudge:
     @pytest.mark.parametrize(
         ("hangs", "off_rad", "lost"), [(True, 0.51, 1), (True, 0.49, 0), (False, 0.51, 0)]
     )
-    def test_a_joint_that_is_lost_ends_a_step_in_the_frame_skip_lie_down(
-        self, go1: Robot, hangs: bool, off_rad: float, lost: int
-    ) -> None:
+    def test_a_lost_joint_ends_its_step(self, go1: Robot, hangs: bool, off_rad: float, lost: int) -> None:
         step = Step("x", hangs, "", no_plan, ())
         for side in (-1.0, 1.0):
             judge, loop = self.judged(go1, step, Window(0.0, 9.0)), Heard()
@@ -433,9 +423,7 @@ class TestLadder:
         ],
         ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
     )
-    def test_a_fault_is_found_by_the_first_step_that_can(
-        self, go1: Robot, step: str, inject: Injection, says: str
-    ) -> None:
+    def test_the_first_able_step_finds_it(self, go1: Robot, step: str, inject: Injection, says: str) -> None:
         before = {"joints": ["hold"], "stand": ["hold"]}.get(step, [])
         for earlier in before:
             assert verdict_of(go1, earlier, inject).passed
@@ -495,9 +483,7 @@ class TestCommand:
             PlantConfig(motor_timeout_s=0.5, lying=True, let_go_after_s=5.0),
         ]
 
-    def test_in_simulation_the_ground_of_the_last_step_is_uneven_from_half_a_metre_on(
-        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
+    def test_the_last_steps_ground_is_uneven(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         grounds: list[Ground | None] = []
         monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *a: grounds.append(a[3].ground))
         monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
@@ -542,9 +528,7 @@ class TestCommand:
         assert shell("bring-up", "stand", "--steps", typed).status == 0
         assert steps_run == ["hold", "legs", "walk"]
 
-    def test_the_first_step_that_fails_is_the_last(
-        self, shell: Shell, steps_run: list[str], tmp_path: Path
-    ) -> None:
+    def test_the_first_failure_is_the_last(self, shell: Shell, steps_run: list[str], tmp_path: Path) -> None:
         done = shell("bring-up", "stand", "--scale", "0.25", "--json", str(tmp_path / "out.json"))
         assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "wiring", "stand"])
         assert done.out.splitlines()[-3:] == [

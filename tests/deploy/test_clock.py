@@ -16,9 +16,7 @@ from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 
 
 class TestClocks:
-    def test_wall_time_keeps_to_its_deadlines_and_skips_what_was_missed(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_wall_time_keeps_deadlines_and_skips_missed_ones(self, monkeypatch: pytest.MonkeyPatch) -> None:
         fake = FakeTime()
         monkeypatch.setattr(clock_module, "time", fake)
         clock = WallClock(2000)
@@ -69,9 +67,7 @@ class TestUndisturbed:
             assert locked_kib() > 0
         assert locked_kib() == 0
 
-    def test_what_the_system_refuses_is_told_and_the_loop_runs_all_the_same(
-        self, before: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_is_refused_stops_no_loop(self, before: None, monkeypatch: pytest.MonkeyPatch) -> None:
         def refuse(*_: object) -> None:
             raise PermissionError(1, "Operation not permitted")
 

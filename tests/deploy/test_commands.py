@@ -58,9 +58,7 @@ class TestLimits:
         assert asked.tolist() == [5.0, 0.0, -3.0]
 
 
-def test_a_run_hands_the_policy_what_it_was_trained_for_and_says_so(
-    go1: Robot, contract: Contract, tmp_path: Path
-) -> None:
+def test_a_run_tells_and_uses_the_trained_ranges(go1: Robot, contract: Contract, tmp_path: Path) -> None:
     """The trace keeps what was asked for: a policy is scored against that."""
     policy = Hold(go1)
     policy.contract = contract

@@ -54,15 +54,11 @@ class TestFrames:
     @pytest.mark.parametrize(
         ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]
     )
-    def test_replies_of_others_are_left_aside(
-        self, driver: DamiaoDriver, identifier: int, first: str
-    ) -> None:
+    def test_replies_of_others_are_ignored(self, driver: DamiaoDriver, identifier: int, first: str) -> None:
         assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
 
     @pytest.mark.parametrize("content", ["03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"])
-    def test_an_answer_about_a_register_is_no_reading_however_late(
-        self, driver: DamiaoDriver, content: str
-    ) -> None:
+    def test_a_late_register_answer_is_no_reading(self, driver: DamiaoDriver, content: str) -> None:
         """It would mean a motor that is off, at -12.48 rad; here it comes after all has been told."""
         assert not driver.replies(frame(0x203, content)).values.size
 
@@ -83,9 +79,7 @@ class TestFrames:
         assert np.arange(2)[replies.motor].tolist() == [0]
 
     @pytest.mark.parametrize(("length", "first"), [(7, 0x13), (8, 0x14)])
-    def test_a_batch_with_a_frame_that_does_not_count_is_looked_into_each_time(
-        self, driver: DamiaoDriver, length: int, first: int
-    ) -> None:
+    def test_a_partly_invalid_batch_is_decoded(self, driver: DamiaoDriver, length: int, first: int) -> None:
         """The knee's reply is too short, or says another id: also where the very arrays come again."""
         usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
         usual.data[1, 0] = first
@@ -126,9 +120,7 @@ class TestRegisters:
             (damiao.VELOCITY_MAX, float("nan"), "has nan for its VMAX (register 22)"),
         ],
     )
-    def test_a_motor_that_is_set_wrongly_is_not_switched_on(
-        self, register: int, value: float, says: str
-    ) -> None:
+    def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, says: str) -> None:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         end.registers[1][register] = value
         for _ in range(6):

@@ -60,9 +60,7 @@ def connect(path: Path) -> socket.socket:
     return found
 
 
-def test_a_late_subscriber_gets_what_holds_still_and_then_the_bytes_of_the_log(
-    log: McapLog, tmp_path: Path
-) -> None:
+def test_a_late_subscriber_gets_the_latched_part_then_all_bytes(log: McapLog, tmp_path: Path) -> None:
     ticks(log, 5)
     with closing(FeedReader(tmp_path / "feed", timeout_s=10.0)) as reader:
         arriving = iter(reader)
@@ -125,9 +123,7 @@ def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_pat
     assert read_log(tmp_path / "run.mcap").complete
 
 
-def test_a_feed_in_use_is_refused_and_a_dead_ones_socket_replaced(
-    go1: Robot, log: McapLog, tmp_path: Path
-) -> None:
+def test_a_used_feed_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"cannot serve a feed at .*feed: Address already in use"):
         McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
     with socket.socket(socket.AF_UNIX) as dead:

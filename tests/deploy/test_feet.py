@@ -46,9 +46,7 @@ class TestContactPoints:
             ("x", 0.3, (0.0766, -0.0297)),  # rolled: the edge, which is 1.48 mm higher at the narrower heel
         ],
     )
-    def test_of_a_sole_that_tips_it_is_the_edge(
-        self, axis: str, angle: float, expected: tuple[float, float]
-    ) -> None:
+    def test_a_tipped_soles_edge(self, axis: str, angle: float, expected: tuple[float, float]) -> None:
         """Corners 0.085 m ahead and behind, 0.03 and 0.025 m aside, seen from the sole's middle."""
         up = about(axis, angle).T @ UP
         arms = ContactPoints(G1.legs, 0.0005).arms(G1.default_pose, up)

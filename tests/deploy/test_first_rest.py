@@ -38,9 +38,7 @@ class TestFirstRest:
         [[(TURNING, (0.0, 0.0, 150.0))], [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)]],
         ids=["it is set down hard", "it was let fall"],
     )
-    def test_what_was_felt_up_to_the_last_motion_is_not_held_against_it(
-        self, before: list[tuple[Vector, Vector]]
-    ) -> None:
+    def test_motion_before_the_last_one_does_not_count(self, before: list[tuple[Vector, Vector]]) -> None:
         rest, ready_us = self.looked(before, self.GRAVITY)
         assert ready_us == (len(before) - 1) * TICK_US + 50_000
         assert rest.contradiction() is None
@@ -69,9 +67,7 @@ class TestFirstRest:
             ((0.29, -0.29, 0.29), (-0.29, 0.29), ""),
         ],
     )
-    def test_who_is_fastest_is_named_of_base_and_joints(
-        self, gyro: Vector, velocity: tuple[float, float], who: str
-    ) -> None:
+    def test_the_fastest_part_is_named(self, gyro: Vector, velocity: tuple[float, float], who: str) -> None:
         """0.3 rad/s is no rest: a robot that moves like this at each tick never begins."""
         rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
         assert rest.awaited(0) == ""  # nothing was heard yet

@@ -47,9 +47,7 @@ def sleep(_: JointCommand) -> JointCommand:
 
 class TestHungPolicy:
     @pytest.mark.parametrize("hang", [spin, sleep])
-    def test_is_interrupted_at_its_deadline_and_the_robot_damped(
-        self, go1: Robot, hang: Callable[[JointCommand], JointCommand]
-    ) -> None:
+    def test_stops_at_its_deadline(self, go1: Robot, hang: Callable[[JointCommand], JointCommand]) -> None:
         simulation, began = Simulation(go1), time.monotonic()
         outcome = run_session(
             go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
@@ -145,9 +143,7 @@ class TestGuard:
         assert outcome.final_state == "ESTOP"
         assert "a guard damped the robot" in outcome.faults[-1]
 
-    def test_a_loop_that_comes_back_in_the_middle_of_a_tick_sends_nothing_over_its_damping(
-        self, go1: Robot
-    ) -> None:
+    def test_a_loop_that_returns_within_a_tick_leaves_its_damping(self, go1: Robot) -> None:
         """A bus that blocks while it is read: what the tick then decides is out of date."""
         simulation = Simulation(go1)
         receive = simulation.bus.receive

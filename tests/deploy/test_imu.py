@@ -115,9 +115,7 @@ def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, corrupt
 
 
 @pytest.mark.parametrize(("channel", "length"), [([1, 1, 0], [8, 8, 8]), ([1, 1, 1], [8, 8, 4])])
-def test_a_batch_with_a_frame_that_does_not_count_is_looked_into_each_time(
-    channel: list[int], length: list[int]
-) -> None:
+def test_a_partly_invalid_batch_is_decoded_each_time(channel: list[int], length: list[int]) -> None:
     """Its third frame is another bus' or too short: also where the very arrays come again."""
     reader = imu.ImuReader(channel=1)
     arrays = np.array(channel), np.array(imu.IDS)
@@ -131,9 +129,7 @@ def test_a_batch_with_a_frame_that_does_not_count_is_looked_into_each_time(
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize(("strange", "sent"), [(np.nan, 32.767), (np.inf, 32.767), (-np.inf, -32.768)])
-def test_a_reading_that_is_no_number_does_not_stop_the_simulation(
-    axis: int, strange: float, sent: float
-) -> None:
+def test_a_reading_of_nan_does_not_stop_the_simulation(axis: int, strange: float, sent: float) -> None:
     gyro = [0.1, 0.2, 0.3]
     gyro[axis] = strange
     frames = imu.encode(imu.Inertial(gyro, [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)

@@ -53,18 +53,14 @@ def sent(robot: Robot, wiring: Wiring, frames: Frames) -> JointCommand:
 
 
 class TestOut:
-    def test_targets_begin_at_the_soft_limit_where_a_joint_is_beyond_it(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_targets_begin_at_the_soft_limit_from_beyond(self, go1: Robot, layer: JointLayer) -> None:
         beyond = go1.upper_rad.copy()
         layer.begin_at(beyond)
         np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
         layer.command(command(go1, beyond))
         np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
 
-    def test_what_motors_should_report_is_the_smaller_of_what_the_last_two_commands_ask_for(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
+    def test_the_smaller_of_two_is_expected(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         """In between, a joint has moved by 0.04 rad, which is 0.8 N m with 20 N m/rad."""
         pose = go1.default_pose
         for torque in (0.4, -0.4, 2.0, 1.2):
@@ -90,9 +86,7 @@ class TestOut:
             layer.command(command(go1, go1.upper_rad + 5.0))
         np.testing.assert_allclose(layer.target, upper)
 
-    def test_after_damping_targets_go_on_from_where_the_joints_are(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
+    def test_targets_continue_after_damping(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         wanted = command(go1, go1.default_pose)
         layer.command(wanted)  # whose target is reached at once
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 0)
@@ -102,9 +96,7 @@ class TestOut:
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
-    def test_what_had_to_be_lowered_is_whole_again_as_soon_as_it_may(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
+    def test_what_was_lowered_is_whole_again(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         wanted = command(go1, go1.default_pose, torque=20.0)
         first = sent(go1, wiring, layer.command(wanted)).torque
         layer.absorb([replies(wiring, go1.default_pose, velocity=25.0)], 2000)
@@ -114,9 +106,7 @@ class TestOut:
 
 
 class TestIn:
-    def test_readings_handed_out_do_not_change_later(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer
-    ) -> None:
+    def test_readings_are_copies(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         before = layer.sensed()
         kept = before.joint_position.copy()
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 4000)
@@ -146,9 +136,7 @@ class TestReadingsOfEveryKind:
         end = open_motor_end(wire(robot))
         return end.reply(motors, report(values, error))
 
-    def test_each_joint_gets_its_own_command_less_what_its_motor_cannot_do(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Unlike readings and commands; half of the joints are asked for more than they can give."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
         velocity = RNG.uniform(-8.0, 8.0, 12)
@@ -209,9 +197,7 @@ class TestReadingsOfEveryKind:
         assert layer.last_heard().motor_us.tolist() == list(range(3000, 3012))
         assert layer.last_heard().imu_us == 3012
 
-    def test_an_error_stays_with_its_motor_until_that_one_answers_again(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_an_error_stays_until_its_motor_answers_again(self, go1: Robot, layer: JointLayer) -> None:
         values = np.zeros((3, 12))
         layer.absorb([self.replies(go1, slice(None), values)], 0)
         layer.absorb([self.replies(go1, np.array([4, 7]), values[:, :2], error=2)], 1)
@@ -237,9 +223,7 @@ class TestReadingsOfEveryKind:
         assert layer.temperature_c[5] == 30.0
         assert np.isnan(layer.voltage).all()
 
-    def test_an_error_outlives_a_reply_of_the_same_tick_that_has_none(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_an_error_outlives_a_good_reply_of_its_tick(self, go1: Robot, layer: JointLayer) -> None:
         values = np.zeros((3, 12))
         for batches in (
             [self.replies(go1, slice(None), values, error=2), self.replies(go1, slice(None), values)],
@@ -290,9 +274,7 @@ class TestReadingsOfEveryKind:
         braked = 0.0 if velocity < 0.0 else 2.5 / 4095
         np.testing.assert_allclose(layer.sent[3, hips], share - braked, rtol=1e-9)
 
-    def test_gains_that_are_lowered_by_a_frames_rounding_do_not_fall_below_none(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_gains_rounded_by_a_frame_stay_above_zero(self, go1: Robot, layer: JointLayer) -> None:
         """A thousandth of a frame's step of stiffness and damping, beside a torque that has to be lowered."""
         layer.absorb([self.replies(go1, slice(None), np.zeros((3, 12)))], 0)
         layer.begin_at(go1.default_pose)
@@ -301,9 +283,7 @@ class TestReadingsOfEveryKind:
         assert (layer.sent[2:4] >= 0.0).all()
         assert (layer.sent[4] < 60.0).all()
 
-    def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_damping_forgets_the_command_and_follows_joints(self, go1: Robot, layer: JointLayer) -> None:
         values = np.array([0.1 * ROWS - 0.5, ROWS / 10, 0 * ROWS])
         layer.absorb([self.replies(go1, slice(None), values)], 0)
         layer.command(JointCommand(*RNG.uniform(1.0, 2.0, (5, 12))))

@@ -276,9 +276,7 @@ class TestDescription:
             ),
         ],
     )
-    def test_a_lying_pose_that_cannot_be_is_refused(
-        self, own_folder: Path, old: str, new: str, says: str
-    ) -> None:
+    def test_impossible_lying_pose_is_refused(self, own_folder: Path, old: str, new: str, says: str) -> None:
         path = own_folder / "robot.yaml"
         path.write_text(path.read_text().replace(old, new, 1))
         with pytest.raises(UserError, match=says):

@@ -137,9 +137,7 @@ class TestContent:
         assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
         assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
 
-    def test_ages_come_each_tick_and_what_motors_say_of_their_health_with_each_change(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_ages_come_each_tick_and_motor_health_by_change(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "health.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
         log.begin(0)
@@ -209,9 +207,7 @@ class TestContent:
         assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
         assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
 
-    def test_a_note_that_is_made_while_the_robot_does_not_walk_is_written_too(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_a_note_beside_the_walk_is_written_too(self, go1: Robot, tmp_path: Path) -> None:
         class Remarks:
             stopped = None
 
@@ -322,9 +318,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             assert decoded(path, "/imu/data")
             assert "ended before the run" in decoded(path, "/notes")[-1].message.data
 
-    def test_a_torn_file_can_be_replayed_and_recovered_for_tools_that_need_an_index(
-        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
-    ) -> None:
+    def test_torn_file_is_recovered(self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path) -> None:
         torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
         content = logged[0].read_bytes()
         torn.write_bytes(content[: len(content) * 9 // 10])
@@ -339,9 +333,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
 
 
 class TestReplay:
-    def test_the_same_policy_decides_the_same_to_the_last_bit(
-        self, go1: Robot, logged: tuple[Path, Trace]
-    ) -> None:
+    def test_the_same_policy_gives_the_same_bits(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         result = replay(logged[0], Sway(go1))
         assert result.steps == 26
         assert result.complete
@@ -355,9 +347,7 @@ class TestReplay:
         assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
 
     @pytest.mark.parametrize("tolerance", [np.nan, np.inf, -1.0])
-    def test_a_tolerance_that_tolerates_everything_or_nothing_is_refused(
-        self, go1: Robot, logged: tuple[Path, Trace], tolerance: float
-    ) -> None:
+    def test_tolerance_has_bounds(self, go1: Robot, logged: tuple[Path, Trace], tolerance: float) -> None:
         with pytest.raises(UserError, match="tolerance"):
             replay(logged[0], Sway(go1), tolerance)
 
@@ -375,9 +365,7 @@ class TestReplay:
 
 
 class TestBadInput:
-    def test_a_log_that_cannot_be_written_stops_the_run_before_it_starts(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_an_unwritable_log_stops_the_run_at_once(self, go1: Robot, tmp_path: Path) -> None:
         policy = Hold(go1)
         with pytest.raises(UserError, match=r"cannot write the log .*folder\.mcap: No such file"):
             run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
@@ -407,9 +395,7 @@ def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> No
     ]
 
 
-def test_a_second_run_into_a_log_is_refused_and_the_first_ones_log_is_whole(
-    go1: Robot, tmp_path: Path
-) -> None:
+def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: Path) -> None:
     path, link = tmp_path / "a.mcap", tmp_path / "same.mcap"
     link.symlink_to(path)
     log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
@@ -425,9 +411,7 @@ def test_a_second_run_into_a_log_is_refused_and_the_first_ones_log_is_whole(
 class TestDisk:
     """A log may cost itself, and nothing else."""
 
-    def test_a_full_one_is_told_at_once_and_the_run_goes_on(
-        self, go1: Robot, capfd: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_a_full_one_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
         told_after: list[int] = []
 
         def listen(loop: ControlLoop, _: object) -> None:
@@ -441,9 +425,7 @@ class TestDisk:
         assert told_after
         assert told_after[0] < 1_000_000
 
-    def test_one_that_hangs_for_a_while_makes_a_log_lack_ticks_but_not_the_loop_wait(
-        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_pause_loses_ticks(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """A process that is stopped is like one whose disk hangs."""
         monkeypatch.setattr(log_module, "MOST_WAITING_BYTES", 20_000)
         path = tmp_path / "a.mcap"
@@ -463,9 +445,7 @@ class TestDisk:
         assert 0 < len(readings) == 1000 - int(lacks[1])
         assert read_log(path).complete
 
-    def test_one_that_hangs_for_ever_is_given_up(
-        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_gives_up_at_last(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
         log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=False)
         log.begin(0)
@@ -507,9 +487,7 @@ class TestDamage:
         assert recovered.damaged == 0
         assert [each[:2] for each in recovered.entries] == [each[:2] for each in log.entries]
 
-    def test_what_is_left_of_a_log_without_its_first_chunk_and_its_end_keeps_its_types(
-        self, tmp_path: Path
-    ) -> None:
+    def test_without_first_chunk_and_end_a_log_keeps_its_types(self, tmp_path: Path) -> None:
         """Its second schema and channel are the copy's first ones; what the first were of, nobody knows."""
         hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
         with hurt.open("wb") as file:

@@ -108,9 +108,7 @@ class TestSettings:
         return end.parameters[1], robstride.TIME_OUT
 
     @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
-    def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(
-        self, wiring: Wiring, told: int, kept: int
-    ) -> None:
+    def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, told: int, kept: int) -> None:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
         settings[time_out] = told
@@ -120,9 +118,7 @@ class TestSettings:
     @pytest.mark.parametrize(
         ("told", "says"), [(0, "has no"), (20_000, "has a communication time-out of 1 s")]
     )
-    def test_a_motor_that_does_not_take_it_is_not_switched_on(
-        self, wiring: Wiring, told: int, says: str
-    ) -> None:
+    def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, told: int, says: str) -> None:
         """It confirms the write, and tells what it told before."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
@@ -136,9 +132,7 @@ class TestSettings:
         assert driver.not_ready().startswith(f"motor knee (can1, id 3) {says}")
 
     @pytest.mark.parametrize("settings_told", [True, False])
-    def test_one_that_is_set_wrongly_or_tells_nothing_is_named(
-        self, wiring: Wiring, settings_told: bool
-    ) -> None:
+    def test_a_wrong_or_silent_motor_is_named(self, wiring: Wiring, settings_told: bool) -> None:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         mode = damiao.MODE if wiring is DAMIAO else robstride.RUN_MODE
         self.own(end)[0][mode] = 2

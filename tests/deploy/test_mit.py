@@ -176,26 +176,20 @@ class TestWhoIsMeant:
         np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1], atol=2e-4)
         assert found.temperature_c.tolist() == [35] * 3
 
-    def test_a_reply_may_come_on_the_hosts_own_id_but_on_no_other(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
+    def test_a_reply_may_have_the_hosts_id_only(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         sent = self.replies(end, np.array([4, 1, 11, 7]))
         found = driver.replies(sent._replace(id=np.array([0x000, 0x102, 0x102, 0x555])))
         assert found.motor.tolist() == [4, 1]  # type: ignore[union-attr]
 
-    def test_a_reply_of_six_bytes_counts_and_one_of_five_does_not(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
+    def test_a_reply_has_at_least_six_bytes(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         sent = self.replies(end, np.array([0, 1, 2, 3]))
         found = driver.replies(sent._replace(length=np.array([8, 6, 5, 7])))
         assert found.motor.tolist() == [0, 1, 3]  # type: ignore[union-attr]
 
     @pytest.mark.parametrize("corrupt", ["id", "length", "channel", "data"])
-    def test_after_many_whole_batches_a_corrupt_one_is_still_looked_into(
-        self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
-    ) -> None:
+    def test_a_late_corrupt_reply_is_seen(self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str) -> None:
         driver, end = ends
         everyone = self.replies(end, np.arange(12))
         for _ in range(3):
@@ -211,9 +205,7 @@ class TestWhoIsMeant:
             others.insert(5, 2)  # the third motor of the first bus
         assert found.motor.tolist() == others  # type: ignore[union-attr]
 
-    def test_a_whole_batch_in_another_order_keeps_its_order(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
+    def test_a_whole_batch_keeps_another_order(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         backwards = self.replies(end, np.arange(12)[::-1])
         for _ in range(3):
@@ -222,9 +214,7 @@ class TestWhoIsMeant:
                 found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
             )  # whichever way it is told
 
-    def test_motors_hear_commands_on_their_bus_alone_and_whole_ones(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
+    def test_motors_take_whole_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         values = np.zeros((5, 12))
         values[0] = 0.1 * np.arange(12)
@@ -238,9 +228,7 @@ class TestWhoIsMeant:
         assert asked.motor.tolist() == [4]  # type: ignore[union-attr]
 
     @pytest.mark.parametrize("corrupt", ["id", "length", "channel"])
-    def test_after_many_whole_batches_a_corrupt_command_is_still_looked_into(
-        self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
-    ) -> None:
+    def test_a_late_corrupt_command_is_seen(self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str) -> None:
         driver, end = ends
         sent = driver.command(np.zeros((5, 12)))
         for _ in range(3):
@@ -277,9 +265,7 @@ class TestWhoIsMeant:
 
     @pytest.mark.parametrize(("motor", "fits"), [(0, False), (1, True), (127, True), (128, False)])
     @pytest.mark.parametrize("end", [MitDriver, MitMotorEnd])
-    def test_motor_ids_are_those_that_leave_room_for_replies(
-        self, go1: Robot, end: type, motor: int, fits: bool
-    ) -> None:
+    def test_motor_ids_leave_room_for_replies(self, go1: Robot, end: type, motor: int, fits: bool) -> None:
         wiring = wire(go1)
         wiring = replace(wiring, motor_id=np.array([*wiring.motor_id[:11], motor]))
         if fits:
@@ -315,7 +301,7 @@ def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> No
         (imu.ImuReader, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
     ],
 )
-def test_filters_let_through_what_is_meant_for_an_end(end: Any, heard: list[int], unheard: list[int]) -> None:
+def test_filters_pass_the_frames_of_their_end(end: Any, heard: list[int], unheard: list[int]) -> None:
 
     def passes(identifier: int) -> bool:
         return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in end.filters)

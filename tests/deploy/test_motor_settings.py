@@ -54,9 +54,7 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_u
 
 
 @pytest.mark.parametrize("maker", ["Damiao", "RobStride"])
-def test_motors_without_a_time_out_are_off_a_tenth_of_a_second_after_the_last_frame(
-    go1: Robot, maker: str
-) -> None:
+def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robot, maker: str) -> None:
     wiring = wire(with_motors(go1, **MAKERS[maker]))
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert isinstance(end, DamiaoMotorEnd | RobstrideMotorEnd)
@@ -102,9 +100,7 @@ class TestQuestions:
         assert settings.questions() == []
 
     @pytest.mark.parametrize("count", [0, 2001, 4_000_000_000])
-    def test_a_time_out_that_is_off_or_too_long_is_written_and_asked_for(
-        self, settings: Settings, count: int
-    ) -> None:
+    def test_a_wrong_timeout_is_written_and_asked_for(self, settings: Settings, count: int) -> None:
         """0.1 s is 2000 steps."""
         settings.note(0, 9, count)
         settings.note(0, 10, 1)

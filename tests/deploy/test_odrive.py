@@ -152,9 +152,7 @@ class TestFrames:
 
     @pytest.mark.filterwarnings("error")
     @pytest.mark.parametrize("bits", [(0x7F800001, 0), (0x7F800000, 0xFF800000)], ids=["signalling", "inf"])
-    def test_what_is_no_number_is_left_aside_in_silence(
-        self, driver: OdriveDriver, bits: tuple[int, int]
-    ) -> None:
+    def test_nan_is_ignored(self, driver: OdriveDriver, bits: tuple[int, int]) -> None:
         assert not driver.replies(frame(0x069, struct.pack("<II", *bits))).values.size
 
     def test_what_is_no_number_is_no_reading(self, driver: OdriveDriver) -> None:
@@ -290,9 +288,7 @@ class TestStart:
         assert end.settings_replies(driver.command(np.zeros((5, 2)))) is None
 
     @pytest.mark.parametrize(("filters", "message"), [(OdriveDriver.filters, 5), (OdriveMotorEnd.filters, 4)])
-    def test_reads_and_what_was_read_pass_the_filters(
-        self, filters: tuple[CanFilter, ...], message: int
-    ) -> None:
+    def test_reads_and_replies_pass_the_filters(self, filters: tuple[CanFilter, ...], message: int) -> None:
         assert any((0x060 | message) & each["can_mask"] == each["can_id"] for each in filters)
 
     @pytest.mark.parametrize("node", [0, 63])
@@ -374,9 +370,7 @@ class TestMotorEnd:
     @pytest.mark.parametrize(
         ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
     )
-    def test_an_error_is_the_bit_that_the_manual_has_for_it(
-        self, driver: OdriveDriver, error: int, bits: int
-    ) -> None:
+    def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver, error: int, bits: int) -> None:
         """0x200 is under-voltage, 0x01000000 a watchdog that expired; and it is the hip's alone."""
         heard = self.hear(driver, np.array([error, 0]))
         beats = heard.take(heard.id & 0x1F == odrive.HEARTBEAT)

@@ -65,9 +65,7 @@ def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
     assert imu.heard_us == 5000
 
 
-def test_a_motor_whose_identifiers_are_the_own_imus_is_refused(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(OwnDriver, "identifiers", staticmethod(lambda motor: (0x4FE + motor,)))
     with pytest.raises(UserError, match=r"FR_thigh_joint .* and the IMU would both use identifier 0x500"):
         open_driver(wire(with_own(go1, hip=MOTOR, knee=MOTOR)))
@@ -196,9 +194,7 @@ def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(pla
         ("__init__", lambda self: None),
     ],
 )
-def test_an_imu_driver_that_does_not_fit_is_refused_with_what_is_wrong(
-    monkeypatch: pytest.MonkeyPatch, part: str, value: Any
-) -> None:
+def test_misfitting_imu_drivers_are_refused(monkeypatch: pytest.MonkeyPatch, part: str, value: Any) -> None:
     monkeypatch.setattr(own_drivers, "Misfit", type("Changed", (OwnImu,), {part: value}), raising=False)
     with pytest.raises(UserError, match=f"own_drivers:Misfit.*{part}"):
         open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))

@@ -99,9 +99,7 @@ class TestTimes:
     @pytest.mark.parametrize(
         ("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (-1.0, False), (math.nan, False)]
     )
-    def test_a_policys_rate_is_above_zero_and_at_most_that_of_the_joints(
-        self, go1: Robot, rate_hz: float, fits: bool
-    ) -> None:
+    def test_a_policys_rate_is_within_the_joints_rate(self, go1: Robot, rate_hz: float, fits: bool) -> None:
         policy = Hold(go1)
         policy.rate_hz = rate_hz
         if fits:
@@ -115,9 +113,7 @@ class TestLateness:
     @pytest.mark.parametrize(
         ("pattern", "most"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
     )
-    def test_only_late_steps_in_a_row_count(
-        self, go1: Robot, watch: Stopwatch, pattern: str, most: int
-    ) -> None:
+    def test_late_steps_count_in_a_row(self, go1: Robot, watch: Stopwatch, pattern: str, most: int) -> None:
         """At 50 Hz a step of 21 ms is late."""
         runner = runner_of(
             Dawdle(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True
@@ -130,9 +126,7 @@ class TestLateness:
         assert max(counts) == most
 
     @pytest.mark.parametrize(("realtime", "seconds"), [(True, 0.101), (False, 0.0)])
-    def test_a_steps_duration_counts_on_the_wall_clock_alone(
-        self, go1: Robot, watch: Stopwatch, realtime: bool, seconds: float
-    ) -> None:
+    def test_a_steps_duration(self, go1: Robot, watch: Stopwatch, realtime: bool, seconds: float) -> None:
         runner = runner_of(Dawdle(go1, watch, 0.101), realtime=realtime)
         walk(runner, [0])
         assert runner.signals.step_s == pytest.approx(seconds)
@@ -203,9 +197,7 @@ class TestFailure:
         assert runner.decision is None
 
     @pytest.mark.parametrize("part", JointCommand._fields)
-    def test_a_command_that_is_not_finite_is_told_and_so_is_a_later_one_that_is(
-        self, go1: Robot, part: str
-    ) -> None:
+    def test_a_command_that_is_not_finite_is_told_and_later_ones(self, go1: Robot, part: str) -> None:
         class Odd(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 hold = super().act(inputs)

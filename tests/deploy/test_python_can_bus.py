@@ -93,9 +93,7 @@ class TestPythonCanBus:
         "error", [OSError("no\nway"), FakeCan.CanError("no way"), ImportError("no way"), ValueError("no way"),
                   TypeError("no way")],
     )  # fmt: skip
-    def test_however_an_interface_refuses_it_is_told_in_one_line(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, error: Exception
-    ) -> None:
+    def test_refusal_is_a_line(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
         def fail(**_: Any) -> None:
             raise error
 
@@ -103,9 +101,7 @@ class TestPythonCanBus:
         with pytest.raises(UserError, match=r"cannot open bus 'can0' on slcan: no way$"):
             PythonCanBus("slcan", ("can0",), ())
 
-    def test_an_adapter_on_a_serial_port_says_which_library_it_lacks(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_serial_adapter_names_its_library(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
         class LacksLibraryError(FakeCan.CanError, NotImplementedError):
             """As python-can's CanInterfaceNotImplementedError."""
 
@@ -211,9 +207,7 @@ class TestPythonCanBus:
         assert bus.receive(0)[0].id.tolist() == [0x17F, 0x305, 0x101]
         assert bus.statistics()[0].frames_received == 3
 
-    def test_a_bus_that_never_falls_silent_or_never_works_does_not_hold_up_the_loop(
-        self, can: FakeCan
-    ) -> None:
+    def test_a_bus_that_is_never_silent_or_fails_does_not_block_it(self, can: FakeCan) -> None:
         bus = PythonCanBus("virtual", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
         can.waiting = {0: [received(1, b"x") for _ in range(1100)]}
         assert [len(bus.receive(0)[0].id) for _ in range(2)] == [1024, 76]
@@ -221,9 +215,7 @@ class TestPythonCanBus:
         assert bus.receive(0) == []
         assert len(can.waiting[0]) == 24
 
-    def test_a_frame_has_the_time_at_which_the_interface_got_it(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_frame_has_its_arrivals_time(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
         """Read 2 ms after the last time: 1.5 ms and 0.5 ms old, one from before, one from the future."""
         fake = FakeTime()
         monkeypatch.setattr(interface_time, "time", fake)
@@ -248,9 +240,7 @@ class TestPythonCanBus:
             (0x020, b"\0\x30", ""),  # byte 1 is the controller's alone
         ],
     )
-    def test_error_frames_tell_of_the_bus(
-        self, can: FakeCan, identifier: int, data: bytes, says: str
-    ) -> None:
+    def test_error_frames_tell_the_state(self, can: FakeCan, identifier: int, data: bytes, says: str) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
         can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
         assert bus.receive(0) == []
@@ -258,9 +248,7 @@ class TestPythonCanBus:
         assert (bus.fault() == "") == (says == "")
         assert [each.errors for each in bus.statistics()] == [0, 1]
 
-    def test_an_error_frame_that_says_nothing_does_not_take_back_what_one_before_said(
-        self, can: FakeCan
-    ) -> None:
+    def test_an_empty_error_frame_keeps_the_state_before_it(self, can: FakeCan) -> None:
         bus = PythonCanBus("slcan", ("can0",), ())
         for identifier in (0x040, 0x088, 0x088):
             can.waiting = {0: [received(identifier, bytes(8), is_error_frame=True)]}
@@ -268,9 +256,7 @@ class TestPythonCanBus:
         assert bus.fault().startswith("bus can0 is bus-off")
         assert [each.errors for each in bus.statistics()] == [3]
 
-    def test_writes_are_paced_by_the_queue_of_each_interface(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_writes_are_paced_by_queue_length(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
         """Two interfaces that queue three frames: of four on each, the last waits."""
         fake = FakeTime()
         monkeypatch.setattr(interface_time, "time", fake)
@@ -281,9 +267,7 @@ class TestPythonCanBus:
         bus.send(frames.take(np.array([3])), 0)
         assert fake.slept == pytest.approx([frame_bits(8) * 1e-6])
 
-    def test_a_state_is_asked_for_ten_times_a_second_at_most(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_state_is_read_at_most_at_10_hz(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
         fake = FakeTime()
         monkeypatch.setattr(python_can_bus, "time", fake)
         bus = PythonCanBus("virtual", ("can0",), ())

@@ -47,9 +47,7 @@ class TestSimulatedBus:
             ({"late_steps": 5}, 0.03, "5 steps in a row"),
         ],
     )
-    def test_a_policy_that_is_far_too_late_once_or_a_little_again_and_again_is_stopped(
-        self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
-    ) -> None:
+    def test_lateness_stops_it(self, go1: Robot, limit: dict[str, Any], seconds: float, says: str) -> None:
         config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
@@ -62,9 +60,7 @@ class TestSimulatedBus:
         assert trace.final_state == "IDLE"
 
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-    def test_a_signal_that_would_end_the_process_ends_the_run_in_order(
-        self, go1: Robot, number: signal.Signals
-    ) -> None:
+    def test_a_terminating_signal_ends_the_run_in_order(self, go1: Robot, number: signal.Signals) -> None:
         def interrupted(command: JointCommand) -> JointCommand:
             signal.raise_signal(number)
             return command

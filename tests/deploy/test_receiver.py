@@ -39,9 +39,7 @@ def replies(motor: Motors, temperature_c: list[float], voltage: list[float], at_
     return Replies(motor, zeros, np.full(k, 3), np.array(temperature_c), np.array(voltage), np.array(at_us))
 
 
-def test_temperature_and_voltage_that_were_handed_out_do_not_change(
-    driver: Scripted, receiver: Receiver
-) -> None:
+def test_temperature_and_voltage_are_copies_of_readings(driver: Scripted, receiver: Receiver) -> None:
     driver.next = replies(slice(None), [50.0, 51.0, 52.0], [24.0, 25.0, 26.0], [0, 0, 0])
     receiver.absorb([ONE_FRAME], 0)
     before = receiver.temperature_c, receiver.voltage

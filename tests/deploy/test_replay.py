@@ -85,17 +85,13 @@ class TestReplay:
     def joints(self, go1: Robot) -> list[str]:
         return list(go1.joint_names)
 
-    def test_a_policy_is_reset_once_and_then_goes_on(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_a_policy_is_reset_once(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         policy = Counts(go1)
         result = replay(write_steps(tmp_path / "a.mcap", decided(4), 4, joints), policy)
         assert (result.steps, result.worst_difference, result.first_difference) == (4, 0.0, "")
         assert (policy.resets, policy.steps) == (1, 4)
 
-    def test_the_first_difference_is_told_and_the_worst_of_all(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_the_first_and_worst_are_told(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3."""
         changes = {"at_1_17": -0.25, "at_1_3": 0.125, "at_2_59": 2.0, "at_3_0": 0.5}
         path = write_steps(tmp_path / "a.mcap", decided(5, **changes), 5, joints)
@@ -112,21 +108,15 @@ class TestReplay:
         assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
         assert result.worst_difference == pytest.approx(2.0)
 
-    def test_a_number_where_the_log_has_none_is_no_small_difference(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_a_number_for_none_is_a_difference(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         path = write_steps(tmp_path / "a.mcap", decided(2, at_1_4=np.nan), 2, joints)
         assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
 
-    def test_the_last_observation_of_a_torn_log_may_have_no_decision(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_a_torn_log_may_end_undecided(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
         assert (result.steps, result.first_difference) == (2, "")
 
-    def test_a_log_that_cannot_be_replayed_is_refused(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_unfit_logs_are_refused(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         """Without decisions, of another robot, without joint names, with too few numbers."""
         others = [f"joint{k}" for k in range(8)]
         nameless: list[Any] = [[], "text", [1, 2], None]
@@ -140,9 +130,7 @@ class TestReplay:
             with pytest.raises(UserError, match=says):
                 replay(path, Counts(go1))
 
-    def test_a_policy_that_fails_on_a_log_is_told_in_one_line(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_a_failing_policy_is_one_line(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         class Fails(Counts):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 raise ZeroDivisionError("by\nnought")
@@ -151,9 +139,7 @@ class TestReplay:
         with pytest.raises(UserError, match="the policy fails at step 0: ZeroDivisionError: by"):
             replay(path, Fails(go1))
 
-    def test_decisions_are_held_against_the_observation_of_their_own_time(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
+    def test_decisions_are_compared_by_time(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         """A damaged part of a log may have held the one and not the other."""
         path = tmp_path / "gap.mcap"
         log = McapLog(path, go1, Hold(go1), {}, may_wait=True)
@@ -245,9 +231,7 @@ class TestRecover:
                 recover(torn, name)
         assert torn.read_bytes() == before
 
-    def test_a_copy_that_cannot_be_written_is_told_and_nothing_is_left_of_a_log_that_cannot_be_read(
-        self, torn: Path
-    ) -> None:
+    def test_a_copy_that_cannot_be_written_leaves_nothing_behind(self, torn: Path) -> None:
         with pytest.raises(UserError, match=r"cannot write .*absent/whole\.mcap: No such file"):
             recover(torn, torn.parent / "absent" / "whole.mcap")
         with pytest.raises(UserError, match="cannot read the log"):
@@ -287,9 +271,7 @@ def written(path: Path) -> dict[str, list[Any]]:
 
 
 class TestWritten:
-    def test_a_policy_step_is_written_number_by_number(
-        self, go1: Robot, log: McapLog, tmp_path: Path
-    ) -> None:
+    def test_a_step_is_written_by_numbers(self, go1: Robot, log: McapLog, tmp_path: Path) -> None:
         n = np.arange(12.0)
         command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
         upright = np.array([1.0, 0.1, 0.2, 0.3])
@@ -327,9 +309,7 @@ class TestWritten:
         assert json.loads(found["/orders"][0][1].data) == stop
         assert json.loads(found["/rosout"][-1][1].msg) == stop
 
-    def test_who_and_how_is_in_the_file_before_anything_happens(
-        self, log: McapLog, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_the_head_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
         """A run that is killed at once leaves this."""
         deadline = time.monotonic() + 5.0
         while (tmp_path / "run.mcap").stat().st_size == 0 and time.monotonic() < deadline:

@@ -58,9 +58,7 @@ class TestFrames:
             (0x02A207FD, "over-current and that it is not calibrated"),
         ],
     )
-    def test_faults_are_bits_of_the_identifier(
-        self, driver: RobstrideDriver, identifier: int, says: str
-    ) -> None:
+    def test_faults_are_bits_of_the_id(self, driver: RobstrideDriver, identifier: int, says: str) -> None:
         (error,) = driver.replies(frame(identifier, "8000 8000 8000 0190")).error
         assert driver.error_name(int(error)) == says
 
@@ -69,9 +67,7 @@ class TestFrames:
         (error,) = driver.replies(frame(0x020107FD, "8000 8000 8000 0190")).error
         assert driver.error_name(int(error)) == "under-voltage and that it is switched off"
 
-    def test_forgetting_faults_and_setting_a_zero_lie_where_the_manual_puts_them(
-        self, driver: RobstrideDriver
-    ) -> None:
+    def test_clearing_faults_and_setting_a_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
         """Byte 0 is 1 in both: of a stop (4), which then clears faults, and of type 6."""
         assert hexed(driver.clear())[0] == ("0400fd07", "0100 0000 0000 0000")
         assert hexed(driver.zero())[0] == ("0600fd07", "0100 0000 0000 0000")
@@ -86,9 +82,7 @@ class TestFrames:
             ("0000 0080", "fault bit 31"),
         ],
     )
-    def test_a_report_of_a_fault_is_told_with_the_next_replies(
-        self, driver: RobstrideDriver, word: str, says: str
-    ) -> None:
+    def test_a_fault_comes_with_next_replies(self, driver: RobstrideDriver, word: str, says: str) -> None:
         """Type 21 is 0x15; the motor's id is in bits 8 to 15, as in a reply, and the word begins low."""
         assert not driver.replies(frame(0x150007FD, f"{word} 0000 0000")).values.size
         errors = [int(driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error[0]) for _ in range(2)]
@@ -97,9 +91,7 @@ class TestFrames:
         assert other.error.tolist() == [0]
 
     @pytest.mark.parametrize("end", ["report", "clear"])
-    def test_it_is_told_until_the_motor_reports_none_or_is_told_to_forget_it(
-        self, driver: RobstrideDriver, end: str
-    ) -> None:
+    def test_it_lasts_until_the_motor_clears_it(self, driver: RobstrideDriver, end: str) -> None:
         driver.replies(frame(0x150007FD, "0400 0000 0000 0000"))
         if end == "clear":
             driver.clear()
@@ -121,9 +113,7 @@ class TestFrames:
             (0x180007FD, False),
         ],
     )
-    def test_replies_parameters_and_reports_of_faults_pass_the_filters(
-        self, driver: RobstrideDriver, identifier: int, passes: bool
-    ) -> None:
+    def test_replies_pass_the_filters(self, driver: RobstrideDriver, identifier: int, passes: bool) -> None:
         assert any(identifier & each["can_mask"] == each["can_id"] for each in driver.filters) == passes
 
     @pytest.mark.parametrize("identifier", [0x028008FD, 0x02800701, 0x018007FD, 0x110007FD])

@@ -159,9 +159,7 @@ class TestStart:
             ({"start.not_ready": "motor x is off"}, "motor x is off"),
         ],
     )
-    def test_what_never_answers_is_named_once_the_time_is_up(
-        self, changes: dict[str, Any], fault: str
-    ) -> None:
+    def test_a_silent_part_is_named_after_the_time(self, changes: dict[str, Any], fault: str) -> None:
         early = 0.999 * CONFIG.start_timeout_s
         assert after(N, changes, now_s=early).mode is N
         state = after(N, changes, now_s=CONFIG.start_timeout_s)
@@ -204,9 +202,7 @@ WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
 
 class TestProgress:
     @pytest.mark.parametrize(("mode", "changes", "following"), WISHES)
-    def test_each_mode_leads_to_the_next_and_counts_its_time_from_its_beginning(
-        self, mode: Mode, changes: dict[str, Any], following: Mode
-    ) -> None:
+    def test_each_mode_leads_to_the_next(self, mode: Mode, changes: dict[str, Any], following: Mode) -> None:
         state = after(mode, {"end.may_lie": True} | changes)
         since_s = 4.0 if following is mode else changes.get("now_s", 5.0)
         assert state == State(following, since_s)

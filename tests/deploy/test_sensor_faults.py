@@ -111,9 +111,7 @@ def test_an_imu_that_is_mounted_askew_is_seen_before_the_robot_walks(go1: Robot,
 
 
 @pytest.mark.parametrize(("policy", "seed"), [("go1-flat", 3), ("trot", 4)])
-def test_a_pushed_robot_that_differs_from_the_nominal_one_raises_no_alarm(
-    go1: Robot, policy: str, seed: int
-) -> None:
+def test_a_pushed_robot_off_its_nominal_raises_no_alarm(go1: Robot, policy: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     sample = draw(load_randomisation(), lambda count: rng.uniform(size=count), 12, 13)
     sample["action_delay_s"] = np.array(0.004)

@@ -231,9 +231,7 @@ class TestOpposing:
         return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
 
     @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
-    def test_is_compared_over_time_in_size_and_sign(
-        self, go1: Robot, reported: float, opposing: float
-    ) -> None:
+    def test_is_compared_in_size_and_sign(self, go1: Robot, reported: float, opposing: float) -> None:
         assert self.asked(go1, reported) == pytest.approx(opposing, abs=0.01)
 
     def test_may_lag(self, go1: Robot) -> None:
@@ -255,9 +253,7 @@ class TestOpposing:
         )
         assert late[0] < 0.5 * LIMITS.opposing
 
-    def test_of_a_joint_that_keeps_still_all_counts_but_what_a_readings_rounding_makes(
-        self, go1: Robot
-    ) -> None:
+    def test_of_a_still_joint_all_but_a_readings_rounding_counts(self, go1: Robot) -> None:
         """A fifth of the peak the other way; 100 N m/rad make 0.2 N m of 0.002 rad, which nothing expects."""
         fifth = 0.2 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
@@ -275,9 +271,7 @@ class TestLimp:
         ("reported", "expected", "limp_s"),
         [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
     )
-    def test_a_motor_without_torque_is_limp_as_long_as_much_is_asked(
-        self, go1: Robot, reported: float, expected: float, limp_s: float
-    ) -> None:
+    def test_a_limp_motor(self, go1: Robot, reported: float, expected: float, limp_s: float) -> None:
         """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
         peak = float(go1.motor.peak_torque[0])
         found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
@@ -351,9 +345,7 @@ class TestReplyRepeated:
         np.testing.assert_allclose(told.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))
 
     @pytest.mark.parametrize("reported", [1.0, 0.8])
-    def test_a_jammed_joint_passes_while_its_target_stays_out_of_reach(
-        self, go1: Robot, reported: float
-    ) -> None:
+    def test_a_jammed_joint_passes_with_a_far_target(self, go1: Robot, reported: float) -> None:
         """The motor gives all that it can, also a weak one, from when the joint came to its stop."""
 
         def away(time_s: float) -> float:

@@ -72,9 +72,7 @@ def windows_until(check: type[links.LinkCheck], measure: Callable[[], float], mo
 
 class TestReplies:
     @pytest.mark.parametrize(("lost", "after"), [(1, None), (2, None), (10, 15), (20, 8)])
-    def test_a_share_of_losses_is_noticed_after_a_while(
-        self, go1: Robot, lost: int, after: int | None
-    ) -> None:
+    def test_a_share_of_losses_is_noticed_late(self, go1: Robot, lost: int, after: int | None) -> None:
         link = Link(go1, links.Unanswered)
         found = windows_until(links.Unanswered, lambda: link.window(TICKS - lost))
         assert (found is None) == (after is None)

@@ -225,9 +225,7 @@ class TestWindows:
         ("period_s", "silence_us", "compared"),
         [(0.04, 20_000, True), (0.04, 20_001, False), (0.004, 6000, True), (0.004, 6001, False)],
     )
-    def test_a_gap_is_half_a_period_or_one_and_a_half_samples(
-        self, period_s: float, silence_us: int, compared: bool
-    ) -> None:
+    def test_a_gap_of_half_or_1_5_periods(self, period_s: float, silence_us: int, compared: bool) -> None:
         windows = JointWindows(12, period_s, 0.002)
         windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), ZEROS)
         assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared

@@ -92,9 +92,7 @@ class TestInterface:
         monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", Bus)
         return found
 
-    def test_it_hears_motors_and_imu_of_every_bus_and_is_let_go_of(
-        self, go1: Robot, opened: list[Any], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_every_bus_is_used(self, go1: Robot, opened: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
         run = Session(stand_still, 1.0)
         monkeypatch.setattr(session, "run_session", lambda *given: given)
         robot, policy, _, handed = run_on_interface(go1, Hold(go1), "socketcan", run)  # type: ignore[misc]
@@ -134,9 +132,7 @@ class TestInterface:
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool
-) -> None:
+def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool) -> None:
     asked: list[Any] = []
 
     @contextmanager
@@ -166,9 +162,7 @@ def test_a_rate_that_no_bus_can_carry_is_refused_before_anything_is_sent(go1: Ro
     assert body.sent == []
 
 
-def test_a_policy_of_another_contract_is_refused_before_anything_is_sent(
-    go1: Robot, contract: Contract
-) -> None:
+def test_another_contract_is_refused_before_anything_is_sent(go1: Robot, contract: Contract) -> None:
     body, policy = FrameRobot(go1), Hold(go1)
     policy.contract = replace(contract, robot="go2")
     with pytest.raises(UserError, match="policy 'hold' does not fit robot 'go1': robot: policy has go2"):

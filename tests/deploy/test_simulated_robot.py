@@ -70,9 +70,7 @@ class Bench:
 
 class TestMotors:
     @pytest.mark.parametrize("start", [{}, {"lying": True}, {"hanging": True}])
-    def test_it_keeps_still_and_feels_its_weight_until_its_motors_are_commanded(
-        self, go1: Robot, start: dict[str, bool]
-    ) -> None:
+    def test_it_keeps_still_until_its_motors_are_enabled(self, go1: Robot, start: dict[str, bool]) -> None:
         """Off or on, standing, lying or hanging: somebody or something holds it. Then nobody does."""
         bench = Bench(go1, held=True, **start)
         before = bench.body.data.qpos.copy()
@@ -190,9 +188,7 @@ class TestPlants:
         assert planes.sum() == 1
         assert self.stands(bench)
 
-    def test_with_contact_bits_of_its_own_still_meets_the_added_floor(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_own_contact_bits_still_meet_the_added_floor(self, go1: Robot, tmp_path: Path) -> None:
         plant = rewritten(
             go1,
             tmp_path / "bits.xml",
@@ -247,16 +243,12 @@ class TestPlants:
         assert toes[:, 0] == pytest.approx(0.2)
         assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep theirs
 
-    def test_of_other_proportions_has_its_feet_found_from_the_last_joint_on(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_of_other_proportions_has_its_feet_found_anew(self, go1: Robot, tmp_path: Path) -> None:
         wider = ('<body name="FR_thigh" pos="0 -0.08 0">', '<body name="FR_thigh" pos="0 -0.25 0">')
         plant = rewritten(go1, tmp_path / "wide.xml", wider, ('geom name="FR_foot"', 'geom name="toe"'))
         assert "FR_foot is toe" in Bench(go1, plant=plant).body.notes[0]
 
-    def test_without_anything_where_a_foot_should_be_stands_all_the_same(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_without_shapes_at_its_feet_still_stands(self, go1: Robot, tmp_path: Path) -> None:
         """Shanks that end where the feet would be: no foot's motion is known, and nothing else suffers."""
         shank = '<geom class="collision" type="capsule" size="0.023" fromto="0 0 0 0 0 -0.213"/>'
         feet = [(f'<geom name="{leg}_foot" class="foot"/>', shank) for leg in ("FR", "FL", "RR", "RL")]

@@ -137,9 +137,7 @@ class TestFaults:
         assert bus.fault().startswith("bus b is bus-off")
         assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (2, 1)]
 
-    def test_an_error_frame_that_says_nothing_does_not_take_back_what_one_before_said(
-        self, kernel: Kernel
-    ) -> None:
+    def test_an_empty_error_frame_keeps_the_state_before_it(self, kernel: Kernel) -> None:
         bus = SocketCanBus(("a",), FILTERS)
         for identifier in (0x040, 0x088):
             kernel.ends["a"].send(can_frame(0x2000_0000 | identifier, bytes(8)))
@@ -221,16 +219,12 @@ class TestOpening:
         assert opened.options[101, 2] == 0x1FFF_FFFF  # every class of error frame
         assert opened.options[socket.SOL_SOCKET, 35] == 1
 
-    def test_what_cannot_be_opened_is_refused_in_one_line_and_the_others_are_closed(
-        self, sockets: list[FakeSocket]
-    ) -> None:
+    def test_a_bus_that_fails_to_open_closes_the_others(self, sockets: list[FakeSocket]) -> None:
         with pytest.raises(UserError, match=r"^cannot open bus 'broken' on socketcan: .*No such device$"):
             SocketCanBus(("can0", "broken"), FILTERS)
         assert [each.closed for each in sockets] == [True, True]
 
-    def test_a_system_without_can_is_no_traceback(
-        self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_system_without_can(self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delattr(socket, "AF_CAN")
         with pytest.raises(UserError, match=r"^cannot open bus 'can0' on socketcan: .*AF_CAN"):
             SocketCanBus(("can0",), FILTERS)

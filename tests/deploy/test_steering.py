@@ -87,9 +87,7 @@ def test_changes_are_made_once_within_their_ranges_with_a_note(steering: Steerin
         Request(FORWARD, settings={"step_height_m": math.nan}),
     ],
 )
-def test_what_the_run_does_not_have_is_refused_in_one_line(
-    steering: Steering, source: Asks, request_: Request
-) -> None:
+def test_what_the_run_lacks_is_refused(steering: Steering, source: Asks, request_: Request) -> None:
     source.request = request_
     assert changes_of(steering) == []
     assert len(steering.notes) == 1

@@ -186,8 +186,6 @@ def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
 @pytest.mark.parametrize(
     ("identifier", "extended", "fits"), [(0x7FF, False, True), (0x800, False, False), (0x800, True, True)]
 )
-def test_an_identifier_that_no_such_frame_can_carry_is_refused(
-    identifier: int, extended: bool, fits: bool
-) -> None:
+def test_an_id_beyond_its_frames_is_refused(identifier: int, extended: bool, fits: bool) -> None:
     with nullcontext() if fits else pytest.raises(ValueError, match="id must be"):
         StopFrame("can1", identifier, extended=extended)

@@ -204,9 +204,7 @@ class TestBodyMap:
         monkeypatch.setattr("footfall.domain_rand.bodies.joint_addresses", lambda *_: addresses)
         return go1
 
-    def test_friction_is_of_the_feet_that_were_found_and_of_the_worlds_planes_and_boxes(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_friction_is_of_feet_and_floors_found(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
         robot = self.robot(go1, monkeypatch, [[4], [], [0]])  # one foot was not found; one is the first geom
@@ -215,9 +213,7 @@ class TestBodyMap:
         assert where.dofs == (6, 0)
         assert where.base == model.body("trunk").id == 2
 
-    def test_where_no_foot_is_found_it_is_of_all_that_can_touch(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_feet_it_is_of_all_that_touch(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         shown = '<geom name="shown" size=".1" contype="0" conaffinity="0"/>'
         touched = '<geom size=".1" contype="0"/><geom size=".1" conaffinity="0"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=shown + touched))

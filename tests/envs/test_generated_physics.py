@@ -47,9 +47,7 @@ def test_four_steps_are_mujocos_in_double_precision(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "optimisation"), [("go1", SHIPPED), ("hexapod", 0), ("g1", 0)])
-def test_a_step_is_mujocos_to_rounding_in_single_precision(
-    name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_step_is_mujocos_in_float32(name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(llvm, "OPTIMISATION", optimisation)
     robot = load_robot(name)
     found = errors(robot, training_model(robot), np.float32, 400)

@@ -138,9 +138,7 @@ class TestMany:
 
         assert data_equivalence(rollout(), rollout(), exact=True)
 
-    def test_each_is_the_single_environment_of_its_seed(
-        self, many: GymnasiumVectorEnv, one: GymnasiumEnv
-    ) -> None:
+    def test_each_is_the_single_one_of_its_seed(self, many: GymnasiumVectorEnv, one: GymnasiumEnv) -> None:
         observations, _ = many.reset(seed=10)
         alone, _ = one.reset(seed=10 + 3)
         assert observations[3] == pytest.approx(alone, abs=1e-6)
@@ -150,9 +148,7 @@ class TestMany:
             assert observations[3] == pytest.approx(alone, abs=1e-4)
             assert rewards[3] == pytest.approx(reward, abs=1e-6)
 
-    def test_the_second_reset_gives_each_the_second_episode_of_its_seed(
-        self, many: GymnasiumVectorEnv, one: GymnasiumEnv
-    ) -> None:
+    def test_the_second_reset_is_the_next_episode(self, many: GymnasiumVectorEnv, one: GymnasiumEnv) -> None:
         first, _ = many.reset(seed=5)
         second, _ = many.reset()
         assert (first != second).any(axis=1).all()
@@ -283,9 +279,7 @@ def test_it_can_be_seen() -> None:
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
 
 
-def test_where_nothing_can_be_rendered_it_says_what_to_set(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_rendering_it_says_what_to_set(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     def no_screen(*_: Any) -> None:
         raise mujoco.FatalError("an OpenGL platform library has not been loaded")
 

@@ -73,9 +73,7 @@ def test_the_critic_sees_the_exact_scan(
         assert seen[-1] == 2.0
 
 
-def test_scans_arrive_late_and_at_their_own_rate(
-    env: LocomotionEnv, begun: tuple[State, dict[str, jax.Array]]
-) -> None:
+def test_scans_are_late_at_their_rate(env: LocomotionEnv, begun: tuple[State, dict[str, jax.Array]]) -> None:
     """On a slope along x the first height tells where the robot was when the scan was taken."""
     late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), env.scene.base, env.period_s)
     state = jax.tree.map(lambda leaf: leaf[0], begun[0])

@@ -127,9 +127,7 @@ def placed(
 
 
 class TestStep:
-    def test_the_goal_is_the_actions_for_the_phase_and_command_before_the_step(
-        self, env: LocomotionEnv, step, begun: State
-    ) -> None:
+    def test_the_goal_is_of_phase_and_command_before(self, env: LocomotionEnv, step, begun: State) -> None:
         """And goals are kept newest first, beside the actions that they come from."""
         expected = joint_target(
             np.asarray(ACTION), np.asarray(begun.phase), np.asarray(begun.command), env.contract
@@ -163,9 +161,7 @@ class TestStep:
         _, result = step(late, ACTION)
         np.testing.assert_allclose(result.observation["state"][:3], first.recent_readings[-1, :3], rtol=1e-5)
 
-    def test_the_rewards_are_of_the_last_physics_step_and_of_the_old_command(
-        self, step, begun: State
-    ) -> None:
+    def test_rewards_are_of_the_last_physics_step_and_old_command(self, step, begun: State) -> None:
         due = begun._replace(hold_steps=jnp.int32(0))
         after, result = step(due, ACTION)
         yaw_rate = float(begun.qvel[5]) + 4 * TURN[2]
@@ -191,9 +187,7 @@ class TestStep:
             abs(0.3 - yaw_rate), rel=1e-4
         )
 
-    def test_the_critic_is_told_of_feet_and_torques_of_the_last_physics_step(
-        self, env: LocomotionEnv, step, begun: State
-    ) -> None:
+    def test_the_critic_sees_the_last_physics_step(self, env: LocomotionEnv, step, begun: State) -> None:
         after, result = step(begun, ACTION)
         actor, critic = (np.asarray(result.observation[name]) for name in ("state", "privileged_state"))
         np.testing.assert_array_equal(critic[: len(actor)], actor)
@@ -270,9 +264,7 @@ def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary() -> No
         (0.0, 0.159, 1.0),
     ],
 )
-def test_a_fall_is_a_tilt_or_a_base_below_its_share_of_the_standing_height(
-    step, begun: State, tilt_rad: float, height_m: float, fell: float
-) -> None:
+def test_falls_are_tilt_or_height(step, begun: State, tilt_rad: float, height_m: float, fell: float) -> None:
     """0.55 of 0.2945 m are 0.162 m."""
     quaternion = (np.cos(tilt_rad / 2), np.sin(tilt_rad / 2), 0.0, 0.0)
     _, result = step(placed(begun, (0.0, 0.0, height_m), quaternion), ACTION)
@@ -409,9 +401,7 @@ def test_the_contract_says_what_was_configured() -> None:
 @pytest.mark.parametrize(
     ("rate_hz", "substeps", "fits"), [(40.0, 2, True), (10.0, 4, True), (10.0, 2, False), (2.0, 4, False)]
 )
-def test_physics_steps_are_no_longer_than_the_joints_are_stable_at(
-    rate_hz: float, substeps: int, fits: bool
-) -> None:
+def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int, fits: bool) -> None:
     """12.5 and 25 ms, 50 and 125 ms; go1's knees swing up beyond 27 ms."""
     config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
     if fits:
@@ -465,9 +455,7 @@ class TestStillStep:
         assert ends == [(0.0, 0.0)] * 4 + [(0.0, 1.0)]
 
     @pytest.mark.parametrize(("speed", "diverged"), [(49.0, 0.0), (51.0, 1.0), (-51.0, 1.0)])
-    def test_excessive_finite_speed_is_a_divergence(
-        self, step, state: State, speed: float, diverged: float
-    ) -> None:
+    def test_excessive_speed_is_a_divergence(self, step, state: State, speed: float, diverged: float) -> None:
         fast = state._replace(qvel=state.qvel.at[17].set(speed))
         _, result = step(fast, jnp.zeros(N))
         assert float(result.metrics["episode/diverged"]) == float(result.terminated) == diverged

@@ -143,9 +143,7 @@ class TestPurity:
         step(first[0], two)
         assert equal(step(begun, one), first)
 
-    def test_neither_company_nor_threads_change_a_bit(
-        self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str
-    ) -> None:
+    def test_nothing_changes_a_bit(self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str) -> None:
         for module in ("c", "generated.on_processor"):
             monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: 3)
         monkeypatch.setattr("footfall.envs.physics.generated.on_processor.MIN_ROBOTS_PER_THREAD", 5)
@@ -179,9 +177,7 @@ class TestPurity:
         assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
 
     @IN_C
-    def test_nor_are_they_lost_between_two_threads(
-        self, monkeypatch: pytest.MonkeyPatch, begun: State
-    ) -> None:
+    def test_nor_are_they_lost_between_threads(self, monkeypatch: pytest.MonkeyPatch, begun: State) -> None:
         """Of two environments the second begins while the first steps, and ends after it."""
         model = training_model(ROBOT)
         given = jax.tree.map(np.asarray, arguments(begun))
@@ -233,9 +229,7 @@ class TestDivergence:
         assert "WARNING" not in capfd.readouterr().err
 
     @IN_C
-    def test_an_error_in_mujoco_ends_one_robot(
-        self, monkeypatch: pytest.MonkeyPatch, step, begun: State
-    ) -> None:
+    def test_an_error_in_mujoco_ends_one(self, monkeypatch: pytest.MonkeyPatch, step, begun: State) -> None:
         def fail(pool: Batch) -> None:
             plain_step(pool)
             raise SimulationError(np.array([1]), "a message")
@@ -295,9 +289,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 
 @IN_C
-def test_every_episode_that_ends_begins_anew_and_no_other(
-    monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State
-) -> None:
+def test_ended_episodes_begin_anew(monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State) -> None:
     """21 end, and 16 at most begin at once."""
     monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", 16)
     ends = np.arange(len(begun.steps)) % 3 > 0

@@ -113,9 +113,7 @@ def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
     assert make.made == 2
 
 
-def test_nobody_waits_for_a_program_to_be_written(
-    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_writing_a_program_blocks_nobody(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     asked_for = threading.Event()
 
     def slow(program: Any) -> Any:
@@ -141,9 +139,7 @@ def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch
     assert make.made == 4
 
 
-def test_changed_source_makes_another_program(
-    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_source_changes_it(cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
@@ -179,9 +175,7 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
         assert (make.made, len(list(cache.rglob("programs/*")))) == (made, files)
 
 
-def test_a_source_that_changes_while_it_is_traced_keeps_nothing(
-    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_edits_while_traced_keep_nothing(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     def lower_meanwhile() -> Any:
         monkeypatch.setattr(footfall, "IMPORTED_AT_NS", 0)
         return make()
@@ -214,9 +208,7 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, 
     assert "\n" not in line
 
 
-def test_programs_that_were_not_used_for_longest_make_room(
-    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_least_used_makes_room(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "first")
     monkeypatch.setattr(program_cache, "LARGEST_BYTES", int(2.5 * only_file(cache).stat().st_size))
     kept(make, "second")

@@ -58,9 +58,7 @@ def walked(state: State) -> Any:
 
 
 @pytest.mark.parametrize("kind", [0, 1], ids=["stairs", "slope"])
-def test_a_standing_robot_rests_as_on_mujocos_boxes_and_height_fields(
-    env: Any, begun: State, go1: Robot, kind: int
-) -> None:
+def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1: Robot, kind: int) -> None:
     """Joint targets stay; after half a second both robots lie within millimetres of each other."""
     hardest = np.flatnonzero(np.asarray(walked(begun).piece) == kind * LEVELS + LEVELS - 1)[:6]
     state = jax.tree.map(lambda x: x[hardest], begun)

@@ -59,8 +59,6 @@ def test_their_means_are_reported(config: EvaluationConfig, tmp_path: Path, go1:
         (("metrics_of_mine:highest_base_m",) * 2, "two metrics are called 'highest_base_m'"),
     ],
 )
-def test_those_that_cannot_serve_are_refused(
-    config: EvaluationConfig, places: tuple[str, ...], complaint: str
-) -> None:
+def test_unfit_ones_are_refused(config: EvaluationConfig, places: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(UserError, match=complaint):
         api.evaluate_policy("stand", replace(config, metrics=places), console=Console(quiet=True))

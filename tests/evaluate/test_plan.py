@@ -79,9 +79,7 @@ class TestScenarioFile:
             ("{about: x, episodes: 1, duration_s: 86401}", "duration_s must be from 0 to 86400, not 86401"),
         ],
     )
-    def test_a_malformed_scenario_is_refused_with_the_reason(
-        self, tmp_path: Path, scenario: str, complaint: str
-    ) -> None:
+    def test_a_malformed_scenario_is_refused(self, tmp_path: Path, scenario: str, complaint: str) -> None:
         path = tmp_path / "own.yaml"
         path.write_text(f"scenarios: {{own: {scenario}}}")
         with pytest.raises(UserError, match=complaint):
@@ -97,9 +95,7 @@ class TestScenarioFile:
             ("forward_m_s: [0, 1]}, levels: {yaw_rad_s: [1]", "give commands or yaw_rad_s, not both"),
         ],
     )
-    def test_commands_that_nobody_could_draw_or_that_nobody_would_see_are_refused(
-        self, tmp_path: Path, commands: str, complaint: str
-    ) -> None:
+    def test_undrawable_commands_are_refused(self, tmp_path: Path, commands: str, complaint: str) -> None:
         others = "leftward_m_s: [0, 0], yaw_rad_s: [0, 0], hold_s: [1, 2]"
         assert complaint in refusal(tmp_path, f"commands: {{{others}, {commands}}}")
 
@@ -156,9 +152,7 @@ class TestCommandsOfARobot:
             ("hexapod", (0, 0.3, 0.6, 0.9, 1.2, 1.8)),
         ],
     )
-    def test_loads_are_shares_of_the_most_that_robots_of_its_kind_carry(
-        self, name: str, loads_kg: tuple[float, ...]
-    ) -> None:
+    def test_loads_are_shares_of_a_kinds_greatest(self, name: str, loads_kg: tuple[float, ...]) -> None:
         payload = load_scenarios(load_robot(name)).scenarios["payload"]
         assert payload.levels == {"payload_kg": pytest.approx(loads_kg)}
         assert payload.rows == ("payload_kg",)

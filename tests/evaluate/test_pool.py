@@ -64,7 +64,7 @@ def test_bad_input_is_the_users_to_hear_about() -> None:
         run_all(complain, range(3), workers=1)
 
 
-def test_workers_keep_to_one_thread_and_the_caller_keeps_its_environment(
+def test_workers_have_one_thread_and_the_caller_its_variables(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
@@ -77,7 +77,7 @@ def variable(name: str) -> str | None:
     return os.environ.get(name)
 
 
-def test_variables_for_the_workers_are_gone_afterwards_if_they_were_not_there(
+def test_the_workers_new_variables_are_gone_afterwards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("FOOTFALL_TEST", "before")

@@ -115,9 +115,7 @@ class TestFilm:
         assert abs(columns.mean() - films.WIDTH / 2) < films.WIDTH / 6
         assert blue[:20].mean() > red[:20].mean() + 20  # the sky
 
-    def test_a_machine_that_cannot_render_says_why(
-        self, standing: Trace, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_rendering_it_says_why(self, standing: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("MUJOCO_GL", "crayons")
         (outcome,) = render_films([FilmTask("go1", None, standing, (), 0.4)])
         assert outcome.value is None

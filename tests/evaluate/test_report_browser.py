@@ -51,9 +51,7 @@ def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") 
         (760, "print", "dark"),
     ],
 )
-def test_nothing_reaches_beyond_the_page_and_it_is_dark_where_that_is_wished_for(
-    page: Tab, width: int, media: str, colours: str
-) -> None:
+def test_it_is_dark_on_request_and_no_wider(page: Tab, width: int, media: str, colours: str) -> None:
     """Paper is never dark."""
     shown(page, width, media, colours)
     assert page.value("innerWidth") == width

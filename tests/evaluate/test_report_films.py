@@ -30,9 +30,7 @@ class TestFilms:
     def task(self, trace: Trace, pushes: tuple[Push, ...] = (), duration_s: float = 1.0) -> FilmTask:
         return FilmTask("go1", None, trace, pushes, duration_s)
 
-    def test_each_policy_that_walked_is_filmed_with_the_courses_pushes(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_each_walked_policy_is_filmed_pushed(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         asked: list[Any] = []
 
         def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
@@ -87,9 +85,7 @@ class TestFilms:
         assert films.render_films([task]) == [TaskResult("film")]
         assert [environment["MUJOCO_GL"] for _, environment in tried] == ["glfw"]
 
-    def test_a_film_has_its_frames_in_order_and_a_poster_of_its_first_third(
-        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
+    def test_frames_are_in_order_with_a_poster(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         def frames(task: FilmTask) -> Iterator[np.ndarray]:
             for number in range(len(films.frame_times(task))):
                 yield np.full((films.HEIGHT, films.WIDTH, 3), 10 + 10 * number, np.uint8)
@@ -104,9 +100,7 @@ class TestFilms:
         shown = [np.frombuffer(frame, np.uint8).mean() for frame in reader]
         assert shown == pytest.approx([10.0 + 10.0 * k for k in range(12)], abs=3.0)
 
-    def test_a_frame_is_the_sample_of_its_time_with_its_command(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_frame_is_its_times_sample_with_its_command(self, monkeypatch: pytest.MonkeyPatch) -> None:
         written: list[Any] = []
         shots: list[int] = []
 
@@ -194,9 +188,7 @@ class TestCaption:
 
 
 class TestStills:
-    def test_a_row_for_each_walk_or_why_there_is_no_picture(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_row_for_each_walk_or_a_reason(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         rows = [TaskResult(np.full((20, 100, 3), shade, np.uint8)) for shade in (0, 90)]
         monkeypatch.setattr(stills, "render_apart", lambda *_: rows)
         walks = [stills.Walk(name, "", walked(1.0)) for name in ("a", "b")]

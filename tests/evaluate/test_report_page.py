@@ -105,9 +105,7 @@ class TestPlots:
         ends = [float(each) for each in path.groups()]
         assert [left, bottom, right, top] == pytest.approx(ends, abs=0.06)
 
-    def test_a_walk_has_its_policys_place_also_behind_one_that_did_not_walk(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_walk_keeps_its_place_after_others(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         """By its place a policy has its colour in all plots."""
         given: list[course_plots.Walk] = []
         for name in ("tracking", "gait", "torque_speed", "timing"):

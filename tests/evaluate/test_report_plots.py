@@ -277,9 +277,7 @@ class TestGait:
             ([1], [(0.0, 0.0)]),  # one sample is no stretch of time
         ],
     )
-    def test_bars_begin_and_end_with_contact(
-        self, contact: list[int], bars: list[tuple[float, float]]
-    ) -> None:
+    def test_bars_begin_and_end_at_contact(self, contact: list[int], bars: list[tuple[float, float]]) -> None:
         found = course_plots.contact_bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
         np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(bars, (-1, 2)), atol=1e-12)
 
@@ -313,9 +311,7 @@ class TestTiming:
 
 
 class TestLearning:
-    def test_a_curve_is_in_millions_of_steps_and_in_its_policys_colour(
-        self, drawn: list[Drawn], tmp_path: Any
-    ) -> None:
+    def test_a_curve_is_over_million_steps_in_its_colour(self, drawn: list[Drawn], tmp_path: Any) -> None:
         keys = list(learning_curves.CURVES)
         lines = [
             f'{{"step": {1_500_000 * k}, "{keys[0]}": {0.5 * k}, "{keys[2]}": {-3.0 * k}}}'

@@ -142,9 +142,7 @@ class TestEpisode:
         ]
         assert weights == pytest.approx([9.81 * own, 9.81 * (own + 2.0)])
 
-    def test_what_is_drawn_is_drawn_for_its_joints_and_its_bodies_the_world_left_out(
-        self, ran: SimpleNamespace, go1: Robot
-    ) -> None:
+    def test_joints_and_bodies_without_the_world_are_drawn(self, ran: SimpleNamespace, go1: Robot) -> None:
         run_with(load_policy("stand", go1), self.task(plan=replace(self.PLAN, randomised=True)))
         own = mujoco.MjModel.from_xml_path(str(go1.xml_path))
         assert {np.shape(value) for value in ran.given[2].sample.values()} >= {(12,), (own.nbody - 1,)}

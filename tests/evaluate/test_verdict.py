@@ -113,9 +113,7 @@ class TestFigures:
         ("falls", "number", "shown"),
         [(47, math.inf, "above 5"), (48, None, "below 0.5"), (49, None, "below 0.5")],
     )
-    def test_a_push_that_was_not_found_is_above_all_for_who_mostly_stood(
-        self, falls: int, number: float | None, shown: str
-    ) -> None:
+    def test_an_unknown_push_is_above_the_others(self, falls: int, number: float | None, shown: str) -> None:
         unknown = pushed(None, None, None, falls=falls)
         assert (value(PUSH, unknown), text(PUSH, unknown)) == (number, shown)
         unpushed = {key: each for key, each in unknown.items() if key != "strongest_push"}
@@ -130,9 +128,7 @@ class TestFigures:
             (pushed(None, 0.0, 0.4, falls=90), (0.0, 0.4), ""),
         ],
     )
-    def test_an_edge_beyond_the_strongest_push_is_beyond(
-        self, summary: dict, edges: tuple[float, float], shown: str
-    ) -> None:
+    def test_an_edge_may_be_beyond_all(self, summary: dict, edges: tuple[float, float], shown: str) -> None:
         assert interval(PUSH, summary) == edges
         assert interval_text(PUSH, summary) == shown
 

@@ -95,9 +95,7 @@ def test_an_unknown_disturbance_is_refused(go1: Robot) -> None:
         weakest("go1-flat", EvaluationConfig(), load_scenarios(go1), ["wind"])
 
 
-def test_a_push_fells_a_policy_on_the_simulated_robot(
-    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_push_fells_a_simulated_one(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=1))
     early = replace(plan, duration_s=1.2, pushes=(replace(plan.pushes[0], time_s=0.1),))
     task = EpisodeTask("stand", "go1", early, load_scenarios(go1).noise)
@@ -105,9 +103,7 @@ def test_a_push_fells_a_policy_on_the_simulated_robot(
     assert math.isinf(bisect(Ray(task, {"push": 0.01})))
 
 
-def test_a_robot_on_ice_has_failed_though_it_stands(
-    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_on_ice_has_failed(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
     """It falls at neither end; a robot that shall stand gets nowhere anyway."""
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
     task = EpisodeTask("go1-flat", "go1", replace(plan, duration_s=1.5), load_scenarios(go1).noise)
@@ -116,9 +112,7 @@ def test_a_robot_on_ice_has_failed_though_it_stands(
     assert math.isinf(bisect(Ray(replace(task, policy="stand"), {"friction": 1.0})))
 
 
-def test_the_command_prints_and_writes_what_it_found(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_command_tells_and_writes(shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(search, "_run", MadeUp(lambda push, latency: push >= 0.5).run)
     file = tmp_path / "weakest.json"
     outcome = shell("evaluate", "stand", "--weakest", "push", "--episodes", "3", "--json", file)

@@ -100,17 +100,13 @@ def test_the_program_acts_as_the_shipped_policies_do(program: Path, name: str) -
     agree(program, ZOO / f"{name}-flat" / "policy.onnx", load_robot(name))
 
 
-def test_it_follows_a_gait_s_reference_motion_and_every_history(
-    program: Path, contract: Contract, go1: Robot, tmp_path: Path
-) -> None:
+def test_it_follows_a_gaits_reference(program: Path, contract: Contract, go1: Robot, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     weights = np.random.default_rng(3).normal(0.0, 0.1, (observation_size(contract), 12)).astype(np.float32)
     agree(program, write_network(onnx, tmp_path / "policy.onnx", weights, contract), go1)
 
 
-def test_a_term_that_the_program_lacks_is_refused_by_name(
-    program: Path, contract: Contract, tmp_path: Path
-) -> None:
+def test_an_unknown_term_is_refused_by_name(program: Path, contract: Contract, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     weights = np.zeros((3, 12), np.float32)
     path = write_network(onnx, tmp_path / "policy.onnx", weights, contract)

@@ -115,9 +115,7 @@ class TestEndings:
         monkeypatch.setattr(sys, "stdout", Pipe())
         assert cli.main(["doctor"]) == status
 
-    def test_sigterm_lets_a_verb_close_what_is_open(
-        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_sigterm_lets_a_verb_close_all(self, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
         closed: list[str] = []
 
         def verb(*_: object, **__: object) -> None:
@@ -141,9 +139,7 @@ class TestEndings:
         thread.join()
         assert statuses == [7]
 
-    def test_characters_that_the_terminal_lacks_are_shown_by_their_codes(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_characters_the_terminal_lacks_become_codes(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def verb(*_: Any, **__: Any) -> None:
             print("caf\xe9")
 
@@ -157,9 +153,7 @@ class TestEndings:
                 assert b"caf\\xe9" in written.getvalue()
 
     @pytest.mark.parametrize("name", ["stdout", "stderr"])
-    def test_an_output_that_is_closed_takes_what_is_printed(
-        self, monkeypatch: pytest.MonkeyPatch, name: str
-    ) -> None:
+    def test_a_closed_output_takes_what_is_printed(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         monkeypatch.setattr(cli, "app", lambda *_, **__: print("x", file=getattr(sys, name), flush=True))
         monkeypatch.setattr(sys, name, None)
         assert cli.main(["doctor"]) == 0
@@ -212,9 +206,7 @@ class TestSmallVerbs:
         found.differences, found.saved = [], None
         assert len(shell("diagnose", "run").out.splitlines()) == 4
 
-    def test_a_recovered_log_lies_beside_its_file_unless_told_otherwise(
-        self, shell: Shell, called: Recorder, tmp_path: Path
-    ) -> None:
+    def test_a_recovered_log_is_beside_its_file(self, shell: Shell, called: Recorder, tmp_path: Path) -> None:
         recovered = SimpleNamespace(messages=42, damaged=0)
         called.replace("footfall.deploy.recover.recover", recovered)
         assert "there is no folder" in shell.refuses("log", "recover", "a.mcap", "--out", "absent/b.mcap")

@@ -161,9 +161,7 @@ def test_presets_that_cannot_be_trained(
 
 
 @pytest.mark.parametrize("verb", ["deploy", "bring-up"])
-def test_motors_that_shall_wait_for_longer_than_those_on_a_bus_do(
-    shell: Shell, tmp_path: Path, verb: str
-) -> None:
+def test_motor_timeouts_beyond_the_buss_greatest(shell: Shell, tmp_path: Path, verb: str) -> None:
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", path)

@@ -77,9 +77,7 @@ def motors(closed: list[str], monkeypatch: pytest.MonkeyPatch) -> Motors:
     return motors
 
 
-def test_motors_are_off_and_buses_closed_whatever_ends_it(
-    shell: Shell, motors: Motors, closed: list[str]
-) -> None:
+def test_whatever_happens_motors_are_disabled(shell: Shell, motors: Motors, closed: list[str]) -> None:
     motors.interrupts = True
     assert shell("can", "clear", "--yes").status == 130
     assert closed == ["motors", "bus"]
@@ -121,9 +119,7 @@ def test_without_a_problem_the_motors_are_shown(shell: Shell, motors: Motors) ->
         assert motors.seconds == 1.5
 
 
-def test_on_a_terminal_the_table_shows_the_latest_state_and_the_last_one_stays(
-    shell: Shell, motors: Motors, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_table_shows_the_latest(shell: Shell, motors: Motors, monkeypatch: pytest.MonkeyPatch) -> None:
     """The hip moves by 0.1 rad each time that it is asked, four times in a second."""
     shown: list[str] = []
 

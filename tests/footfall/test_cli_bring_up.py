@@ -67,16 +67,12 @@ def test_the_share_that_reaches_the_motors(shell: Shell, runs: list[Any], scale:
     assert ("--scale" in outcome.err) is refused
 
 
-def test_figures_that_cannot_be_written_are_known_before_the_first_step(
-    shell: Shell, runs: list[Any]
-) -> None:
+def test_unwritable_figures_are_known_before_the_first_step(shell: Shell, runs: list[Any]) -> None:
     assert "there is no folder" in shell.refuses("bring-up", "stand", "--json", "absent/a.json")
     assert runs == []
 
 
-def test_an_interface_lets_through_what_motors_and_imu_say(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interface_passes_motors_and_imu(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[Any] = []
     bus = SimpleNamespace(close=lambda: opened.append("closed"))
     monkeypatch.setattr(
@@ -94,9 +90,7 @@ def test_an_interface_lets_through_what_motors_and_imu_say(
     assert steps == [("hold", bus)]
 
 
-def test_a_robot_that_cannot_lie_begins_on_its_feet(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch, go1: Any
-) -> None:
+def test_a_robot_unable_to_lie_starts_up(shell: Shell, monkeypatch: pytest.MonkeyPatch, go1: Any) -> None:
     made: list[PlantConfig] = []
     monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *given: made.append(given[3]))
     monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)

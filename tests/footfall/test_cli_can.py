@@ -209,9 +209,7 @@ class TestRefusals:
         assert shell.refuses("can", verb, "--bus", "virtual") == "nobody is there to confirm: add --yes"
 
     @pytest.mark.parametrize("answer", ["", "n", "yep"])
-    def test_an_answer_that_is_no_yes_is_a_no(
-        self, shell: Shell, monkeypatch: pytest.MonkeyPatch, answer: str
-    ) -> None:
+    def test_other_answers_are_no(self, shell: Shell, monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
         monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
         monkeypatch.setattr("builtins.input", lambda _: answer)
         assert shell.refuses("can", "zero", "--bus", "virtual") == "not confirmed"
@@ -234,9 +232,7 @@ class TestRefusals:
         assert "duration" in shell.refuses("can", "monitor", "--duration", duration).lower()
 
 
-def test_a_robot_of_another_process_is_scanned_and_watched(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_processs_robot_is_scanned_watched(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     """A motor counts that has been heard at all: a busy machine may stall at the end."""
     monkeypatch.setattr(bench, "SILENCE_US", 60_000_000)
     with robot_on_multicast("--duration", "600", "--motor-timeout", "20"):
@@ -244,9 +240,7 @@ def test_a_robot_of_another_process_is_scanned_and_watched(
         assert len(tried(shell, "monitor", "--bus", "udp_multicast", "--duration", "1")) == 12
 
 
-def test_what_a_scan_finds_is_held_against_robot_yaml(
-    shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_is_compared_to_yaml(shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motor with id 3 on can1 has id 9 there: one is missing, one is too many."""
     monkeypatch.setattr(scan, "scan", lambda *_: {scan.Found(1, 3, "MIT mode")})
     declaration = own_folder / "robot.yaml"

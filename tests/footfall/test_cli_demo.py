@@ -20,9 +20,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
     return found
 
 
-def test_it_goes_from_training_to_a_report(
-    steps: list[tuple[str, ...]], shell: Shell, called: Recorder
-) -> None:
+def test_from_training_to_a_report(steps: list[tuple[str, ...]], shell: Shell, called: Recorder) -> None:
     called.replace("footfall.policies.registry.zoo_names", ["go1-flat"])
     called.replace("footfall.policies.registry.walking_controllers", ["trot", "mpc"])
     options = "--out d --seed 7 --episodes 3 --preset smoke --scenarios push,gentle"
@@ -81,9 +79,7 @@ def test_a_failed_step_ends_it() -> None:
         demo_module._step("list", "--no-such-option")
 
 
-def test_a_policy_that_falls_over_the_bus_is_still_compared(
-    monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path
-) -> None:
+def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path) -> None:
     """deploy and then the demo end with status 1 after a fall; of other steps that status ends the demo."""
     statuses = {"train": 0, "export": 0, "deploy": 1, "compare": 0}
     ran: list[str] = []

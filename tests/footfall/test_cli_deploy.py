@@ -65,9 +65,7 @@ def test_a_safe_run_writes_its_figures(stood: Made) -> None:
     assert [bus["name"] for bus in figures["buses"]] == ["can0", "can1", "can2", "can3"]
 
 
-def test_a_silent_motor_is_an_emergency_stop_with_status_1(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_motor_is_a_stop(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class WithASilentMotor(SimulatedRobot):
         def advance(self, now_us: int) -> None:
             self.faults.motors.silent[5] = now_us > 1_550_000  # half a second into the walk
@@ -97,9 +95,7 @@ def test_a_robot_that_tips_over_has_fallen_with_status_1(shell: Shell, tmp_path:
     assert figures["faults"]
 
 
-def test_a_walk_too_short_to_measure_has_no_nan_in_it_and_a_device_is_written_to(
-    shell: Shell, tmp_path: Path
-) -> None:
+def test_a_short_walk_has_no_nan_and_may_go_to_a_device(shell: Shell, tmp_path: Path) -> None:
     """It is not replaced by a file of its name."""
     outcome = shell(
         "deploy", "stand", "--duration", "0.001", "--config", written(tmp_path), "--json", "/dev/null"
@@ -175,9 +171,7 @@ class TestOptions:
         "--json", "run.json", "--config", "loop.yaml",
     )  # fmt: skip
 
-    def test_reach_the_simulated_robot(
-        self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_reach_the_simulation(self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "loop.yaml").write_text("joint_rate_hz: 1000.0")
         called.replace("footfall.plant.episode.run_episode", ran())
         called.replace("footfall.live_state.live_state", "display")
@@ -283,9 +277,7 @@ class TestOptions:
         shell("deploy", "stand", "--bus", bus, "--no-lie-down")
         assert called.of("run_on_interface")[0][3].lie_down is False
 
-    def test_a_robot_that_does_not_tip_over_on_an_interface_has_not_fallen(
-        self, shell: Shell, called: Recorder, tmp_path: Path
-    ) -> None:
+    def test_on_an_interface_untipped_is_up(self, shell: Shell, called: Recorder, tmp_path: Path) -> None:
         for state, status in (("IDLE", 0), ("ESTOP", 1)):
             ended = ran(final_state=state, faults=("motor 3",))
             called.replace("footfall.deploy.session.run_on_interface", ended)
@@ -303,9 +295,7 @@ class TestOptions:
             complaint = shell.refuses("deploy", "stand", "--bus", "virtual", *options)
             assert complaint.startswith(f"{options[0]} needs the simulated robot")
 
-    def test_a_log_names_a_file_by_where_it_lies_and_the_figures_as_it_was_typed(
-        self, shell: Shell, called: Recorder, tmp_path: Path
-    ) -> None:
+    def test_a_log_names_files_by_their_path(self, shell: Shell, called: Recorder, tmp_path: Path) -> None:
         (tmp_path / "mine.yaml").write_text("kp: 45.0")
         called.replace("footfall.policies.registry.lasting_spec", lambda spec: f"lasting {spec}")
         called.replace("footfall.policies.registry.load_policy", lambda spec, robot: (spec, robot.name))

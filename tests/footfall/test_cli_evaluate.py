@@ -52,9 +52,7 @@ def test_evaluate_writes_what_it_promises(shell: Shell, tmp_path: Path) -> None:
 
 
 @long_test
-def test_compare_nests_the_same_under_each_name_and_takes_a_controller_at_several_settings(
-    shell: Shell, tmp_path: Path
-) -> None:
+def test_compare_nests_by_name_and_takes_settings_of_one_again(shell: Shell, tmp_path: Path) -> None:
     """One with a file's settings, and one set apart from both: each is told by its name and its settings."""
     mine, path, page = tmp_path / "mine.yaml", tmp_path / "both.json", tmp_path / "both.html"
     mine.write_text("kp: 45.0")
@@ -101,9 +99,7 @@ def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     assert None not in forward.values()
 
 
-def test_one_failed_episode_is_told_beside_the_figures_of_the_others(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_failed_episode_is_told(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def second_fails(function: Any, tasks: Any, *rest: Any) -> list[TaskResult]:
         return [*run_all(function, tasks[:1], *rest), TaskResult(None, "ValueError: no")]
 
@@ -143,9 +139,7 @@ def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Record
     assert (outcome.status, outcome.err) == (1, "footfall: 1 of 9 episodes failed: no (1)\n")
 
 
-def test_a_requirement_that_is_not_met_is_status_1_and_a_failure_in_the_xml(
-    shell: Shell, called: Recorder, tmp_path: Path
-) -> None:
+def test_a_missed_requirement_is_status_1_in_xml(shell: Shell, called: Recorder, tmp_path: Path) -> None:
     fallen = scored()
     fallen["scenarios"]["nominal"]["falls"] = 2
     called.replace("footfall.evaluate.api.evaluate_policy", fallen)

@@ -92,9 +92,7 @@ def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Pat
     assert (frames[0].arbitration_id, bytes(frames[0].data)) == (first.id, bytes(first.data[: first.dlc]))
 
 
-def test_layouts_name_topics_and_joints_of_the_log(
-    shell: Shell, go1: Robot, logged: Path, tmp_path: Path
-) -> None:
+def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, tmp_path: Path) -> None:
     for tool in ("foxglove", "plotjuggler"):
         assert shell("log", "layout", logged, "--tool", tool, "--out", tmp_path / tool).status == 0
     foxglove = json.loads((tmp_path / "foxglove").read_text())

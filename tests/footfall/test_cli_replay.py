@@ -37,9 +37,7 @@ def test_a_log_replays_to_the_same_decisions(shell: Shell, trotted: Path) -> Non
     assert "the same decisions" in outcome.out
 
 
-def test_a_log_replays_with_the_settings_that_made_it(
-    shell: Shell, short: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_log_replays_with_its_settings(shell: Shell, short: tuple[str, ...], tmp_path: Path) -> None:
     """Also when the file that they came from has changed."""
     log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
     mine.write_text("kp: 45.0")
@@ -54,9 +52,7 @@ def test_a_log_replays_with_the_settings_that_made_it(
     assert shell("replay", log, "--policy", "stand@kp=45@kd=2.5").status == 0
 
 
-def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
-    shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path
-) -> None:
+def test_own_robot_is_found(shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     declaration = own_folder / "robot.yaml"
     for name in ("go1", "mine"):  # the first is also a robot of ours
@@ -77,9 +73,7 @@ def test_another_policy_differs_and_says_where(shell: Shell, trotted: Path) -> N
     assert shell("replay", trotted, "--policy", "stand", "--tolerance", "100").status == 0
 
 
-def test_a_log_whose_policy_is_gone_asks_for_one(
-    shell: Shell, short: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_log_without_its_policy_asks(shell: Shell, short: tuple[str, ...], tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
     log = tmp_path / "run.mcap"
@@ -134,9 +128,7 @@ class TestWhatTheLogNames:
         tolerance = 0.25 if "--tolerance" in options else 0.0
         assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, [], None), {})
 
-    def test_the_folder_is_looked_into_where_the_name_leads_nowhere(
-        self, shell: Shell, called: Recorder, log: dict, go1: Robot
-    ) -> None:
+    def test_or_looked_for_in_the_folder(self, shell: Shell, called: Recorder, log: dict, go1: Robot) -> None:
         called.replace("footfall.robots.description.load_robot", lambda at: go1 if at[0] == "/" else refuse())
         assert shell("replay", "a.mcap").status == 0
         log["robot_digest"] = "of another"

@@ -136,9 +136,7 @@ class Mine:
     ],
     ids=["os._exit", "signals and fork"],
 )
-def test_a_policy_that_would_end_the_process(
-    walk: list[str], tmp_path: Path, act: str, state: str, status: int
-) -> None:
+def test_exiting_policy_fails(walk: list[str], tmp_path: Path, act: str, state: str, status: int) -> None:
     (tmp_path / "mine.py").write_text(POLICY.format(act=act))
     walk[walk.index("stand")] = "mine:Mine"
     done = subprocess.run([*walk, "1"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

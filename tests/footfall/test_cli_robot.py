@@ -51,9 +51,7 @@ class TestVerdict:
             ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, "foot RR is in the air"),
         ],
     )
-    def test_what_is_past_its_limit_is_told(
-        self, go1: Robot, changes: dict[str, Any], complaint: str
-    ) -> None:
+    def test_what_exceeds_its_limit(self, go1: Robot, changes: dict[str, Any], complaint: str) -> None:
         (found,) = self.wrong(go1, **changes)
         assert found.startswith(complaint)
 
@@ -67,9 +65,7 @@ class TestVerdict:
         ]
 
     @pytest.mark.parametrize(("gain", "most"), [("kp", 500.0), ("kd", 5.0)])
-    def test_gains_that_frames_cannot_carry_are_told_by_joint(
-        self, go1: Robot, gain: str, most: float
-    ) -> None:
+    def test_gains_beyond_frames_are_told_by_joint(self, go1: Robot, gain: str, most: float) -> None:
         assert list(robot_check.beyond_frames(go1)) == []
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = most + 0.5, most
@@ -78,7 +74,7 @@ class TestVerdict:
         assert found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, frames of AK10-9 carry {most:g}"
 
 
-def test_of_motors_that_no_frames_are_known_of_nothing_is_said_and_the_others_are_looked_at(
+def test_motors_without_known_frames_are_skipped_and_the_others_are_looked_at(
     go1: Robot,
 ) -> None:
     motors = {"hip": SimpleNamespace(protocol="unheard-of"), "knee": SimpleNamespace(protocol="AK10-9")}

@@ -169,9 +169,7 @@ class TestOptions:
         assert shell("train").status == 0
         assert "evaluate_policy" not in called.names
 
-    def test_that_a_resumed_run_has_itself_are_refused(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_a_resumed_run_has(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
         """Also where they are the default."""
         for option in (
             ("--out", "x"), ("--steps", "9"), ("--checkpoint-interval", "3"), ("--trainer", "brax"),
@@ -180,9 +178,7 @@ class TestOptions:
             assert f"leave {option[0]} out" in shell.refuses("train", "--resume", "run", *option)
         assert called.names == []
 
-    def test_the_page_is_served_where_it_was_asked_for_while_it_trains(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_pages_are_served(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
         outcome = shell("train", "--watch", "--host", "0.0.0.0", "--port", "9000", "--no-evaluate")
         assert outcome.status == 0
         assert called.of("check_page") == (("0.0.0.0", 9000), {})
@@ -228,9 +224,7 @@ class TestOptions:
         assert shell("train", "--resume", "mine", "--coordinator", *cluster, "--no-evaluate").status == 0
         assert "join" in called.names
 
-    def test_that_name_no_cluster_are_refused_before_anything_waits(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_no_cluster_is_refused(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
         for options, complaint in (
             ("--coordinator junk --processes 2 --process 0", "expected HOST:PORT or auto"),
             ("--coordinator host: --processes 2 --process 0", "expected HOST:PORT or auto"),
@@ -247,9 +241,7 @@ class TestOptions:
         assert called.names == []
 
 
-def test_a_mistyped_folder_does_not_wait_for_the_device(
-    shell: Shell, tmp_path: Path, called: Recorder
-) -> None:
+def test_mistyped_folders_do_not_start_the_device(shell: Shell, tmp_path: Path, called: Recorder) -> None:
     called.replace("footfall.verbs.train.start_device")
     assert "no run at" in shell.refuses("train", "--resume", tmp_path / "runn")
     assert called.names == []

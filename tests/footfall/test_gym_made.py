@@ -45,9 +45,7 @@ def test_by_default_it_is_the_cpu_presets_on_the_generated_physics(made: list[An
     assert [kind for kind, *_ in made] == ["GymnasiumEnv", "GymnasiumVectorEnv"]
 
 
-def test_what_is_asked_for_reaches_it_with_settings_of_its_robot(
-    made: list[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_options_reach_it_with_its_robots_settings(made: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Any] = []
 
     def smoke(preset: str, robot: Robot) -> Any:

@@ -59,9 +59,7 @@ def test_every_part_of_a_state_is_its_own(loop: Any) -> None:
         assert "velocity" not in describe(loop, part, 0.1)
 
 
-def test_away_from_a_terminal_there_are_plain_lines_now_and_then(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_terminal_plain_lines_appear(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LINE_EVERY_S", 0.1)
     out = io.StringIO()
     walk(go1, Console(file=out, width=200))

@@ -58,9 +58,7 @@ class TestDoctor:
         assert (found.good, found.found) == (gpu, ", ".join(kinds))
         assert ("jax[cuda12]" in found.advice) is not gpu
 
-    def test_a_jax_that_does_not_start_or_is_not_there(
-        self, done: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_jax_that_fails_or_is_missing(self, done: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         done.code, done.err = 1, "trouble\nno such driver\n"
         assert machine.check_accelerator()[1:] == (False, "JAX does not start", "no such driver")
         done.code = "late"
@@ -70,9 +68,7 @@ class TestDoctor:
         assert (found.good, found.found) == (False, "no JAX")
         assert found.advice.startswith("to train: ")
 
-    def test_rendering_is_tried_as_chosen_or_in_two_ways(
-        self, done: Any, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_rendering_is_tried_as_chosen_or_twice(self, done: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("MUJOCO_GL", "glfw")
         assert machine.check_rendering()[1:3] == (True, "works with MUJOCO_GL=glfw")
         monkeypatch.delenv("MUJOCO_GL")
@@ -84,9 +80,7 @@ class TestDoctor:
         tried = [options["env"]["MUJOCO_GL"] for _, options in done.asked]
         assert tried == ["glfw", "egl", "egl", "osmesa", "egl", "osmesa"]
 
-    def test_the_cache_is_counted_with_all_below_it(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_cache_is_counted_whole(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(machine, "compilation_cache", lambda: tmp_path / "jax")
         assert machine.check_cache().found == f"{tmp_path / 'jax'}: empty"
         (tmp_path / "jax" / "deep").mkdir(parents=True)

@@ -36,9 +36,7 @@ ROWS = [
 
 
 @pytest.mark.parametrize(("check", "files", "advice"), ROWS)
-def test_advice_is_given_where_something_can_be_set(
-    tmp_path: Path, check: Any, files: dict[str, str], advice: str
-) -> None:
+def test_advice_is_what_can_be_set(tmp_path: Path, check: Any, files: dict[str, str], advice: str) -> None:
     found: Finding = check(kernel_files(tmp_path, files))
     assert found.good is not bool(advice)
     assert advice in found.advice

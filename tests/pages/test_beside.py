@@ -48,9 +48,7 @@ class TestBeside:
             raise ZeroDivisionError
         assert [each[1] for each in log[-2:]] == ["terminate", "join"]
 
-    def test_in_it_the_page_is_served_at_low_priority_until_told_to_stop(
-        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
+    def test_it_serves_at_low_priority(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         log: list[Any] = []
         monkeypatch.setattr("footfall.pages.walk.watch", lambda *given: log.append(given))
         monkeypatch.setattr(beside, "_end_with_parent", lambda: None)

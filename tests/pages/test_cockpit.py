@@ -93,9 +93,7 @@ def page_status(served: SimpleNamespace, path: str, **headers: str) -> tuple[int
 
 
 class TestWhoIsLetIn:
-    def test_only_the_printed_address_opens_the_page_which_then_keeps_the_token(
-        self, served: SimpleNamespace
-    ) -> None:
+    def test_only_the_printed_address_opens_the_page_once(self, served: SimpleNamespace) -> None:
         status, headers = page_status(served, f"/?token={served.token}")
         assert status == 200
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
@@ -116,9 +114,7 @@ class TestWhoIsLetIn:
             {"origin": "http://localhost:1"},
         ],
     )
-    def test_no_other_page_or_token_gets_a_connection(
-        self, served: SimpleNamespace, wrong: dict[str, str]
-    ) -> None:
+    def test_no_other_page_or_token_gets_in(self, served: SimpleNamespace, wrong: dict[str, str]) -> None:
         with pytest.raises(InvalidStatus) as caught:
             Visitor(served, **wrong)
         assert caught.value.response.status_code == 403
@@ -129,9 +125,7 @@ class TestWhoIsLetIn:
 
 
 class TestCommands:
-    def test_who_has_taken_control_moves_the_robot_until_he_leaves(
-        self, served: SimpleNamespace, visitor: Visitor
-    ) -> None:
+    def test_who_took_control_moves_the_robot(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
         assert "take control" in visitor.refusal()
         visitor.take_control(served.inbox)
@@ -147,9 +141,7 @@ class TestCommands:
         other.socket.close()
         assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
 
-    def test_what_is_old_or_wrong_is_refused_and_changes_nothing(
-        self, served: SimpleNamespace, visitor: Visitor
-    ) -> None:
+    def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
         assert eventually(lambda: asked(served.inbox)[0] == 0.2, PATIENCE_S)
@@ -180,9 +172,7 @@ class TestCommands:
         with pytest.raises(ConnectionClosed), flooding.socket:
             flood(flooding)
 
-    def test_a_stop_is_taken_from_anyone_and_whatever_its_age_and_a_page_repeats_it(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_anyone_may_stop_at_any_age_and_pages_repeat_it(self, go1: Robot, tmp_path: Path) -> None:
         with socket.socket() as probe:
             probe.bind(("localhost", 0))
             port = int(probe.getsockname()[1])

@@ -70,9 +70,7 @@ def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
         ("null", 403),  # a sandboxed frame, or a file
     ],
 )
-def test_only_the_pages_own_origin_and_programs_may_connect(
-    page: int, origin: str | None, status: int
-) -> None:
+def test_only_its_own_origin_and_programs_may_connect(page: int, origin: str | None, status: int) -> None:
     assert answer(page, origin and origin.format(port=page)) == status
 
 

@@ -44,9 +44,7 @@ def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
 
 
 @pytest.mark.parametrize("found", [(FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)])
-def test_one_address_that_is_ours_and_free_is_enough(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...]
-) -> None:
+def test_one_free_address_is_enough(monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...]) -> None:
     checked(monkeypatch, *found)
 
 
@@ -61,9 +59,7 @@ def test_one_address_that_is_ours_and_free_is_enough(
         ((NO_IPV6, NOT_OURS), NO_IPV6),
     ],
 )
-def test_an_address_that_is_taken_or_none_that_is_ours_is_told(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int
-) -> None:
+def test_taken_or_foreign_ones(monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int) -> None:
     with pytest.raises(UserError) as caught:
         checked(monkeypatch, *found)
     assert str(caught.value) == (
@@ -116,9 +112,7 @@ class TestCommand:
                 assert visitor.recv(1) == b""
         check_page("127.0.0.1", port)
 
-    def test_without_viser_the_extra_is_named(
-        self, shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_viser_is_an_extra(self, shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "viser", None)
         assert "[watch]'" in shell.refuses("watch", finished)
         assert "[watch]'" in shell.refuses("train", "--watch")

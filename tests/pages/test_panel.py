@@ -47,9 +47,7 @@ class TestCommands:
         assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
         np.testing.assert_allclose(panel.command, first)
 
-    def test_a_number_beyond_a_range_is_clipped_to_it_and_shown_so(
-        self, panel: Panel, page: PageControls
-    ) -> None:
+    def test_a_number_beyond_a_range_is_clipped_and_shown(self, panel: Panel, page: PageControls) -> None:
         panel.offer_commands(WIDE)
         for axis, value in zip(AXES, (9.0, -9.0, 0.25), strict=True):
             page[axis].value = value  # before anything has answered to it
@@ -83,9 +81,7 @@ class TestCommands:
         page["Policy"].value = "iteration 7"
         assert panel.policy == "iteration 7"
 
-    def test_the_robot_is_paused_on_request_and_without_a_visitor(
-        self, panel: Panel, page: PageControls
-    ) -> None:
+    def test_the_robot_is_paused_without_a_visitor(self, panel: Panel, page: PageControls) -> None:
         assert (panel.seen, panel.paused) == (False, True)
         page.visitors[1] = "a visitor"
         assert (panel.seen, panel.paused) == (True, False)
@@ -103,9 +99,7 @@ class TestCurves:
         metrics.refresh()
         panel.draw(metrics, finished=False)
 
-    def test_each_chart_is_of_its_own_metric_and_follows_the_run(
-        self, panel: Panel, page: PageControls, tmp_path: Path
-    ) -> None:
+    def test_each_chart_is_of_its_metric(self, panel: Panel, page: PageControls, tmp_path: Path) -> None:
         """The names are those that a training writes."""
         names = (
             "reward/total", "tracking/linear_error_m_s", "tracking/yaw_error_rad_s", "episode/length_s",
@@ -122,9 +116,7 @@ class TestCurves:
                 steps = np.array([1, 2, 4][:count])
                 np.testing.assert_allclose(chart.data, [steps, scale[n] * (steps + n)])
 
-    def test_a_telephone_gets_curves_of_its_own_below_the_controls(
-        self, panel: Panel, page: PageControls, tmp_path: Path
-    ) -> None:
+    def test_telephones_get_curves_below(self, panel: Panel, page: PageControls, tmp_path: Path) -> None:
         """They hold what was drawn before it came."""
         rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(3)]
         self.drawn(panel, tmp_path / "metrics.jsonl", rows)

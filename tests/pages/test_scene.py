@@ -45,9 +45,7 @@ class TestScene:
         mujoco.mj_kinematics(model, data)
         return data
 
-    def test_arrows_are_level_in_the_robots_heading_and_above_it(
-        self, scene: Scene, data: mujoco.MjData, go1: Robot
-    ) -> None:
+    def test_arrows_are_level_above_the_robot(self, scene: Scene, data: mujoco.MjData, go1: Robot) -> None:
         scene.show(data, np.array([0.5, -0.25, 0.9]), np.array([-0.1, 0.3, 0.8]), follow=False)
         height = go1.description.standing_height_m
         turned = Rotation.from_euler("Z", 2.0)
@@ -57,9 +55,7 @@ class TestScene:
             np.testing.assert_allclose(arrow.points, [[np.zeros(3), 0.4 * turned.apply(vector)]], atol=1e-6)
             np.testing.assert_allclose(arrow.position, [3.0, -2.0, 0.5 + above * height], atol=1e-6)
 
-    def test_bodies_are_drawn_by_their_frames_and_not_by_their_centres_of_mass(
-        self, scene: Scene, data: mujoco.MjData
-    ) -> None:
+    def test_bodies_are_drawn_by_frames_not_by_centres(self, scene: Scene, data: mujoco.MjData) -> None:
         scene.show(data, np.zeros(3), np.zeros(3), follow=False)
         for body, frame in scene.bodies.items():
             np.testing.assert_allclose(frame.position, data.xpos[body], atol=1e-6)
@@ -67,9 +63,7 @@ class TestScene:
         bodies = list(scene.bodies)
         assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
 
-    def test_the_view_catches_up_with_the_robot_by_tenths_where_it_follows(
-        self, scene: Scene, data: mujoco.MjData
-    ) -> None:
+    def test_the_view_follows_the_robot_by_tenths(self, scene: Scene, data: mujoco.MjData) -> None:
         scene.begin()
         for follow, way in ((False, 0.0), (True, 0.1), (True, 0.19)):
             scene.show(data, np.zeros(3), np.zeros(3), follow)

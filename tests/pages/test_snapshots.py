@@ -150,9 +150,7 @@ class TestSnapshots:
         assert ours.closed
         assert exporter._process is None
 
-    def test_an_export_tells_what_went_wrong_of_the_file_that_it_was_asked_for(
-        self, run: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_an_export_tells_its_own_problem(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
         checkpoint = self.write(run / "checkpoints" / "00000003.ckpt", 100)
         out = run.parent / "out" / "00000003.onnx"
@@ -189,9 +187,7 @@ class TestSnapshots:
         pytest.fail("neither a snapshot nor a problem")
 
     @long_test
-    def test_checkpoints_are_exported_one_after_another_and_damaged_ones_skipped(
-        self, trained: Path, begun: Path, snapshots: Snapshots
-    ) -> None:
+    def test_each_in_turn_but_damaged_ones(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
         (checkpoint,) = (trained / "checkpoints").iterdir()
         folder = begun / "checkpoints"
         folder.mkdir()

@@ -45,9 +45,7 @@ class TestPace:
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
         return clock
 
-    def test_time_that_was_lost_or_paused_is_not_caught_up_on_and_the_factor_is_of_late(
-        self, clock: SimpleNamespace
-    ) -> None:
+    def test_lost_or_paused_time_is_skipped_and_the_factor_is_new(self, clock: SimpleNamespace) -> None:
         pace = Pace()
         assert pace.factor == 1.0
         pace.wait(0.5)
@@ -142,9 +140,7 @@ class TestWalk:
     def visitor(self, monkeypatch: pytest.MonkeyPatch) -> Visitor:
         return Visitor(monkeypatch)
 
-    def test_the_robot_walks_as_the_page_commands_and_is_pushed(
-        self, visitor: Visitor, finished: Path, go1: Robot
-    ) -> None:
+    def test_the_robot_walks_as_commanded(self, visitor: Visitor, finished: Path, go1: Robot) -> None:
         pushes: list[np.ndarray] = []
 
         def push(frame: int) -> None:
@@ -182,9 +178,7 @@ class TestWalk:
         assert visitor.polls > 3
         assert [each for each in visitor.offered if each != ["a name"]] == [open_network(POLICY)[1].commands]
 
-    def test_without_a_visitor_nothing_is_exported(
-        self, visitor: Visitor, finished: Path, go1: Robot
-    ) -> None:
+    def test_nothing_is_exported_unwatched(self, visitor: Visitor, finished: Path, go1: Robot) -> None:
         visitor.seen, visitor.most_frames = False, 70
         visitor.walk(finished, go1)
         assert visitor.polls == 1
@@ -247,9 +241,7 @@ class TestNewestPolicy:
         action = session.network(np.ones(shape[0], np.float32))
         np.testing.assert_allclose(action, 0.1 * weights.sum(axis=0), rtol=1e-4, atol=1e-4)
 
-    def test_a_network_of_another_contract_is_refused(
-        self, go1: Robot, own_folder: Path, tmp_path: Path
-    ) -> None:
+    def test_another_contract_is_refused(self, go1: Robot, own_folder: Path, tmp_path: Path) -> None:
         onnx = pytest.importorskip("onnx")
         from tiny_policy import write_policy
 

@@ -50,9 +50,7 @@ class TestAudit:
         assert audit.torque_over == pytest.approx(0.1, abs=0.005)
 
     @pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
-    def test_a_target_outside_the_soft_limits_is_told_in_radians(
-        self, go1: Robot, audit: Audit, end: int, by: float
-    ) -> None:
+    def test_targets_beyond_limits_are_told(self, go1: Robot, audit: Audit, end: int, by: float) -> None:
         off = go1.default_pose.copy()
         off[2] = go1.soft_limits[end][2] + by
         self.look(go1, audit, off, 1.0)
@@ -67,9 +65,7 @@ class TestAudit:
         assert (audit.outside_rad, audit.rate_share) == (0.0, 0.0)
 
     @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
-    def test_a_target_that_jumps_is_told_over_the_robots_rate(
-        self, go1: Robot, audit: Audit, jump_rad: float
-    ) -> None:
+    def test_a_jumping_target_is_told(self, go1: Robot, audit: Audit, jump_rad: float) -> None:
         self.look(go1, audit, go1.default_pose, 1.0)
         self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
         self.look(go1, audit, go1.default_pose + jump_rad, 1.0)

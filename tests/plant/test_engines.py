@@ -74,9 +74,7 @@ def test_a_robot_in_the_air_moves_as_in_mujoco(name: str) -> None:
 @pytest.mark.parametrize(
     ("foot", "ground", "priority", "holds"), [(0.6, 0.3, 0, 0.6), (0.3, 0.6, 0, 0.6), (0.8, 0.3, 1, 0.3)]
 )
-def test_a_sliding_body_slows_down_by_the_friction_that_mujoco_takes(
-    foot: float, ground: float, priority: int, holds: float
-) -> None:
+def test_a_slide_slows_down_as_mujocos(foot: float, ground: float, priority: int, holds: float) -> None:
     model = mujoco.MjModel.from_xml_string(BLOCK.format(foot=foot, ground=ground, priority=priority))
     data, engine = opened(model)
     for _ in range(200):  # it comes to rest on its contacts

@@ -55,9 +55,7 @@ class TestTruth:
             np.testing.assert_array_equal(part, before)
 
     @pytest.mark.parametrize("foot", range(4))
-    def test_a_foot_that_alone_touches_the_ground_bears_all_of_what_it_pushes_back_with(
-        self, odd: Robot, foot: int
-    ) -> None:
+    def test_a_lone_foot_bears_all_of_what_the_ground_gives(self, odd: Robot, foot: int) -> None:
         """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two balls."""
         body = body_of(odd)
         data, model = body.data, body.model
@@ -142,9 +140,7 @@ class TestTruth:
         assert not body.truth().legs_touch
 
     @pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
-    def test_a_base_less_than_two_fifths_of_its_height_above_its_lowest_foot_has_sunk(
-        self, go1: Robot, share: float, sunk: bool
-    ) -> None:
+    def test_a_base_below_0_4_of_its_height_has_sunk(self, go1: Robot, share: float, sunk: bool) -> None:
         body = body_of(go1)
         body.data.qpos[2] = 7.0
         body.data.qpos[9] += 0.2  # one foot is higher than the others

@@ -141,9 +141,7 @@ class TestMotors:
         assert stand.end.replied[-1][2] == [0, 0, 0]
 
     @pytest.mark.parametrize("latches", [False, True])
-    def test_so_does_a_time_out_where_a_maker_latches_it(
-        self, latches: bool, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_so_does_a_latched_timeout(self, latches: bool, monkeypatch: pytest.MonkeyPatch) -> None:
         """All hear nothing for 20 ms and more."""
         monkeypatch.setattr(End, "time_out_latches", latches)
         stand = Stand()

@@ -15,9 +15,7 @@ from footfall.robots.model import joint_addresses
 
 
 class TestStart:
-    def test_it_stands_in_its_default_pose_just_on_the_highest_ground_below(
-        self, odd: Robot, own_folder: Path
-    ) -> None:
+    def test_it_stands_just_on_the_highest_ground_below(self, odd: Robot, own_folder: Path) -> None:
         """A step under one foot lifts the robot by its height; the gate is where its file has it."""
         text = odd.xml_path.read_text()
         step = '<geom type="plane" size="0 0 1" pos="0 0 -1"/>'

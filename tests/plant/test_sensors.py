@@ -208,9 +208,7 @@ class TestEveryReading:
 
 
 @pytest.mark.parametrize("name", DELAYS["actions"])
-def test_a_delay_of_actions_acts_in_training_and_on_the_plant(
-    go1: Robot, nominal: Readings, tmp_path: Path, name: str
-) -> None:
+def test_a_delay_of_actions_acts_in_both(go1: Robot, nominal: Readings, tmp_path: Path, name: str) -> None:
     goals = jnp.asarray(go1.default_pose) + jnp.array([[0.01], [0.0], [0.0]])
     actuation = Actuation(go1, CONFIG)
     late = actuation.targets(goals, goals[1], {name: 2 * CONFIG.timestep_s})
@@ -238,16 +236,12 @@ class TestRefusals:
         with pytest.raises(ValueError, match=f"'mine'.*{word}"):
             declared_quantities(cls)
 
-    def test_a_reading_that_training_does_not_simulate_is_refused_by_name(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_unsimulated_readings_are_refused(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(READINGS, "weight", Reading(kinds.VECTOR, "acceleration"))
         with pytest.raises(UserError, match=r"'weight'.*acceleration"):
             observer_of(go1, MoreNoise()).readings(jnp.zeros(7 + N), jnp.zeros(6 + N), jnp.zeros(N))
 
-    def test_noise_that_sensors_cannot_have_is_refused_by_name(
-        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_impossible_noise(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         squared = MORE_READINGS["joint_torque"]._replace(source=lambda torque: torque**2)
         monkeypatch.setitem(READINGS, "joint_torque", squared)
         assert rows_in_log(go1, tmp_path / "quiet.mcap", MoreNoise())["joint_torque"].any()

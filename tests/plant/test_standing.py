@@ -50,9 +50,7 @@ def strong(go1: Robot) -> Robot:
     )
 
 
-def test_sinking_tilt_and_way_are_the_most_of_all_samples(
-    monkeypatch: pytest.MonkeyPatch, strong: Robot
-) -> None:
+def test_sinking_and_tilt_are_the_most_of_all(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:
     found, (_, episode) = stood(monkeypatch, strong)
     assert (found.sank_m, found.tilt_rad, found.moved_m) == pytest.approx((0.05, 0.3, 0.5))
     assert found.stood_s == 0.04
@@ -82,9 +80,7 @@ def test_it_stood_if_it_neither_fell_nor_had_a_fault(
     assert (found.fall_reason, found.stood) == (reason, is_up)
 
 
-def test_a_run_that_ended_before_it_stood_has_figures_too(
-    monkeypatch: pytest.MonkeyPatch, strong: Robot
-) -> None:
+def test_a_run_that_ended_early_has_figures_too(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:
     widths = {"time_s": (), "base_position": (3,), "base_quaternion": (4,), "motor_torque": (12,)}
     empty = {name: np.zeros((0, *width)) for name, width in widths.items()}
     found, _ = stood(monkeypatch, strong, **empty, foot_contact=np.zeros((0, 4), bool))

@@ -51,9 +51,7 @@ def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", [FIVE, BIPED, SOLES])
 class TestAnyRobot:
-    def test_stand_holds_the_default_pose_and_pushes_down_where_it_has_sunk(
-        self, robots: dict[str, Robot], kind: str
-    ) -> None:
+    def test_stand_holds_its_pose_against_sinking(self, robots: dict[str, Robot], kind: str) -> None:
         robot = robots[kind]
         policy = Stand(robot, controller_settings(GO1, "stand", StandConfig))
         policy.reset(seen(robot, 0.0))
@@ -73,9 +71,7 @@ class TestAnyRobot:
         np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
         assert height == pytest.approx(-robot.legs.default_foot[:, 2].mean(), abs=1e-3)
 
-    def test_the_estimator_feels_how_fast_the_legs_carry_the_base(
-        self, robots: dict[str, Robot], kind: str
-    ) -> None:
+    def test_the_estimator_has_the_legs_speed(self, robots: dict[str, Robot], kind: str) -> None:
         """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
         robot = robots[kind]
         legs, wanted, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
@@ -97,9 +93,7 @@ class TestAnyRobot:
 
 @pytest.mark.parametrize("kind", [BIPED, SOLES])
 class TestTwoLegs:
-    def test_the_generator_carries_standing_feet_back_and_lifts_the_others(
-        self, robots: dict[str, Robot], kind: str
-    ) -> None:
+    def test_it_carries_standing_feet_back_and_lifts_some(self, robots: dict[str, Robot], kind: str) -> None:
         """The lowest point of a ball goes as fast as the ground, its centre as much slower as it rolls."""
         robot = robots[kind]
         config = controller_settings(GO1, "trot", WalkConfig)

@@ -99,9 +99,7 @@ def test_unknown_field_is_refused_by_name(contract: Contract) -> None:
         ("commands", {"forward_m_s": [0.0]}, "commands"),
     ],
 )
-def test_a_contract_that_makes_no_sense_is_refused(
-    contract: Contract, field: str, value: object, wanted: str
-) -> None:
+def test_nonsense_is_refused(contract: Contract, field: str, value: object, wanted: str) -> None:
     text = json.dumps(json.loads(contract.to_json()) | {field: value})
     with pytest.raises(UserError, match=wanted) as caught:
         Contract.from_json(text, "walk.onnx")
@@ -124,9 +122,7 @@ def test_a_fitting_contract_has_no_mismatches(contract: Contract, go1: Robot) ->
         ("digest", "0123456789abcdef"),
     ],
 )
-def test_a_mismatch_names_the_field_and_nothing_else(
-    contract: Contract, go1: Robot, field: str, value: object
-) -> None:
+def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot, field: str, value: object) -> None:
     found = replace(contract, **{field: value}).mismatches(go1)
     assert [line.split(":")[0] for line in found] == [field]
     assert "\n" not in found[0]

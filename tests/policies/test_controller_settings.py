@@ -156,9 +156,7 @@ class TestWhatIsKept:
         assert lasting == "mpc@gait.period_s=0.5@weights.force=1e-4@attitude=[3, 2, 1]"
         assert load_settings(lasting, go1) == before
 
-    def test_names_and_files_of_other_policies_last_as_they_did(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_other_policies_names_last(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "mine.onnx").touch()
         (tmp_path / "run").mkdir()

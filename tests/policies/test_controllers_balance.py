@@ -86,9 +86,7 @@ class TestCentre:
 
 
 class TestAct:
-    def test_at_rest_in_its_pose_it_wants_nothing_but_its_balance(
-        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_at_rest_it_wants_only_balance(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         _, position, _, asked, _ = wanted(policy, monkeypatch, seen())
         assert isinstance(asked, Wanted)
         np.testing.assert_array_equal(position, G1.default_pose)
@@ -103,9 +101,7 @@ class TestAct:
         *_, asked, _ = wanted(policy, monkeypatch, tilted)
         np.testing.assert_allclose(asked.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
 
-    def test_it_brings_joints_back_and_stops_them(
-        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_it_brings_joints_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         velocity = np.linspace(-0.1, 0.3, N)
         *_, asked, _ = wanted(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
         np.testing.assert_allclose(asked.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
@@ -115,9 +111,7 @@ class TestAct:
         np.testing.assert_allclose(asked.momentum_rate, -2.0 * dynamics.angular_momentum)
         assert np.abs(dynamics.angular_momentum).min() > 0.01
 
-    def test_from_where_it_was_reset_it_goes_to_its_pose_in_its_time(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_from_its_reset_it_goes_to_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """After a fifth of the time it wants a fifth of the way, in its joints and in its height."""
         policy = Balance(G1, CONFIG)
         crouched = seen(0.0, crouch=1.0)
@@ -138,9 +132,7 @@ class TestAct:
         assert asked.centre[2] == pytest.approx(0.0, abs=1e-9)
         assert policy.control._dt_s == pytest.approx(1.0 / CONFIG.rate_hz)
 
-    def test_each_foot_may_press_with_its_share_of_the_weight_spread_over_its_points(
-        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_each_foot_may_press_by_its_share(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         *_, most = wanted(policy, monkeypatch, seen())
         body = policy.control.body
         for foot in range(2):

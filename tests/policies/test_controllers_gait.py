@@ -92,9 +92,7 @@ class TestSwingCurve:
             assert now.bend == pytest.approx((after.slope - before.slope) / (2 * step), abs=1e-4)
 
     @pytest.mark.parametrize(("s", "along", "height"), [(0.0, 0.0, 0.0), (0.5, 0.5, 1.0), (1.0, 1.0, 0.0)])
-    def test_it_goes_from_lift_off_over_its_top_to_touch_down(
-        self, s: float, along: float, height: float
-    ) -> None:
+    def test_it_goes_from_lift_off_to_touch_down(self, s: float, along: float, height: float) -> None:
         curve = swing_curve(s)
         assert curve.along.value == pytest.approx(along, abs=1e-12)
         assert curve.height.value == pytest.approx(height, abs=1e-12)
@@ -110,9 +108,7 @@ class TestClock:
             (WAVE, 5 / 6, 0.0187),  # the swing of the leg that lands at a third of the period
         ],
     )
-    def test_it_stops_when_the_swings_that_have_begun_are_over(
-        self, offsets: np.ndarray, duty: float, left_s: float
-    ) -> None:
+    def test_it_stops_when_swings_are_over(self, offsets: np.ndarray, duty: float, left_s: float) -> None:
         clock = StepClock(GaitTiming(period_s=0.5, duty=duty), offsets)
         for _ in range(37):
             clock.advance(0.004, walk=True)

@@ -115,9 +115,7 @@ class TestSwingBegins:
         np.testing.assert_array_equal(swinging, begun)
         np.testing.assert_array_equal(policy.swing_feet.lift_off[swinging], lifted)
 
-    def test_without_a_solution_only_standing_feet_keep_their_force(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_without_a_solution_standing_feet_keep_force(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy = Mpc(ROBOT)
         policy.reset(standing())
         policy.act(standing())
@@ -220,9 +218,7 @@ class TestPlan:
                 np.testing.assert_array_equal(contacts[1:], later)
         assert len(planned) > 10
 
-    def test_it_begins_from_the_forces_that_were_applied_last(
-        self, policy: Mpc, planned: list[Planned]
-    ) -> None:
+    def test_it_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
         """An even share of the weight to begin with; later, the plan before, as the heading is now."""
         for _ in range(2):
             policy.reset(standing(2.0))
@@ -236,9 +232,7 @@ class TestPlan:
         np.testing.assert_allclose(planned[-1].before, turned, atol=1e-6)
         assert first[:, 1].sum() < -5.0
 
-    def test_a_foot_that_has_stepped_once_more_is_seen_under_the_turned_body(
-        self, policy: Mpc, planned: list[Planned]
-    ) -> None:
+    def test_a_foots_second_step_is_under_the_body(self, policy: Mpc, planned: list[Planned]) -> None:
         """Turning left at 1 rad/s, when one pair is about to lift: at the horizon's end it stands again."""
         policy.reset(standing())
         for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):

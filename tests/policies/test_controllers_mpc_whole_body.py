@@ -63,9 +63,7 @@ def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
 
 
 class TestWanted:
-    def test_the_body_shall_move_as_the_planned_forces_move_it(
-        self, policy: MpcWholeBody, asked: list[Asked]
-    ) -> None:
+    def test_the_body_moves_as_forces_move_it(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
         """Newton's and Euler's equations of the rigid body that the plan is made for."""
         policy.reset(moving())
         policy.act(moving())
@@ -78,9 +76,7 @@ class TestWanted:
         turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
         np.testing.assert_allclose(TILTED.apply(wanted.attitude), np.linalg.solve(turned, moment))
 
-    def test_feet_that_swing_are_brought_back_to_their_trajectories(
-        self, policy: MpcWholeBody, asked: list[Asked]
-    ) -> None:
+    def test_swinging_feet_are_brought_back(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
         """Acceleration in the world: that of the trajectory, and a spring and damper about it."""
         policy.reset(moving())
         for tick in range(9):
@@ -103,9 +99,7 @@ class TestWanted:
             back = config.stiffness * (place - pose.foot[leg]) + config.damping * (velocity - moves)
             np.testing.assert_allclose(wanted.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
 
-    def test_a_foot_that_stands_presses_with_no_more_than_it_may(
-        self, policy: MpcWholeBody, asked: list[Asked]
-    ) -> None:
+    def test_a_standing_foot_presses_within_limits(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
         policy.reset(moving())
         policy.act(moving())
         np.testing.assert_array_equal(asked[0][2], policy._config.contact.most_force_n)
@@ -121,9 +115,7 @@ class TestDelays:
             name: np.array(getattr(declared, name).high) for name in ("action_delay_s", "observation_delay_s")
         }
 
-    def test_a_swing_that_is_brought_back_late_does_not_oscillate(
-        self, policy: MpcWholeBody, late: Sample
-    ) -> None:
+    def test_a_swing_corrected_late_does_not_oscillate(self, policy: MpcWholeBody, late: Sample) -> None:
         """Feedback k + d s on a foot that accelerates as asked, T late: L(s) = (k + d s) exp(-s T) / s^2.
 
         Where |L| is 1, w^4 = k^2 + d^2 w^2, its phase is -pi + atan(d w / k) - w T, and that

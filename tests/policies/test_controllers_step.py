@@ -116,9 +116,7 @@ class TestWanted:
         np.testing.assert_array_equal(position, G1.default_pose + off)
         np.testing.assert_array_equal(moved, velocity)
 
-    def test_its_height_goes_from_where_it_was_reset_to_the_low_one_above_the_feet(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_its_height_goes_to_the_low_one(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         """Reset at 0.5 m; after a fifth of the time a fifth of the way. Spring 60, damper 15 at 0.1 m/s."""
         start = moment((0.0, 0.0, 0.5))
         monkeypatch.setattr(controller_module, "observed", lambda body, given: start)
@@ -129,9 +127,7 @@ class TestWanted:
             height = 0.5 + share * (policy.com_height_m - 0.5)
             assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
 
-    def test_its_height_is_that_above_the_foot_that_bears(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_its_height_is_above_the_bearer(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         """The other one hangs 0.1 m higher."""
         policy.footwork.load = np.array([1.0, 0.0])
         lifted = moment((0.0, 0.0, policy.com_height_m))
@@ -139,9 +135,7 @@ class TestWanted:
         *_, wanted, _ = asked(policy, monkeypatch, seen(), lifted)
         assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
 
-    def test_each_foot_may_press_by_its_load_and_an_unloaded_one_not_at_all(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_each_foot_presses_by_its_load(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         body = policy.control.body
         whole = 1.2 * 9.81 * body.total_mass
         for loads, shares in (((1.0, 1.0), (1.0, 1.0)), ((0.4, 1.0), (0.4, 1.0)), ((1.0, 0.02), (1.0, 0.0))):
@@ -150,9 +144,7 @@ class TestWanted:
             for foot, share in enumerate(shares):
                 np.testing.assert_allclose(most[body.foot_of_point == foot], share * whole / 4)
 
-    def test_no_command_is_followed_before_it_has_settled(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_no_command_before_it_settled(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         asked(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
         assert not policy.footwork.command.value.any()
         assert policy.footwork.phase is Phase.STAND
@@ -180,9 +172,7 @@ class TestWanted:
         stance[:] = 5.0
         assert policy.footwork.load.tolist() == [1.0, 1.0]
 
-    def test_before_any_reset_it_begins_in_its_pose(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_it_begins_in_its_pose(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         rest = standing(policy.control.body, G1)
         height = rest.centre[2] - rest.foot[:, 2].mean()
         *_, wanted, _ = asked(policy, monkeypatch, seen(0.0), moment((0.0, 0.0, height)))
@@ -262,9 +252,7 @@ class TestShift:
         policy.footwork.consider_lifting(moment(), capture)
         assert policy.footwork.phase is (Phase.STEP if lifts else Phase.SHIFT)
 
-    def test_the_pressure_drives_the_weight_there(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_pressure_moves_the_weight(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         """A centre in the middle, at rest: p = x + 2 (x - goal)."""
         policy.footwork.phase, policy.footwork.bears, policy.footwork.swings = Phase.SHIFT, LEFT, RIGHT
         *_, wanted, _ = asked(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
@@ -275,9 +263,7 @@ class TestShift:
 
 class TestLift:
     @pytest.mark.parametrize(("shifted", "elapsed_s"), [(True, 0.1), (False, 0.0)])
-    def test_a_step_begins_with_the_nominal_one_halfway_through_its_turn(
-        self, policy: Step, shifted: bool, elapsed_s: float
-    ) -> None:
+    def test_a_step_begins_halfway_turned(self, policy: Step, shifted: bool, elapsed_s: float) -> None:
         """After a shift the time in which both feet bear is over. 0.4 rad/s turn by 0.24 rad in a step."""
         policy.footwork.bears, policy.footwork.swings = RIGHT, LEFT
         policy.footwork.command.value = VELOCITY
@@ -306,9 +292,7 @@ class TestLand:
             ((0.0, 0.0), ((-0.011, 0.1), (0.01, -0.1)), False, False),
         ],
     )
-    def test_it_stands_again_when_told_to_and_calm_beside_the_other_foot(
-        self, policy: Step, centre: Any, feet: Any, walk: bool, stands: bool
-    ) -> None:
+    def test_ends_when_told_to(self, policy: Step, centre: Any, feet: Any, walk: bool, stands: bool) -> None:
         """Capture point and feet along the axes of the foot that has landed."""
         policy.footwork.bears, policy.footwork.swings, policy.footwork.elapsed_s = LEFT, RIGHT, 0.6
         policy.footwork.load = np.array([1.0, 0.0])
@@ -323,9 +307,7 @@ class TestLand:
         assert policy.footwork.load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
 
     @pytest.mark.parametrize("walk", [False, True])
-    def test_it_lands_when_its_time_is_over(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool
-    ) -> None:
+    def test_it_lands_in_its_time(self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool) -> None:
         """Asked to walk on it begins the next step, otherwise it stands."""
         dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
         policy.footwork.lift(dynamics, shifted=True)
@@ -364,9 +346,7 @@ class TestStep:
         )
         return policy
 
-    def test_while_both_bear_the_pressure_goes_evenly_from_the_one_foot_to_the_other(
-        self, stepping: Step, decided: list[tuple]
-    ) -> None:
+    def test_the_pressure_moves_evenly_between_feet(self, stepping: Step, decided: list[tuple]) -> None:
         """After 0.03 s of 0.1 s: 0.7 of the way back to the old foot, 0.3 of the load on the new one."""
         stepping.footwork.elapsed_s = 0.03
         dynamics = moment()
@@ -429,9 +409,7 @@ class TestFly:
         policy.footwork.place = np.array([0.2, -0.25])
         return policy
 
-    def test_it_follows_its_reference_by_springs_and_dampers_and_keeps_the_sole_level(
-        self, policy: Step
-    ) -> None:
+    def test_it_follows_its_reference_with_gains_and_a_level_sole(self, policy: Step) -> None:
         """Off by (1, 2, 3) cm, a roll of 0.02 rad, a pitch of -0.03 rad and a yaw of 0.05 rad."""
         off, rate = np.array([0.01, 0.02, 0.03]), np.array([0.5, -0.4, 0.3, 0.2])
         feed = np.array([1.0, -2.0, 3.0, -4.0])

@@ -222,9 +222,7 @@ class TestTempo:
         np.testing.assert_allclose(np.diff(faster[100:150]), 0.5 / CONFIG.rate_hz, rtol=1e-6)
         assert faster[-1] == pytest.approx(0.8)
 
-    def test_on_the_way_from_one_speed_to_another_it_suits_both(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_between_two_speeds_it_suits_both(self, monkeypatch: pytest.MonkeyPatch) -> None:
         before, after = self.tempos(monkeypatch, (0.35, 0.7), (0.25, 1.0))
         ticks = int((0.35 - 0.25) / CONFIG.command.acceleration_m_s2 * CONFIG.rate_hz) - 1
         assert ticks > 10

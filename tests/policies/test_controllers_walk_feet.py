@@ -152,9 +152,7 @@ class TestCycle:
         np.testing.assert_array_equal(cycle.feet, PLACES)
 
     @pytest.mark.parametrize("seed", range(20))
-    def test_how_soon_a_foot_has_to_lift_off_is_told_by_the_bodys_speed_and_the_period(
-        self, cycle: FootCycle, seed: int
-    ) -> None:
+    def test_the_time_until_lift_off_is_of_speed_and_period(self, cycle: FootCycle, seed: int) -> None:
         """By trying all 24 clocks. A turn of the body counts in what has been, not in what is to come."""
         rng = np.random.default_rng(seed)
         timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
@@ -185,9 +183,7 @@ class TestCycle:
         ("above_m", "stands_m"),
         [(0.012, 0.012), (0.0, 0.0), (-0.01, 0.0), (0.1, 0.03)],  # a swing of 3 cm meets no ground above it
     )
-    def test_a_foot_that_touches_down_early_stands_as_high_above_the_others_as_the_ground_is(
-        self, cycle: FootCycle, above_m: float, stands_m: float
-    ) -> None:
+    def test_early_touch_down_is_on_ground(self, cycle: FootCycle, above_m: float, stands_m: float) -> None:
         """Its own height in the plan does not matter: the body may have tipped it down."""
         lift_feet(cycle, 1)
         cycle.each_foot[0].z, cycle.each_foot[1].z = -0.002, 0.02
@@ -288,9 +284,7 @@ class TestLimits:
         assert pace.reason.startswith("the gait is slowed to a period of ")
 
     @pytest.mark.parametrize(("speed", "stride"), [(0.4, 0.8), (0.5, 0.6), (0.6, 0.6)])
-    def test_strides_beyond_the_legs_reach_are_shortened_until_they_are_not(
-        self, speed: float, stride: float
-    ) -> None:
+    def test_strides_are_shortened_to_the_legs_reach(self, speed: float, stride: float) -> None:
         """Also where feet are out of reach for a moment at the beginning or the end of a swing alone."""
         walk = self.steady((speed, 0.0, 0.0))
         pace = self.limits(1.0).pace(walk)

@@ -112,9 +112,7 @@ class TestLimits:
         ("gait", "command"),
         [("tripod", (0.2, 0.0, 0.0)), ("ripple", (-0.1, 0.15, 0.0)), ("wave", (0.05, 0.02, 0.6))],
     )
-    def test_no_target_moves_faster_than_the_joints_may(
-        self, gait: str, command: tuple[float, float, float]
-    ) -> None:
+    def test_targets_move_within_joint_speed(self, gait: str, command: tuple[float, float, float]) -> None:
         policy = Walk(ROBOT, gait)
         targets = Trial(policy).walk(command, 6.0)
         assert rates(targets, policy).max() < FASTEST + 1e-9
@@ -142,9 +140,7 @@ def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -
 
 
 @pytest.mark.parametrize("period_s", [1.3, 2.0])
-def test_a_swaying_walk_has_the_margin_of_where_it_presses_whatever_its_period(
-    go1: Robot, period_s: float
-) -> None:
+def test_a_swaying_walk_has_its_margin_at_any_period(go1: Robot, period_s: float) -> None:
     """The body has to move less the faster a gait is; the weight goes as far to the side in each."""
     config = controller_settings(go1, "walk", WalkConfig)
     gait, limits = replace(config.gait, period_s=period_s), replace(config.limits, margin_m=0.02)
@@ -175,9 +171,7 @@ SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short ste
 @settings(max_examples=2)
 @given(changes=CHANGES)
 @example(changes=[(0, 0.0, 0.5, 0.5, 1.0, 0.8, (1.0, 0.0, 0.0), 1.2), SUDDENLY, SUDDENLY])
-def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_behind(
-    name: str, changes: list[tuple]
-) -> None:
+def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(name: str, changes: list[tuple]) -> None:
     """Gait, period, duty, step's height and length, body's height and command, at any moment.
 
     A target may wait for a joint whose rate is at its limit, but not for long. Feet stay within a step's

@@ -84,9 +84,7 @@ def test_it_walks_over_the_bus_as_fast_and_straight_as_told(robot: Robot) -> Non
     assert set(trace.foot_contact[late].sum(axis=1).tolist()) <= {3, 4, 5}
 
 
-def test_it_is_trained_with_that_gait_and_a_policy_of_that_contract_stands_on_the_bus(
-    robot: Robot, tmp_path: Path
-) -> None:
+def test_it_is_trained_with_that_gait_and_stands_on_the_bus(robot: Robot, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     jax = pytest.importorskip("jax")
     from footfall.envs.locomotion import LocomotionEnv

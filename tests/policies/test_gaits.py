@@ -84,9 +84,7 @@ class TestSixFeet:
     def hexapod(self, go1: Robot) -> Robot:
         return standing_at(go1, HEXAPOD)
 
-    def test_a_tripod_steps_with_front_and_hind_of_one_side_and_the_others_middle(
-        self, hexapod: Robot
-    ) -> None:
+    def test_a_tripods_feet_are_front_and_hind_with_the_others_middle(self, hexapod: Robot) -> None:
         assert in_the_air(hexapod, "tripod", 0.3) == {"LF", "RM", "LR"}
         assert in_the_air(hexapod, "tripod", 0.8) == {"RF", "LM", "RR"}
         assert in_the_air(hexapod, "tripod", 0.55) == set()  # each stands for 65 % of the cycle

@@ -98,9 +98,7 @@ def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract
     np.testing.assert_allclose(reference, [lifted, np.zeros(3), np.zeros(3), lifted], atol=1e-6)
 
 
-def test_its_action_is_what_the_network_makes_of_what_it_sees(
-    tmp_path: Path, contract: Contract, go1: Robot
-) -> None:
+def test_its_action_is_the_networks_answer(tmp_path: Path, contract: Contract, go1: Robot) -> None:
     """However large: what the targets may be is for the joint layer to say."""
     weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
@@ -156,9 +154,7 @@ def write_graph(
 
 
 class TestFile:
-    def test_it_is_named_after_its_file_unless_another_name_is_given(
-        self, tmp_path: Path, contract: Contract, go1: Robot
-    ) -> None:
+    def test_its_name_is_its_files_or_given(self, tmp_path: Path, contract: Contract, go1: Robot) -> None:
         """Whatever its input and output are called."""
         size = observation_size(contract)
         path = write_graph(tmp_path / "gentle.v2.onnx", contract, [("x", size)], [("y", 12)])
@@ -189,9 +185,7 @@ class TestFile:
         with pytest.raises(UserError, match=complaint):
             LearnedPolicy(path, go1)
 
-    def test_what_is_no_file_of_a_policy_is_refused(
-        self, tmp_path: Path, contract: Contract, go1: Robot
-    ) -> None:
+    def test_other_files_are_refused(self, tmp_path: Path, contract: Contract, go1: Robot) -> None:
         with pytest.raises(UserError, match=r"no policy file at .*absent.onnx"):
             LearnedPolicy(tmp_path / "absent.onnx", go1)
         (tmp_path / "text.onnx").write_text("a walk\nin the park")
@@ -228,9 +222,7 @@ class TestFile:
         assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("number", [np.nan, np.inf])
-    def test_one_lost_number_is_enough(
-        self, tmp_path: Path, contract: Contract, go1: Robot, number: float
-    ) -> None:
+    def test_one_bad_number(self, tmp_path: Path, contract: Contract, go1: Robot, number: float) -> None:
         weights = np.zeros((observation_size(contract), 12), np.float32)
         weights[5, 7] = number
         with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):

@@ -140,9 +140,7 @@ class TestObservation:
         ("command", "expected"),
         [((0.06, 0.0, 0.08), 1.0), ((0.0, -0.0999, 0.0), 0.0), ((-0.07, 0.06, -0.05), 1.0), ((0, 0, 0), 0.0)],
     )
-    def test_moving_is_a_norm_over_all_axes_from_the_threshold_on(
-        self, contract: Contract, command: Any, expected: float
-    ) -> None:
+    def test_moving_is_a_norm_of_all_axes(self, contract: Contract, command: Any, expected: float) -> None:
         assert contract.standing_command == 0.1
         assert moving(np.array(command, dtype=float), contract).tolist() == [expected]
         assert moving(np.zeros(3), replace(contract, standing_command=0.0)).tolist() == [1.0]

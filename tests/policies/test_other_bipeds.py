@@ -44,9 +44,7 @@ def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
     return {name: write_robot(folder / name, case.legs) for name, case in CASES.items()}
 
 
-def test_it_has_an_environment_and_a_policy_of_random_weights_falls_safely(
-    robots: dict[str, Robot], tmp_path: Path
-) -> None:
+def test_it_has_an_environment_and_falls_safely(robots: dict[str, Robot], tmp_path: Path) -> None:
     """Contract, mirror image, environment, exported file, loop: compiled once for all of them."""
     onnx, jax = pytest.importorskip("onnx"), pytest.importorskip("jax")
     from footfall.envs.locomotion import LocomotionEnv
@@ -90,7 +88,7 @@ def test_without_ankles_it_cannot_stand_on_two_balls_and_falls_safely(robots: di
     assert_falls_safely(robot, Stand(robot, replace(config, kp=150.0)))
 
 
-def test_with_six_hinges_it_walks_over_the_bus_as_told_with_the_settings_of_g1(
+def test_six_hinges_walk_over_the_bus_with_the_settings_of_g1(
     robots: dict[str, Robot],
 ) -> None:
     robot = robots["six hinges"]

@@ -48,9 +48,7 @@ class TestControllers:
             *(("go1", "mpc", True), ("go1", "mpc-wbc", True), ("g1", "balance", True), ("g1", "step", True)),
         ],
     )
-    def test_those_that_read_the_bases_velocity_need_an_estimate(
-        self, robot: str, name: str, needs: bool
-    ) -> None:
+    def test_those_with_base_velocity_need_an_estimate(self, robot: str, name: str, needs: bool) -> None:
         policy = load_policy(name, load_robot(robot))
         assert policy.needs_estimate is needs
         assert not policy.notes
@@ -141,9 +139,7 @@ class TestOwn:
             ("typo:Sway", "importing 'typo': SyntaxError: invalid syntax (typo.py, line 1)"),
         ],
     )
-    def test_what_is_no_policy_is_refused_in_one_line(
-        self, go1: Robot, tmp_path: Path, spec: str, words: str
-    ) -> None:
+    def test_no_policy_is_one_line(self, go1: Robot, tmp_path: Path, spec: str, words: str) -> None:
         assert words.format(folder=tmp_path) in refusal(spec, go1)
 
 
@@ -158,9 +154,7 @@ class TestLearned:
         write_policy(onnx, folder / "policy.onnx", go1.folder)
         return folder
 
-    def test_a_run_folder_goes_by_its_name(
-        self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_run_goes_by_its_name(self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         assert load_policy(str(run), go1).name == "tuesday"
         assert load_policy(f"{run}/", go1).name == "tuesday"
         monkeypatch.chdir(run)
@@ -195,9 +189,7 @@ class TestWhatIsNoPolicy:
         assert f"make it with 'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
 
 
-def test_a_robots_policies_are_those_of_its_whole_name(
-    go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robots_whole_name_counts(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("go1-rough", "go1-flat", "go10-flat", "go1x", "go1-stairs", "go1-b", "go1-a", "go1-z"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "policy.onnx").write_text("")

@@ -178,7 +178,7 @@ def test_what_is_blocked_is_out_of_reach() -> None:
         import_apart(["jax"], LEARNING_ONLY)
 
 
-def test_packages_that_act_import_in_a_second_and_load_no_learning_library(
+def test_acting_packages_import_fast_and_without_learning(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """CPU time, which a busy machine does not lengthen much; tried again, when its files are in memory.

@@ -91,9 +91,7 @@ def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> 
     assert content(wheel) == expected
 
 
-def test_the_wheel_is_the_same_from_the_clone_and_from_the_sdist(
-    built: Path, wheel: Path, tmp_path: Path
-) -> None:
+def test_the_wheel_is_alike_from_clone_and_sdist(built: Path, wheel: Path, tmp_path: Path) -> None:
     [sdist] = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         assert [member.name for member in archive if member.issym() or member.islnk()] == []

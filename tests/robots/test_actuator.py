@@ -48,17 +48,13 @@ def test_numpy_and_jax_agree(go1: Robot) -> None:
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))
-def test_torque_is_never_beyond_the_current_limit(
-    command: JointCommand, position: np.ndarray, velocity: np.ndarray
-) -> None:
+def test_current_limits_torque(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
     torque = motor_torque(command, position, velocity, MOTOR)
     assert abs(torque[0]) <= MOTOR.peak_torque[0]
 
 
 @given(wide, speeds)
-def test_torque_in_the_direction_of_motion_stays_under_the_torque_speed_line(
-    asked: float, speed: float
-) -> None:
+def test_torque_along_the_motion_is_below_the_torque_speed_line(asked: float, speed: float) -> None:
     torque = limit_torque(np.array([asked]), np.array([speed]), MOTOR)[0]
     line = MOTOR.stall_torque[0] * (1 - abs(speed) / MOTOR.no_load_speed[0])
     assert torque * np.sign(speed or 1.0) <= line + 1e-9 or torque * np.sign(speed) <= 0
@@ -72,17 +68,13 @@ def test_friction_opposes_motion(speed: float) -> None:
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))
-def test_joint_torque_is_motor_torque_less_friction(
-    command: JointCommand, position: np.ndarray, velocity: np.ndarray
-) -> None:
+def test_friction_is_lost(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
     expected = motor_torque(command, position, velocity, MOTOR) + friction_torque(velocity, MOTOR)
     np.testing.assert_array_equal(joint_torque(command, position, velocity, MOTOR), expected)
 
 
 @given(commands, arrays(-2, 2), arrays(-40, 40))
-def test_damping_is_the_slope_of_the_torque_in_speed(
-    command: JointCommand, position: np.ndarray, velocity: np.ndarray
-) -> None:
+def test_damping_is_a_slope(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
     """Wherever the law has one: the slope is the same a little slower and a little faster."""
     d = 1e-6
     at = [joint_torque(command, position, velocity + k * d, MOTOR)[0] for k in (-1, 0, 1)]

@@ -33,9 +33,7 @@ def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("first", [SLANTING, (-0.8, 0.36, -0.48), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 @pytest.mark.parametrize("knee", [-1.1, 0.5, 0.9])
 @pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (-0.1, 0.3, -0.2), (0.25, -0.4, 0.3)])
-def test_a_place_gives_back_the_angles_that_lead_there(
-    first: tuple[float, ...], knee: float, moved: tuple[float, ...]
-) -> None:
+def test_a_place_gives_its_angles(first: tuple[float, ...], knee: float, moved: tuple[float, ...]) -> None:
     chain = limb(knee, first)
     form = closed_form(chain, tip_at(chain, chain.default))
     assert form is not None

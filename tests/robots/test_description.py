@@ -92,9 +92,7 @@ WRONG_XML = (
 
 
 @pytest.mark.parametrize(("file", "rows"), [("robot.yaml", WRONG_YAML), ("robot.xml", WRONG_XML)])
-def test_a_wrong_value_is_refused_in_one_line_that_names_it(
-    own_folder: Path, file: str, rows: tuple[tuple[str, str, str], ...]
-) -> None:
+def test_wrong_value_is_named(own_folder: Path, file: str, rows: tuple[tuple[str, str, str], ...]) -> None:
     text = (own_folder / file).read_text()
     for old, new, wanted in rows:
         assert old in text
@@ -227,9 +225,7 @@ def test_a_folder_is_known_by_its_full_path(own_folder: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
-def test_an_action_of_1_moves_no_joint_further_than_its_range(
-    go1: Robot, own_folder: Path, share: float, refused: bool
-) -> None:
+def test_action_1_stays_within_the_range(go1: Robot, own_folder: Path, share: float, refused: bool) -> None:
     widest = (go1.action_scale / (go1.upper_rad - go1.lower_rad)).max()
     declaration = own_folder / "robot.yaml"
     wanted = share * go1.description.gains.torque_share / widest

@@ -128,9 +128,7 @@ def test_joint(model: mujoco.MjModel, go1: Robot, leg: str, kind: str) -> None:
     assert go1.motor.no_load_speed[i] == speed
 
 
-def test_inertia_of_the_front_right_thigh_is_oriented_as_published(
-    model: mujoco.MjModel, standing: mujoco.MjData
-) -> None:
+def test_the_thighs_inertia_is_oriented_as_published(model: mujoco.MjModel, standing: mujoco.MjData) -> None:
     quaternion = np.array([0.65243, -0.027231, 0.077513, 0.753383])
     axes = np.zeros(9)
     mujoco.mju_quat2Mat(axes, quaternion / np.linalg.norm(quaternion))

@@ -51,9 +51,7 @@ def test_gains_are_near_the_published_ones(g1: Robot) -> None:
     assert g1.kd.max() <= 5.0
 
 
-def test_in_the_default_pose_both_soles_lie_flat_under_the_centre_of_mass(
-    g1: Robot, model: mujoco.MjModel
-) -> None:
+def test_by_default_soles_lie_flat_below_the_centre_of_mass(g1: Robot, model: mujoco.MjModel) -> None:
     data = standing(g1, model)
     corners = data.geom_xpos[np.concatenate(foot_geoms(model, g1.description))]
     np.testing.assert_allclose(corners[:, 2], 0.005, atol=1e-4)

@@ -38,9 +38,7 @@ def test_masses_are_those_of_all_links(looked: Inspection) -> None:
 
 
 @pytest.mark.parametrize("off_m", [-0.004, 0.004])
-def test_a_foot_in_the_air_is_found_whatever_standing_height_is_written(
-    robot: Robot, tmp_path: Path, off_m: float
-) -> None:
+def test_a_foot_in_the_air_is_found_at_any_height(robot: Robot, tmp_path: Path, off_m: float) -> None:
     (tmp_path / "robot.xml").write_text((robot.folder / "robot.xml").read_text())
     height = robot.description.standing_height_m
     declaration = (robot.folder / "robot.yaml").read_text()
@@ -91,9 +89,7 @@ def test_the_tree_is_the_robots_alone(robot: Robot, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("apart_m", "meet"), [(0.004, False), (-0.004, True)])
-def test_links_meet_if_they_touch_not_if_they_are_near(
-    robot: Robot, tmp_path: Path, apart_m: float, meet: bool
-) -> None:
+def test_touching_links_meet_near_ones_not(robot: Robot, tmp_path: Path, apart_m: float, meet: bool) -> None:
     """A file may have contacts noted before they touch, by a margin."""
     for name in ("robot.yaml", "robot.xml"):
         (tmp_path / name).write_text((robot.folder / name).read_text())

@@ -113,9 +113,7 @@ class TestLoad:
 
     @pytest.mark.parametrize("name", ["go1", "g1", "hexapod"])
     @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
-    def test_holding_torque_is_the_slope_of_the_energy(
-        self, name: str, acceleration: tuple[float, float, float]
-    ) -> None:
+    def test_holding_torque_is_a_slope(self, name: str, acceleration: tuple[float, float, float]) -> None:
         """Energy: mass times the centre of mass along the proper acceleration, the base at rest."""
         robot, felt = load_robot(name), np.array(acceleration)
         legs, model = robot.legs, load_spec(robot.xml_path).compile()

@@ -95,9 +95,7 @@ def test_the_base_of_a_training_model_touches_only_through_listed_pairs(name: st
 
 @pytest.mark.parametrize("also", ["", 'condim="1"', 'condim="6"', 'solmix="0"'])
 @pytest.mark.parametrize("priority", [0, 1])
-def test_feet_meet_the_training_floor_as_they_would_the_plants(
-    own_folder: Path, priority: int, also: str
-) -> None:
+def test_feet_meet_the_training_floor_as_the_plants(own_folder: Path, priority: int, also: str) -> None:
     robot = load_robot(own_folder)
     text = robot.xml_path.read_text()
     foot = re.search('<geom [^>]*priority="1"[^>]*/>', text)
@@ -197,9 +195,7 @@ def test_only_motors_joints_lose_their_damping_to_the_joint_law(laden: Robot, ma
     assert model.dof_damping[tail] == 0.03
 
 
-def test_a_plant_keeps_its_options_but_for_the_step_and_a_costly_integrator(
-    laden: Robot, own_folder: Path
-) -> None:
+def test_a_plant_keeps_options_but_step_and_integrator(laden: Robot, own_folder: Path) -> None:
     options = plant_model(laden).opt
     assert options.timestep == 0.001
     assert options.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -230,9 +226,7 @@ def changed_plant(robot: Robot, path: Path, *changes: tuple[str, str]) -> Path:
         (None, None, None),
     ],
 )
-def test_a_plants_losses_count_as_its_file_gives_them_and_else_the_robots(
-    go1: Robot, tmp_path: Path, given, friction, damping
-) -> None:
+def test_a_plants_losses_or_else_the_robots(go1: Robot, tmp_path: Path, given, friction, damping) -> None:
     nominal = go1.motor._replace(damping=np.linspace(0.01, 0.12, 12))
     robot = replace(go1, motor=nominal)
     changes = [(' frictionloss="0.3"', ""), (' frictionloss="1.0"', "")]
@@ -266,9 +260,7 @@ def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp
         ('<geom type="box" size="1 1 1" pos="9 0 0"/>', 1),
     ],
 )
-def test_a_floor_is_added_where_nothing_can_be_stood_upon(
-    go1: Robot, tmp_path: Path, ground: str, planes: int
-) -> None:
+def test_a_floor_is_added_where_none_is(go1: Robot, tmp_path: Path, ground: str, planes: int) -> None:
     hill = '<hfield name="hill" nrow="2" ncol="2" size="5 5 1 1" elevation="0 0 1 1"/>'
     changes = ("<asset>", f"<asset>{hill}"), ("<worldbody>", f"<worldbody>{ground}")
     plant = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes))
@@ -276,9 +268,7 @@ def test_a_floor_is_added_where_nothing_can_be_stood_upon(
     assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes
 
 
-def test_a_plants_imu_sits_where_the_robots_does_along_the_bases_axes(
-    own_folder: Path, tmp_path: Path
-) -> None:
+def test_a_plants_imu_is_placed_and_turned_as_the_robots(own_folder: Path, tmp_path: Path) -> None:
     """Thrown, tilted and spinning, it feels a + dw/dt x r + w x (w x r)."""
     xml = own_folder / "robot.xml"
     xml.write_text(xml.read_text().replace('"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"'))

@@ -73,9 +73,7 @@ def test_the_stiffest_joint_is_the_one_that_moves_most_in_the_fastest_mode(go1: 
 
 
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
-def test_damping_is_refused_where_a_plants_step_would_take_one_and_a_half_times_the_speed(
-    go1: Robot, share: float, refused: bool
-) -> None:
+def test_damping_beyond_a_plants_step_is_refused(go1: Robot, share: float, refused: bool) -> None:
     """kd, the ramp of friction and viscous damping together; the joint that is damped most is named."""
     model = load_spec(go1.xml_path).compile()
     motor = go1.motor._replace(damping=np.linspace(0.1, 0.4, 12))

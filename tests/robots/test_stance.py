@@ -123,9 +123,7 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
         assert np.abs(data.qfrc_inverse[base]).max() > 0.1
 
 
-def test_a_box_around_the_base_holds_all_that_can_touch_and_nothing_else(
-    go1: Robot, own_folder: Path
-) -> None:
+def test_a_box_around_the_base_holds_what_can_touch(go1: Robot, own_folder: Path) -> None:
     """Its trunk reaches 0.13, 0.09 and 0.05 m; a ball at its nose and a wedge below go farther."""
     text = (own_folder / "robot.xml").read_text()
     box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'

@@ -37,9 +37,7 @@ MIRROR = np.diag([1.0, -1.0, 1.0])  # at the x-z plane
         (kinds.FOOT_AMOUNTS, [1.0, 2.0, 3.0, 4.0], [2.0, 1.0, 4.0, 3.0]),
     ],
 )
-def test_each_kind_of_numbers_has_its_size_and_its_image(
-    kind: Kind, value: list[float], image: list[float]
-) -> None:
+def test_each_kind_has_its_size_and_image(kind: Kind, value: list[float], image: list[float]) -> None:
     assert kind.size(PARTS) == len(value)
     mirror = kind.mirror(SYMMETRY)
     assert mirror(np.array(value)).tolist() == image
@@ -151,9 +149,7 @@ def test_a_default_pose_that_differs_left_and_right_is_refused(own_folder: Path)
         ([0.9, 0.9, 0.2, 0.2], 1.0),  # partners together
     ],
 )
-def test_the_clock_changes_its_sign_where_partners_take_turns(
-    go1: Robot, phase: list[float] | None, sign: float
-) -> None:
+def test_the_clocks_sign_changes_in_turns(go1: Robot, phase: list[float] | None, sign: float) -> None:
     assert find_symmetry(go1, None if phase is None else np.array(phase)).clock == sign
 
 

@@ -47,9 +47,7 @@ def test_a_request_is_in_the_folder_that_is_made(tmp_path: Path, go1: Robot) -> 
     assert found.device == jax.devices()[0].device_kind
 
 
-def test_without_a_name_it_lies_in_runs_by_what_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folder: Path
-) -> None:
+def test_default_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folder: Path) -> None:
     monkeypatch.chdir(tmp_path)
     folder = api.begin(TrainRequest(robot=str(own_folder), preset="smoke", seed=3, trainer=OWN))
     assert folder.parent == Path("runs")
@@ -117,9 +115,7 @@ def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(run: Run, tmp_p
     assert out.is_file()
 
 
-def test_several_processes_need_a_folder_and_a_trainer_for_several(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_processes_need_folder_and_trainer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "processes", lambda: 2)
     with pytest.raises(UserError, match="same --out"):
         api.begin(TrainRequest())

@@ -44,9 +44,7 @@ def test_three_are_kept_and_what_a_killed_writer_left_is_dropped(tmp_path: Path)
     assert checkpoint.latest(tmp_path / "none") is None
 
 
-def test_what_cannot_be_written_names_the_last_good_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_last_good_one_is_named_on_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint.write(tmp_path, 3, b"x")
 
     def refuse(*_: Any) -> None:

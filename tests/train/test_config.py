@@ -42,9 +42,7 @@ def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None
     assert load_preset("cpu", robot).ppo == load_preset("cpu").ppo
 
 
-def test_a_copied_preset_keeps_what_the_robot_changes_and_what_its_user_changes(
-    own_folder: Path, tmp_path: Path
-) -> None:
+def test_a_copied_preset_keeps_changes_of_robot_and_user(own_folder: Path, tmp_path: Path) -> None:
     changes = "env: {gait: {frequency_hz: 1.5}, rewards: {torque: -0.5, power: -0.25}}"
     robot = load_robot(own_training(own_folder, changes))
     copy = tmp_path / "own.yaml"

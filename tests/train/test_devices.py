@@ -52,7 +52,7 @@ def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, 
     assert seen["copies_of_parameters"] == 2
 
 
-def test_where_jax_has_accelerators_alone_the_default_device_computes(
+def test_accelerators_alone_make_the_default_compute(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def none_such(*_: object, **__: object) -> None:
@@ -63,7 +63,7 @@ def test_where_jax_has_accelerators_alone_the_default_device_computes(
         assert float(jax.numpy.ones(2).sum()) == 2.0
 
 
-def test_environments_that_cannot_be_divided_among_devices_and_minibatches_are_refused(
+def test_environments_that_do_not_divide_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(jax, "devices", lambda: ["one", "two"])

@@ -115,9 +115,7 @@ class TestReports:
             "the device failed: lost it; the last good checkpoint is none; continue with: footfall go "),
         ],
     )  # fmt: skip
-    def test_a_device_that_fails_is_one_line_and_its_text_is_kept(
-        self, run: Run, text: str, said: str
-    ) -> None:
+    def test_a_failing_device_is_one_line_and_its_text_kept(self, run: Run, text: str, said: str) -> None:
         with pytest.raises(UserError) as caught, device_failures(run, (ValueError,), verb="go"):
             raise ValueError(text)
         assert said in str(caught.value)
@@ -224,9 +222,7 @@ def test_a_state_that_is_not_finite_is_never_saved(sound: Path, tmp_path: Path) 
     assert checkpoint.latest(run.checkpoints) == before
 
 
-def test_another_process_than_the_main_one_writes_no_report(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_main_process_writes_a_report(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     before = sorted(run.folder.iterdir())
     error = record_failure(run, TrainingFailedError(7, "a is not finite"), can_diagnose=True)
@@ -270,9 +266,7 @@ class TestDevice:
         )
         assert (sound / FOLDER / "device_error.txt").read_text() == text
 
-    def test_a_back_end_that_cannot_start_is_one_line(
-        self, sound: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_failing_back_end_is_one_line(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         def failing() -> None:
             raise RuntimeError("Unable to initialize backend 'cuda': no device\nmore")
 
@@ -284,9 +278,7 @@ class TestDevice:
                 str(error.value) == "no device to compute on: Unable to initialize backend 'cuda': no device"
             )
 
-    def test_a_defect_of_our_own_keeps_its_traceback(
-        self, sound: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_its_own_defect_has_a_traceback(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = "INTERNAL: CpuCallback error: Traceback (most recent call last): ..."
         with pytest.raises(jax.errors.JaxRuntimeError):
             self.fail(sound, monkeypatch, text)
@@ -319,9 +311,7 @@ class TestFullDisk:
         steps = [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
         assert steps[-1] == ITERATIONS * 256
 
-    def test_at_the_end_it_says_so(
-        self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_end_is_told(self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch) -> None:
         record = Journal.log
 
         def filling(self: Any, iteration: int, figures: Any) -> None:

@@ -153,9 +153,7 @@ class TestCounting:
         np.testing.assert_array_equal(transitions.extras["state_extras"]["truncation"], late)
         np.testing.assert_array_equal(metrics["steps"], np.tile(steps, 6))
 
-    def test_metrics_are_means_and_some_observations_are_kept(
-        self, begun: TrainState, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_metrics_are_means(self, begun: TrainState, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
         monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", 1000)
         all_of_them = jax.eval_shape(

@@ -143,9 +143,7 @@ def test_a_second_signal_interrupts_at_once(run: Run) -> None:
     assert trainer.asked == ["iterate 1"]
 
 
-def test_other_processes_stop_and_save_when_the_main_one_says(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_others_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     said = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
     monkeypatch.setattr(cluster, "broadcast", lambda *_: next(said))
@@ -157,9 +155,7 @@ def test_other_processes_stop_and_save_when_the_main_one_says(
 
 
 @pytest.mark.parametrize("main", [True, False])
-def test_a_failure_ends_the_training_after_it_was_logged(
-    run: Run, main: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_is_logged_first(run: Run, main: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     class Failing(FakeTrainer):
         def iterate(self) -> dict[str, Any]:
             metrics = super().iterate()

@@ -109,9 +109,7 @@ class TestTakenOver:
             taken_over(broken, *trained.fresh(1), trained.run.config.ppo)
 
 
-def test_the_trainer_goes_on_with_the_networks_that_it_takes_over(
-    trained: Trained, go1: Robot, tmp_path: Path
-) -> None:
+def test_it_trains_on_with_the_taken_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
     """Its export is the policy that it started from."""
     other = jax.device_get(initial_state(trained.env, trained.networks, trained.run.config.ppo, 7))
     observed = np.zeros((1, trained.env.observation_sizes["state"]), np.float32)
@@ -125,9 +123,7 @@ def test_the_trainer_goes_on_with_the_networks_that_it_takes_over(
 
 
 class TestSource:
-    def test_it_is_the_checkpoint_of_a_run_of_the_same_trainer_and_otherwise_its_policy(
-        self, trained: Trained
-    ) -> None:
+    def test_it_is_a_checkpoint_of_the_same_trainer_or_a_policy(self, trained: Trained) -> None:
         spec = trained.run.folder
         assert find_source(spec, "brax").file == checkpoint.latest(trained.run.checkpoints)
         assert find_source(spec, "mine:Trainer").file == trained.run.policy
@@ -154,9 +150,7 @@ class TestSource:
 
 
 class TestRun:
-    def test_the_folder_holds_the_networks_and_tells_where_they_came_from(
-        self, trained: Trained, tmp_path: Path
-    ) -> None:
+    def test_the_folder_holds_and_names_its_networks(self, trained: Trained, tmp_path: Path) -> None:
         request = TrainRequest(preset="smoke", out=tmp_path / "tuned", start_from=trained.run.folder)
         run = open_run(begin(request))
         chosen = checkpoint.latest(trained.run.checkpoints)

@@ -9,9 +9,7 @@ import pytest
 from footfall.train.runs import provenance
 
 
-def test_a_revision_tells_one_change_of_the_source_from_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_revision_differs_for_each_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def git(*arguments: str) -> None:
         subprocess.run(
             ["git", "-c", "user.name=a", "-c", "user.email=b", *arguments], cwd=tmp_path, check=True
@@ -39,9 +37,7 @@ def test_a_revision_tells_one_change_of_the_source_from_another(
 
 
 @pytest.mark.parametrize("in_a_repository", [False, True])
-def test_without_a_checkout_the_files_themselves_tell(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_repository: bool
-) -> None:
+def test_files_tell_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_repository: bool) -> None:
     """As in an installed wheel, whose environment may lie in somebody else's repository."""
     installed = tmp_path / ".venv" / "footfall"
     (installed / "train" / "runs").mkdir(parents=True)

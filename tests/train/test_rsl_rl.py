@@ -152,9 +152,7 @@ def test_the_learning_rate_falls_with_its_limit(run: Path) -> None:
     assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])
 
 
-def test_an_adaptive_learning_rate_moves_below_its_limit(
-    trainer: RslRlTrainer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_adaptive_rate_stays_below(trainer: RslRlTrainer, monkeypatch: pytest.MonkeyPatch) -> None:
     algorithm = trainer.runner.alg
     monkeypatch.setattr(algorithm, "schedule", "adaptive")
     algorithm.optimizer.zero_grad()  # nothing to learn: the step only sets the rate
@@ -228,9 +226,7 @@ def test_the_exported_policy_carries_its_normaliser(run: Path) -> None:
 # Interrupted runs
 
 
-def test_a_stopped_run_resumes_to_the_bits_of_the_whole_one(
-    preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_resumes_exactly(preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     iterate = RslRlTrainer.iterate
 
     def interrupted(self: RslRlTrainer) -> dict[str, float]:
@@ -299,9 +295,7 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
     assert part in name
 
 
-def test_running_out_of_memory_in_the_export_is_one_line(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_memory_for_export_is_a_line(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def exhausted(*_: object) -> float:
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 MiB.")
 
@@ -327,9 +321,7 @@ def test_devices_that_stay_idle_are_named(
     assert "rsl_rl trains on 1 of 4 devices: the others are idle" in capsys.readouterr().out
 
 
-def test_a_checkpoint_of_another_kind_of_device_can_be_exported(
-    trainer: RslRlTrainer, run: Path, tmp_path: Path
-) -> None:
+def test_another_devices_checkpoint_is_exported(trainer: RslRlTrainer, run: Path, tmp_path: Path) -> None:
     content = torch.load(newest(run), weights_only=True)
     content["infos"]["random"] = {"cuda": torch.zeros(16, dtype=torch.uint8)}
     torch.save(content, tmp_path / "00000004.ckpt")
@@ -349,9 +341,7 @@ class Code:
 
 
 @pytest.mark.parametrize("damage", ["garbage", "half", "brax's", "code", "other networks"])
-def test_a_damaged_or_foreign_checkpoint_is_named(
-    trainer: RslRlTrainer, run: Path, tmp_path: Path, damage: str
-) -> None:
+def test_a_bad_checkpoint_is_named(trainer: RslRlTrainer, run: Path, tmp_path: Path, damage: str) -> None:
     path = tmp_path / "00000004.ckpt"
     if damage == "code":
         torch.save({"infos": Code(tmp_path / "made")}, path)

@@ -76,9 +76,7 @@ def test_another_seed_gives_another_policy(six_iterations: str, whole_run: Path,
     assert (other / "policy.onnx").read_bytes() != (whole_run / "policy.onnx").read_bytes()
 
 
-def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
-    whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_finished_run_remains(whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = api.open_run(Path(shutil.copytree(whole_run, tmp_path / "run")))
     began = replace(run.provenance, device="NVIDIA H100", revision="0f1e2d")
     (run.folder / "run.yaml").write_text(dump(began))
@@ -114,9 +112,7 @@ def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: P
     assert trained_robot(before_digests_were_kept).digest != run.provenance.robot_digest
 
 
-def test_a_run_of_ones_own_robot_can_be_resumed_from_elsewhere(
-    own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_own_robots_run_resumes(own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(own_folder.parent)
     request = api.TrainRequest(robot=own_folder.name, preset="smoke", out=tmp_path / "run")
     folder = api.begin(request)
@@ -139,9 +135,7 @@ def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
         ("  num_envs: 32", "  num_envs: 33", "num_envs 33"),
     ],
 )
-def test_settings_that_do_not_fit_leave_no_folder(
-    right: str, wrong: str, reason: str, tmp_path: Path
-) -> None:
+def test_misfitting_settings_leave_no_folder(right: str, wrong: str, reason: str, tmp_path: Path) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
     preset = tmp_path / "preset.yaml"
     preset.write_text(smoke.replace(right, wrong))
@@ -173,9 +167,7 @@ def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
     assert {f"reward/{name}" for name in run.config.env.weights} <= set(last)
 
 
-def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
-    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_export_must_agree(whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     honest = export.to_onnx
 
     def shifted(actor, contract):
@@ -187,9 +179,7 @@ def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_export_agrees_within_the_promise_also_of_networks_that_learn_in_16_bits(
-    whole_run: Path, tmp_path: Path
-) -> None:
+def test_an_export_agrees_although_networks_learn_in_16_bits(whole_run: Path, tmp_path: Path) -> None:
     """These are exported in 32 bits."""
     _, worst = api.export_run(whole_run, tmp_path / "policy.onnx")
     assert worst <= export.PARITY_LIMIT == 1e-5

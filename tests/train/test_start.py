@@ -25,9 +25,7 @@ from footfall.train.entry import start_device
 from footfall.train.runs.folder import open_run
 
 
-def test_the_device_starts_on_no_program_that_others_may_have_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_device_starts_on_own_programs_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Even its first operation is a compiled program."""
     names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
     before = {name: jax.config.values[name] for name in names}
@@ -52,9 +50,7 @@ def test_the_device_starts_on_no_program_that_others_may_have_written(
     assert found == [str(tmp_path), None]
 
 
-def test_a_device_that_does_not_start_is_left_to_whoever_asks_for_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_device_may_not_start(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     tried = threading.Event()
 
     def no_device(_: int) -> None:

@@ -96,9 +96,7 @@ def test_a_run_waits_for_the_first_request_and_ends_if_no_other_follows(tmp_path
     server.close()
 
 
-def test_a_bridge_that_is_gone_steers_no_more_and_another_one_may_come(
-    inbox: Inbox, paths: PathSource, path: Path
-) -> None:
+def test_a_lost_bridge_stops_steering_for_another(inbox: Inbox, paths: PathSource, path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(str(path))
         raw.sendall(b'{"velocity": [0.2, 0, 0]}\n')

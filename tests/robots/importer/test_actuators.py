@@ -38,9 +38,7 @@ def test_a_robot_of_known_motors(tmp_path: Path) -> None:
         ({"elbow": "Unitree-4010"}, "no joint has 'elbow' in its name"),
     ],
 )
-def test_an_actuator_that_cannot_be_had_is_refused(
-    tmp_path: Path, chosen: dict[str, str], reason: str
-) -> None:
+def test_unknown_actuators_are_refused(tmp_path: Path, chosen: dict[str, str], reason: str) -> None:
     with pytest.raises(UserError, match=reason.replace("?", r"\?")):
         make(tmp_path, quadruped(), actuators=chosen)
 

@@ -121,9 +121,7 @@ class TestWhatIsMade:
         assert robot.default_pose[:6] == pytest.approx([0.1, 0.05, -0.4, 0.9, -0.5, -0.05])
         assert robot.default_pose[9] == pytest.approx(0.03 * 2.2, abs=1e-4)
 
-    def test_on_two_points_a_robot_is_held_up_at_first(
-        self, two: tuple[Robot, Imported], tmp_path: Path
-    ) -> None:
+    def test_two_points_are_held_up_at_first(self, two: tuple[Robot, Imported], tmp_path: Path) -> None:
         sole = '<geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>'
         ball = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
         robot, made = make(tmp_path, BIPED_MJCF.replace(sole, ball), "xml")
@@ -167,9 +165,7 @@ class TestWhatIsMade:
             assert [float(model.geom(name).size[0]) for name in foot.geoms] == [0.006, 0.008, 0.01]
         assert ((model.geom_type == Kind.mjGEOM_CAPSULE) & (model.geom_contype != 0)).sum() == 2 * 3
 
-    def test_reflected_inertia_is_estimated_from_the_torque_and_said_to_be(
-        self, four: tuple[Robot, Imported]
-    ) -> None:
+    def test_reflected_inertia_is_estimated_from_the_torque(self, four: tuple[Robot, Imported]) -> None:
         robot, made = four
         assert robot.armature[:3] == pytest.approx(1.7e-4 * np.array([21.0, 22.0, 23.0]))
         assert any("reflected inertia" in guess and "--armature" in guess for guess in made.guesses)
@@ -188,9 +184,7 @@ class TestWhatIsMade:
         excluded = re.findall(r'<exclude body1="(\w+)" body2="(\w+)"', robot.xml_path.read_text())
         assert excluded == [("FL_thigh", "FR_thigh")]
 
-    def test_everything_that_was_guessed_is_told(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: None
-    ) -> None:
+    def test_guesses_are_told(self, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: None) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         assert main(["robot", "new", "--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]) == 0
         told = capsys.readouterr().out
@@ -336,9 +330,7 @@ def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str
 
 
 class TestControllers:
-    def test_legs_get_the_controllers_of_the_shipped_robot_with_as_many(
-        self, four: tuple[Robot, Imported], two: tuple[Robot, Imported]
-    ) -> None:
+    def test_controllers_by_legs(self, four: tuple[Robot, Imported], two: tuple[Robot, Imported]) -> None:
         for imported, shipped in ((four[0], "go1"), (two[0], "g1")):
             names = controllers_of(imported)
             assert names == controllers_of(load_robot(shipped))
@@ -355,9 +347,7 @@ class TestCreate:
         (tmp_path / "m.urdf").write_text(quadruped())
         return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **wishes)
 
-    def test_the_folder_may_lie_in_others_that_are_not_there_and_names_the_robot(
-        self, tmp_path: Path
-    ) -> None:
+    def test_the_folders_parents_are_made_and_it_names_the_robot(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, "new/deep/my dog-2_x"))
         assert made.folder == tmp_path / "new/deep/my dog-2_x"
         assert load_robot(made.folder).name == "my_dog-2_x"

@@ -92,9 +92,7 @@ class TestFeet:
 
     @pytest.mark.parametrize(("half_height", "radius"), [(0.02, 0.005), (0.008, 0.004)])
     @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_a_sole_stands_on_balls_at_its_corners_and_the_rest_is_clear_of_the_ground(
-        self, half_height: float, radius: float, sign: float
-    ) -> None:
+    def test_a_sole_stands_on_balls_at_corners(self, half_height: float, radius: float, sign: float) -> None:
         """A box of 0.24 by 0.1 m, a quarter turn about the vertical, on a link that may hang upside down."""
         quarter = turned(0.0, 0.0, np.pi / 2)
         box = geom("sole", Kind.mjGEOM_BOX, [0.12, 0.05, half_height], [0.3, 0.2, 0.1], turn=quarter)
@@ -118,9 +116,7 @@ class TestFeet:
             ((0.1, 0.05, 0.06), 0.0, False),
         ],
     )
-    def test_a_sole_is_a_flat_box_that_leans_by_less_than_fourteen_degrees(
-        self, size: tuple[float, ...], lean: float, flat: bool
-    ) -> None:
+    def test_a_sole_leans_by_at_most_14_deg(self, size: tuple[float, ...], lean: float, flat: bool) -> None:
         shape = Shape(Kind.mjGEOM_BOX, np.array(size), PLACE, turned(0.0, lean, 0.0))
         assert bool(is_sole(shape, UP)) is flat
         assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)

@@ -102,9 +102,7 @@ class TestMachine:
               <geom name="b_foot" size="0.02" pos="0 0.1 -0.4" mass="0.1"/></body>""",
         ],
     )
-    def test_a_link_without_mass_that_touches_or_carries_two_is_refused(
-        self, tmp_path: Path, extra: str
-    ) -> None:
+    def test_a_massless_link_that_touches_or_forks_is_refused(self, tmp_path: Path, extra: str) -> None:
         light = """<body name="light"><joint axis="1 0 0" range="-1 1"/><inertial pos="0 0 0" mass="1e-9"
           diaginertia="1e-9 1e-9 1e-9"/>{}{}</body>"""
         text = on_base(light.format(hanging("a_foot", 0.1, 0.4), extra), hanging("c_foot", -0.1, 0.4))

@@ -60,9 +60,7 @@ class TestMeshFiles:
     @pytest.mark.parametrize(
         ("up", "point"), [("Z_UP", (1, 2, 3)), ("Y_UP", (1, -3, 2)), ("X_UP", (-2, 1, 3)), (None, (1, 2, 3))]
     )
-    def test_collada_says_which_axis_points_up(
-        self, tmp_path: Path, up: str | None, point: tuple[float, ...]
-    ) -> None:
+    def test_collada_has_an_up_axis(self, tmp_path: Path, up: str | None, point: tuple[float, ...]) -> None:
         (tmp_path / "a.dae").write_text(
             f"""<COLLADA><asset>{f"<up_axis>{up}</up_axis>" if up else ""}</asset><library_geometries>
             <geometry id="g"><mesh><source id="p"><float_array>1 2 3 0 0 0</float_array></source>

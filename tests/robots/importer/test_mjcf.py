@@ -36,9 +36,7 @@ class TestMjcf:
     @pytest.mark.parametrize(
         ("names", "knee"), [(("run", "my_Home"), 0.2), (("run", "walk"), 0.1), (("stand", "home"), 0.1)]
     )
-    def test_the_pose_is_of_the_key_that_stands_or_of_the_first(
-        self, tmp_path: Path, names: tuple[str, str], knee: float
-    ) -> None:
+    def test_the_pose_is_a_standing_key(self, tmp_path: Path, names: tuple[str, str], knee: float) -> None:
         keys = "".join(
             f'<key name="{name}" qpos="0 0 1 1 0 0 0 {angle} {-angle}"/>'
             for name, angle in zip(names, (0.1, 0.2), strict=True)

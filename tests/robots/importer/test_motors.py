@@ -39,9 +39,7 @@ class TestDrive:
         peak = {each.name: value for each, value in zip(hinges, torque, strict=True)}
         return choose_drive(machine, source_of(tmp_path, peak, speed), peak, wished or {}, statics)
 
-    def test_the_middle_joint_asks_for_its_peak_torque_at_three_quarters_of_a_radian(
-        self, tmp_path: Path
-    ) -> None:
+    def test_the_middle_joint_has_peak_torque_at_0_75_rad(self, tmp_path: Path) -> None:
         """20 N m over 0.01 kg m^2 and 0.75 rad: 51.6 rad/s, 8.2 Hz, of which steps of a half begin at 8."""
         drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0))
         assert (drive.natural_frequency_hz, drive.stands) == (8.0, True)
@@ -96,9 +94,7 @@ class TestDrive:
         assert told not in self.drive(tmp_path, said, (20.0,) * 3).guesses
 
     @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
-    def test_a_files_torque_is_at_most_three_times_the_weight_on_the_leg(
-        self, tmp_path: Path, torque: float, taken: bool
-    ) -> None:
+    def test_torque_is_at_most_3_weights(self, tmp_path: Path, torque: float, taken: bool) -> None:
         """8 kg * 9.81 m/s^2 * 0.4 m * 3 = 94.2 N m; what the user says is not doubted."""
         machine = rod_machine(self.HINGES)
         source = source_of(tmp_path, {"a": 10.0, "b": torque, "c": 10.0})

@@ -108,9 +108,7 @@ class TestPose:
         return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
 
     @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
-    def test_a_leg_stands_like_another_or_like_its_mirror_image(
-        self, tmp_path: Path, other: int, across: float
-    ) -> None:
+    def test_a_leg_stands_as_another_or_mirrored(self, tmp_path: Path, other: int, across: float) -> None:
         """Also where hinges count the other way, and from another angle."""
         text = walker()
         for name in ("fr", "rl"):
@@ -122,9 +120,7 @@ class TestPose:
         first, second = (leg.foot(data) - [*leg.hip[:2], 0.0] for leg in (legs[0], legs[other]))
         np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
 
-    def test_a_foot_belongs_below_where_it_is_at_zero_nearer_for_a_leg_that_is_spread(
-        self, tmp_path: Path
-    ) -> None:
+    def test_a_foot_belongs_below_its_zero_and_nearer_if_spread(self, tmp_path: Path) -> None:
         """0.4 m long: one that reaches 0.1 m down of it is spread, and stands at 0.7 of its 0.3 m."""
 
         def spread(name: str, y: float, down: float) -> str:

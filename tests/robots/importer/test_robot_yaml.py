@@ -33,9 +33,7 @@ class TestRobotYaml:
         "lacking",
         [Carries(19.9), Carries(20.0, velocity=29.0), Carries(20.0, kp=25.0), Carries(20.0, kd=1.0)],
     )
-    def test_a_joint_gets_the_weakest_motor_whose_frames_carry_all_that_it_needs(
-        self, lacking: Carries
-    ) -> None:
+    def test_a_joint_gets_the_weakest_sufficient_motor(self, lacking: Carries) -> None:
         chosen = self.chosen(a=Carries(90.0), b=lacking, c=Carries(25.0, kp=25.3, kd=1.01))
         assert chosen == ({"a": "c"}, [])
         assert self.chosen(a=lacking, b=Carries(18.0)) == ({"a": "a"}, ["a"])
@@ -67,9 +65,7 @@ class TestRobotYaml:
             (3, "commands: {forward_m_s: [-1.0, 1.0], leftward_m_s: [-0.5, 0.5], yaw_rad_s: [-1.0, 1.0]}"),
         ],
     )
-    def test_commands_are_shares_of_the_speed_at_which_legs_of_half_a_metre_fall(
-        self, legs: int, commands: str
-    ) -> None:
+    def test_commands_are_shares_of_the_legs_falling_speed(self, legs: int, commands: str) -> None:
         """sqrt(9.81 * 0.5) = 2.21 m/s: a quarter of it on two legs, 0.45 on more; half as much sideways."""
         assert commands in self.text(legs, 13)
 

@@ -91,9 +91,7 @@ def surface(kind: mujoco.mjtGeom, size: Sequence[float]) -> np.ndarray:
     ],
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_shape_reaches_as_far_and_as_low_as_its_surface(
-    kind: mujoco.mjtGeom, size: tuple[float, ...], sign: float
-) -> None:
+def test_a_shape_reaches_to_its_surface(kind: mujoco.mjtGeom, size: tuple[float, ...], sign: float) -> None:
     up = sign * np.array([0.8, 0.36, 0.48])
     shape = Shape(kind, np.array(size), PLACE, TURN.as_quat(scalar_first=True))
     points = TURN.apply(surface(kind, size)) + PLACE

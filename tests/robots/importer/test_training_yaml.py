@@ -100,9 +100,7 @@ def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str
 
 
 @pytest.mark.parametrize(("gaits", "name"), [(gaits_of, "wave"), (lambda _: (), None)])
-def test_a_fifth_leg_behind_has_the_gait_of_five_feet_and_none_where_there_is_none(
-    tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None
-) -> None:
+def test_fifth_legs_gait(tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None) -> None:
     robot, _ = make(tmp_path, quadruped(tail=True), gaits_of=gaits)
     gait = load_preset("gpu", robot).env.gait
     assert (gait and gait.name) == name

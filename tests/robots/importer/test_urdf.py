@@ -47,9 +47,7 @@ class TestUrdf:
         sizes = [points[:, 0].max() for points in read_source(tmp_path / "m.urdf").meshes.values()]
         assert sizes == pytest.approx([0.1, 0.1, 0.1, 0.3])
 
-    def test_packages_are_looked_for_as_asked_then_above_the_file_then_where_ros_has_them(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_packages_are_looked_for(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         asked, ros = tmp_path / "asked", tmp_path / "ros/elsewhere"
         monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{ros}")
         places = (ros / "maker", tmp_path / "maker", asked / "maker")
