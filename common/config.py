@@ -60,6 +60,10 @@ def _structure_str(value: Any, _: type) -> str:
     return value
 
 
+def _structure_text_or_number(value: Any, _: type) -> str | float:
+    return value if isinstance(value, str) else _structure_float(value, float)
+
+
 def _structure_bool(value: Any, _: type) -> bool:
     if not isinstance(value, bool):
         raise ValueError(f"{_shown(value)} is not true or false")
@@ -77,6 +81,7 @@ _converter.register_structure_hook(float, _structure_float)
 _converter.register_structure_hook(int, _structure_int)
 _converter.register_structure_hook(str, _structure_str)
 _converter.register_structure_hook(bool, _structure_bool)
+_converter.register_structure_hook(str | float, _structure_text_or_number)
 _converter.register_structure_hook_func(lambda cls: get_origin(cls) is Literal, _structure_choice)
 
 

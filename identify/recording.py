@@ -7,7 +7,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.log_analysis.columns import LogColumns, read_columns
+from footfall.deploy.log_analysis.columns import RECORDED_BUS, LogColumns, read_columns
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
@@ -56,6 +56,8 @@ def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float 
         raise UserError(f"{path} holds no motion under a policy")
     begin, end = max(stretches, key=lambda each: each[1] - each[0])
     found = _between(columns, str(path), len(robot.joint_names), max(begin, start_s), min(end, end_s))
+    if columns.log.metadata.get("bus") == RECORDED_BUS:
+        return found
     return replace(found, command=as_received(robot, found.command))
 
 

@@ -9,6 +9,7 @@ from footfall.identify.recording import Recording
 
 MARGIN_S = 0.05  # of commands before a window: the longest delay
 SETTLED_S = 0.01  # from a window's start, in which motors forget the torque before it: no reading counts
+LEAST_SHARE = 0.9  # of the usual readings in a window: one with a longer gap is left out
 FIT_POINTS = 5  # readings on either side from which a start is estimated
 
 
@@ -65,7 +66,7 @@ def first_window_s(recording: Recording) -> float:
 def cut(
     recording: Recording, joints: np.ndarray, length_s: float, step_s: float, most_hz: float = 250.0
 ) -> Windows:
-    """A recording's windows, one after the other.
+    """A recording's windows, one after the other. A window is left out if readings are missing in it.
 
     Args:
         recording: of the whole robot.
@@ -86,22 +87,28 @@ def cut(
         )
     margin, steps = round(MARGIN_S / step_s), round(length_s / step_s)
     every = max(1, round(1.0 / (most_hz * recording.period_s)))
-    rows = int((length_s - SETTLED_S) / recording.period_s) // every
+    arrived = recording.read_s[:, joints].min(axis=1)
+    starts = begin + length_s * np.arange(count)
+    first, settled, after = (
+        np.searchsorted(arrived, starts + offset + 1e-9) for offset in (0.0, SETTLED_S, length_s)
+    )
+    whole = after - settled >= LEAST_SHARE * np.median(after - settled)
+    rows = int((after - settled)[whole].min()) // every
+    if not rows:
+        raise UserError(f"{recording.source} holds hardly any readings in windows of {length_s:g} s")
     parts: dict[str, list[np.ndarray]] = {
         name: [] for name in ("command", "time", "position", "torque", "start")
     }
-    for window in range(count):
-        start_s = begin + window * length_s
+    for window in np.flatnonzero(whole):
+        start_s = starts[window]
         grid = start_s + step_s * np.arange(-margin, steps)
         in_force = np.searchsorted(recording.time_s, grid + 1e-9, side="right") - 1
         parts["command"].append(recording.command[in_force.clip(0)][:, :, joints])
-        arrived = recording.read_s[:, joints].min(axis=1)
-        first, settled = np.searchsorted(arrived, [start_s + 1e-9, start_s + SETTLED_S + 1e-9]).tolist()
-        chosen = settled + every * np.arange(rows)
+        chosen = settled[window] + every * np.arange(rows)
         parts["time"].append(recording.read_s[chosen][:, joints] - start_s)
         parts["position"].append(recording.position[chosen][:, joints])
         parts["torque"].append(recording.torque[chosen][:, joints])
-        parts["start"].append(_start(recording, joints, first, start_s))
+        parts["start"].append(_start(recording, joints, int(first[window]), start_s))
     return Windows(
         np.stack(parts["command"], axis=1),
         margin,
@@ -111,7 +118,7 @@ def cut(
         np.stack(parts["torque"]),
         np.stack(parts["start"])[:, :2],
         2.0 * np.stack(parts["start"])[:, 2],
-        np.zeros(count, int),
+        np.zeros(int(whole.sum()), int),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.log_file import LogFile, read_log
 
+RECORDED_BUS = "recording"  # bus of a log that `footfall log import` made: its commands are not rounded
 TEXTS = ("/state", "/notes", "/orders", "/policy/changes")
 NUMBERS = {  # topics whose messages end in numbers of float64
     "/joint_states", "/joint_commands", "/joint_gains", "/reading_ages", "/imu/data", "/motor_health",

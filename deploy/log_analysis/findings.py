@@ -115,8 +115,9 @@ class LogFindings:
         rows = []
         readings = self.columns.readings.values.reshape(-1, 3, count)
         for part, name, unit in ((2, "largest torque", "N m"), (1, "largest speed", "rad/s")):
-            if len(readings):
-                size = np.abs(readings[:, part])
+            size = np.abs(readings[:, part])
+            if np.isfinite(size).any():
+                size = np.nan_to_num(size)
                 joint = int(size.max(axis=0).argmax())
                 rows.append((name, f"{size[:, joint].max():.3g} {unit} ({joints[joint]})"))
         health = self.columns.column("/motor_health", 3 * count).values.reshape(-1, 3, count)

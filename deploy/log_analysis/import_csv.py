@@ -1,4 +1,4 @@
-"""Writes a recording of any robot as a log, with what attitude filter and base estimator make of it."""
+"""Writes a recording of any robot as a log, with the results of attitude filter and base estimator."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from footfall.deploy.estimation.attitude import AttitudeEstimator
 from footfall.deploy.estimation.config import AttitudeConfig, EstimatorConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.log import McapLog
+from footfall.deploy.log_analysis.columns import RECORDED_BUS
 from footfall.deploy.log_analysis.recorded_csv import Recorded
 from footfall.deploy.modes import Mode
 from footfall.deploy.receiver import MotorHealth
@@ -24,12 +25,13 @@ UNIX_TIME_S = 1e8  # a first time beyond this is a date
 
 
 class Imported(NamedTuple):
-    """What a log was made of."""
+    """Content of a log."""
 
     readings: int
     duration_s: float
-    own_attitude: bool  # whether the attitude comes from gyro and accelerometer
-    estimated: bool  # whether the base's motion is in it
+    attitude: str  # its source
+    estimated: bool  # whether it holds the base's estimated motion
+    commanded: bool  # whether it holds the joints' commands
 
 
 class _Recording:
@@ -56,7 +58,8 @@ def import_recording(
 ) -> Imported:
     """Write the log.
 
-    Contacts and motion of the base are estimated where forces at the feet or torques of the joints are known.
+    Contacts and motion of the base are estimated from an IMU with forces at the feet or joint torques.
+    Unknown torques are NaN in the log. Without an IMU, the base is at rest.
 
     Args:
         recorded: the readings.
@@ -72,11 +75,12 @@ def import_recording(
     quaternion = recorded.quaternion
     if quaternion is None:
         quaternion = attitudes(recorded, config.attitude)
-    torque = np.zeros_like(recorded.position) if recorded.torque is None else recorded.torque
-    unknown, estimator = np.full(torque.shape[1], np.nan), None
-    if recorded.torque is not None or recorded.force is not None:
+    torque, estimator = recorded.torque, None
+    if torque is None:
+        torque = np.full_like(recorded.position, np.nan)
+    if recorded.imu and (recorded.torque is not None or recorded.force is not None):
         estimator = BaseEstimator(robot, config)
-    log = McapLog(out, robot, _Recording(), {"bus": "recording", "recording": source}, may_wait=True)
+    log = McapLog(out, robot, _Recording(), {"bus": RECORDED_BUS, "recording": source}, may_wait=True)
     try:
         dated = recorded.start_s > UNIX_TIME_S
         log.begin(round(1e9 * recorded.start_s) if dated else LOCKSTEP_START_NS)
@@ -93,13 +97,11 @@ def import_recording(
                 recorded.velocity[row],
                 torque[row],
             )
-            log.tick(now_us, sensed, health, None)
+            log.tick(now_us, sensed, health, None if recorded.command is None else recorded.command[row])
             if estimator is None:
                 continue
             if recorded.force is not None:
                 sensed = sensed._replace(foot_force=recorded.force[row])
-                if recorded.torque is None:
-                    sensed = sensed._replace(joint_torque=unknown)
             if row:
                 estimator.update(sensed, None, 1e-6 * (now_us - before_us))
             else:
@@ -113,7 +115,11 @@ def import_recording(
     if lacking:
         raise UserError(lacking)
     duration_s = 1e-6 * float(recorded.time_us[-1])
-    return Imported(len(quaternion), duration_s, recorded.quaternion is None, estimator is not None)
+    attitude = "as recorded" if recorded.quaternion is not None else "from gyro and accelerometer"
+    if not recorded.imu:
+        attitude = "of a base at rest"
+    commanded = recorded.command is not None
+    return Imported(len(quaternion), duration_s, attitude, estimator is not None, commanded)
 
 
 def attitudes(recorded: Recorded, config: AttitudeConfig) -> np.ndarray:

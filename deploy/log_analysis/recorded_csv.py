@@ -1,6 +1,5 @@
-"""Readings of any robot in a CSV file, whose columns a map names."""
+"""Readings and commands of any robot in a CSV file, whose columns a map names."""
 
-import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -8,26 +7,39 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_positive
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
-from footfall.common.rotations import rotation_matrix
+from footfall.common.rotations import projected_gravity, rotation_matrix
+from footfall.deploy.log_analysis.csv_table import Column, CsvTable, read_table
 from footfall.robots.description import Robot
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)  # w x y z
+COMMAND = ("target_position", "target_velocity", "stiffness", "damping", "feed_forward")  # order of a command
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Names of a file's columns, and their units. Joints and feet are named as in robot.yaml."""
+    """Names of a file's columns, and their units. Joints and feet are named as in robot.yaml.
+
+    Of a quaternion and of commands, a number stands for a column that holds it at all times.
+    """
 
     time: str
-    gyro: tuple[str, str, str]  # x, y, z
-    acceleration: tuple[str, str, str]  # proper: it reads gravity at rest
     joint_position: dict[str, str]  # column of each joint
+    gyro: tuple[str, str, str] | None = None  # x, y, z; None: no IMU, the base stands still
+    acceleration: tuple[str, str, str] | None = None  # proper: it reads gravity at rest; with gyro
     joint_velocity: dict[str, str] = field(default_factory=dict)  # empty: differences of positions
     joint_torque: dict[str, str] = field(default_factory=dict)  # empty: unknown
     foot_force: dict[str, str] = field(default_factory=dict)  # upward, of each foot; empty: unknown
-    quaternion: tuple[str, str, str, str] | None = None  # w, x, y, z, body to world; None: not recorded
-    imu_mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # w x y z, IMU's axes to base's
+    quaternion: tuple[Column, Column, Column, Column] | None = None  # w x y z, body to world; None: unknown
+    target_position: dict[str, Column] = field(default_factory=dict)  # empty: no position control
+    target_velocity: dict[str, Column] = field(default_factory=dict)  # empty: zero
+    stiffness: dict[str, Column] = field(default_factory=dict)  # N m/rad; empty: zero
+    damping: dict[str, Column] = field(default_factory=dict)  # N m s/rad; empty: zero
+    feed_forward: dict[str, Column] = field(default_factory=dict)  # N m; empty: zero
+    imu_mounting: tuple[float, float, float, float] = LEVEL  # w x y z, IMU's axes to base's
     time_unit_s: float = 1.0
-    angle_unit_rad: float = 1.0  # of joints
+    angle_unit_rad: float = 1.0  # of joints, targets included
     rate_unit_rad_s: float = 1.0  # of the gyro
     acceleration_unit_m_s2: float = 1.0
 
@@ -35,6 +47,17 @@ class ColumnMap:
         require_positive(self, "time_unit_s", "angle_unit_rad", "rate_unit_rad_s", "acceleration_unit_m_s2")
         if not np.linalg.norm(self.imu_mounting) > 0.0:
             raise ValueError("imu_mounting must be a quaternion")
+        if (self.gyro is None) != (self.acceleration is None):
+            raise ValueError("gyro and acceleration belong together: name both or neither")
+        if bool(self.target_position) != bool(self.stiffness):
+            raise ValueError("target_position and stiffness belong together: name both or neither")
+        if self.target_velocity and not self.damping:
+            raise ValueError("target_velocity needs damping, N m s/rad")
+
+    @property
+    def commanded(self) -> bool:
+        """Whether the file holds commands."""
+        return any(getattr(self, name) for name in COMMAND)
 
 
 class Recorded(NamedTuple):
@@ -49,6 +72,8 @@ class Recorded(NamedTuple):
     velocity: np.ndarray  # (T, n) rad/s
     torque: np.ndarray | None  # (T, n) N m
     force: np.ndarray | None  # (T, f) N
+    command: np.ndarray | None  # (T, 5, n) position, velocity, stiffness, damping, torque
+    imu: bool  # whether gyro and acceleration were recorded; else they are those of a base at rest
 
 
 def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
@@ -58,7 +83,7 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
         UserError: the file cannot be read, lacks a column or a joint, holds no number where one is due, or
             its time does not grow.
     """
-    table = _table(path)
+    table = read_table(path)
     n, feet = robot.joint_names, tuple(foot.name for foot in robot.description.feet)
     seconds = columns.time_unit_s * table.take([columns.time])[:, 0]
     if len(seconds) < 2:
@@ -67,76 +92,58 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
     late = np.flatnonzero(np.diff(time_us) <= 0)
     if len(late):
         raise UserError(f"{path}, line {late[0] + 3}: the time does not grow")
-    mounting = np.array(columns.imu_mounting)
-    turn = rotation_matrix(mounting / np.linalg.norm(mounting)).T
     position = columns.angle_unit_rad * table.of(columns.joint_position, n, "joint_position")
     if columns.joint_velocity:
         velocity = columns.angle_unit_rad * table.of(columns.joint_velocity, n, "joint_velocity")
     else:
         velocity = np.zeros_like(position)
         velocity[1:] = np.diff(position, axis=0) / (1e-6 * np.diff(time_us))[:, None]
-    quaternion = None
-    if columns.quaternion is not None:
-        quaternion = table.take(list(columns.quaternion))
-        length = np.linalg.norm(quaternion, axis=1, keepdims=True)
-        if not (length > 0.5).all():
-            raise UserError(f"{path}: a quaternion's length is not 1")
-        quaternion = quaternion / length
+    gyro, acceleration, quaternion = _motion_of_base(table, columns)
     return Recorded(
         start_s=float(seconds[0]),
         time_us=time_us,
-        gyro=columns.rate_unit_rad_s * table.take(list(columns.gyro)) @ turn,
-        acceleration=columns.acceleration_unit_m_s2 * table.take(list(columns.acceleration)) @ turn,
+        gyro=gyro,
+        acceleration=acceleration,
         quaternion=quaternion,
         position=position,
         velocity=velocity,
         torque=table.of(columns.joint_torque, n, "joint_torque") if columns.joint_torque else None,
         force=table.of(columns.foot_force, feet, "foot_force") if columns.foot_force else None,
+        command=_commands(table, columns, n) if columns.commanded else None,
+        imu=columns.gyro is not None,
     )
 
 
-class _Table(NamedTuple):
-    path: Path
-    names: list[str]
-    rows: list[list[str]]
-
-    def take(self, names: list[str]) -> np.ndarray:
-        """Numbers of some columns, (T, k)."""
-        for name in names:
-            if name not in self.names:
-                raise UserError(f"{self.path} has no column '{name}': it has {', '.join(self.names)}")
-        places = [self.names.index(name) for name in names]
-        values = np.empty((len(self.rows), len(places)))
-        for line, row in enumerate(self.rows):
-            for column, place in enumerate(places):
-                values[line, column] = self._number(line, row, place)
-        return values
-
-    def of(self, chosen: dict[str, str], names: tuple[str, ...], what: str) -> np.ndarray:
-        """Numbers of the columns of joints or feet, (T, n), in the robot's order."""
-        lacking = [name for name in names if name not in chosen]
-        unknown = [name for name in chosen if name not in names]
-        if lacking or unknown:
-            wrong = f"lacks {lacking[0]}" if lacking else f"names {unknown[0]}, which the robot has not"
-            raise UserError(f"{what} of the map {wrong}: the robot has {', '.join(names)}")
-        return self.take([chosen[name] for name in names])
-
-    def _number(self, line: int, row: list[str], place: int) -> float:
-        try:
-            value = float(row[place])
-        except (ValueError, IndexError):
-            value = np.nan
-        if not np.isfinite(value):
-            raise UserError(f"{self.path}, line {line + 2}: no number in column '{self.names[place]}'")
-        return value
+def _motion_of_base(table: CsvTable, columns: ColumnMap) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Gyro, acceleration and orientation, (T, 3), (T, 3), (T, 4); of a base at rest without an IMU."""
+    quaternion = columns.quaternion
+    if quaternion is None and columns.gyro is None:
+        quaternion = LEVEL
+    found = None
+    if quaternion is not None:
+        found = table.take(quaternion)
+        length = np.linalg.norm(found, axis=1, keepdims=True)
+        if not (length > 0.5).all():
+            raise UserError(f"{table.path}: a quaternion's length is not 1")
+        found /= length
+    if columns.gyro is None or columns.acceleration is None:
+        assert found is not None
+        return np.zeros((len(found), 3)), -GRAVITY_M_S2 * projected_gravity(found), found
+    mounting = np.array(columns.imu_mounting)
+    turn = rotation_matrix(mounting / np.linalg.norm(mounting)).T
+    gyro = columns.rate_unit_rad_s * table.take(columns.gyro) @ turn
+    return gyro, columns.acceleration_unit_m_s2 * table.take(columns.acceleration) @ turn, found
 
 
-def _table(path: Path) -> _Table:
-    try:
-        with path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    if not rows:
-        raise UserError(f"{path} is empty")
-    return _Table(path, [name.strip() for name in rows[0]], rows[1:])
+def _commands(table: CsvTable, columns: ColumnMap, joints: tuple[str, ...]) -> np.ndarray:
+    """(T, 5, n) position, velocity, stiffness, damping, torque."""
+    angle = columns.angle_unit_rad
+    units = (angle, angle, 1.0, 1.0, 1.0)
+    command = np.zeros((len(table.rows), len(COMMAND), len(joints)))
+    for row, (name, unit) in enumerate(zip(COMMAND, units, strict=True)):
+        if chosen := getattr(columns, name):
+            command[:, row] = unit * table.of(chosen, joints, name)
+    for row in (2, 3):
+        if (command[:, row] < 0.0).any():
+            raise UserError(f"{table.path}: {COMMAND[row]} is negative")
+    return command

@@ -95,7 +95,7 @@ def import_(
     config: OptionalPath = None,
     out: OptionalPath = None,
 ) -> int:
-    """Write a CSV recording of any robot as a log, with estimated attitude, contacts and motion.
+    """Write a CSV recording of any robot as a log, with its commands, estimated attitude and motion.
 
     Parameters
     ----------
@@ -122,11 +122,9 @@ def import_(
     settings = deploy_config(of, config).estimator
     recorded = read_csv(file, load(columns, ColumnMap), of)
     done = import_recording(recorded, of, settings, target, str(file))
-    attitude = "from gyro and accelerometer" if done.own_attitude else "as recorded"
-    motion = "estimated" if done.estimated else "left out, without forces or torques"
-    print(
-        f"{target}: {done.readings} readings of {done.duration_s:.1f} s; attitude {attitude}; motion {motion}"
-    )
+    motion = "estimated" if done.estimated else "left out: it needs an IMU, and forces or torques"
+    print(f"{target}: {done.readings} readings of {done.duration_s:.1f} s{' with commands' * done.commanded}")
+    print(f"attitude {done.attitude}; motion of the base {motion}")
     return 0
 
 

@@ -1,0 +1,83 @@
+"""Numbers in a CSV file by the names of its columns."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+
+ALL = "all"  # key for each joint that is not named
+
+Column = str | float
+"""Name of a column, or a number for all times."""
+
+
+class CsvTable(NamedTuple):
+    """Cells of a file whose first line names its columns."""
+
+    path: Path
+    names: list[str]
+    rows: list[list[str]]
+
+    def take(self, columns: Sequence[Column]) -> np.ndarray:
+        """Numbers of some columns, (T, k).
+
+        Raises:
+            UserError: a column is missing, or a cell holds no finite number.
+        """
+        values = np.empty((len(self.rows), len(columns)))
+        for place, column in enumerate(columns):
+            values[:, place] = self._named(column) if isinstance(column, str) else column
+        return values
+
+    def of(self, chosen: Mapping[str, Column], names: Sequence[str], what: str) -> np.ndarray:
+        """Numbers of each joint or foot, (T, n).
+
+        Args:
+            chosen: column of each; `ALL` stands for those that are not named.
+            names: of the robot's joints or feet, in order.
+            what: field of the map, for messages.
+
+        Raises:
+            UserError: as `take`, or the map names other joints or feet than the robot has.
+        """
+        lacking = [name for name in names if name not in chosen and ALL not in chosen]
+        unknown = [name for name in chosen if name not in names and name != ALL]
+        if lacking or unknown:
+            wrong = f"lacks {lacking[0]}" if lacking else f"names {unknown[0]}, which the robot has not"
+            raise UserError(f"{what} of the map {wrong}: the robot has {', '.join(names)}")
+        return self.take([chosen[name] if name in chosen else chosen[ALL] for name in names])
+
+    def _named(self, name: str) -> list[float]:
+        if name not in self.names:
+            raise UserError(f"{self.path} has no column '{name}': it has {', '.join(self.names)}")
+        place = self.names.index(name)
+        return [self._number(line, row, place) for line, row in enumerate(self.rows)]
+
+    def _number(self, line: int, row: list[str], place: int) -> float:
+        try:
+            value = float(row[place])
+        except (ValueError, IndexError):
+            value = np.nan
+        if not np.isfinite(value):
+            raise UserError(f"{self.path}, line {line + 2}: no number in column '{self.names[place]}'")
+        return value
+
+
+def read_table(path: Path) -> CsvTable:
+    """The file's cells.
+
+    Raises:
+        UserError: it cannot be read, or is empty.
+    """
+    try:
+        with path.open(newline="") as file:
+            rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if not rows:
+        raise UserError(f"{path} is empty")
+    return CsvTable(path, [name.strip() for name in rows[0]], rows[1:])

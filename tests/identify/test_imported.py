@@ -1,0 +1,103 @@
+"""A recording of another program, with its commands, is compared and fitted like one of ours."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from shell import Shell
+
+from footfall.identify.compare import compare_leg
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.leg import fixed_legs
+from footfall.identify.record import record
+from footfall.identify.recording import Recording, read_recording
+from footfall.identify.simulated import simulated_bus
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+JOINTS = ROBOT.joint_names
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
+PARTS = ("q", "target", "rate", "kp", "kd", "feed")  # columns of each joint
+MAP: dict[str, Any] = {
+    "time": "t",
+    "joint_position": {name: f"q_{name}" for name in JOINTS},
+    "target_position": {name: f"target_{name}" for name in JOINTS},
+    "target_velocity": {name: f"rate_{name}" for name in JOINTS},
+    "stiffness": {name: f"kp_{name}" for name in JOINTS},
+    "damping": {name: f"kd_{name}" for name in JOINTS},
+    "feed_forward": {name: f"feed_{name}" for name in JOINTS},
+}
+
+Pair = tuple[Recording, Path]
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    """A recording of a robot of too much friction, and the same as another program's CSV file."""
+    folder = tmp_path_factory.mktemp("recording")
+    stiff = {"joint_friction": np.full(len(JOINTS), 2.0)}
+    record(ROBOT, simulated_bus(ROBOT, stiff), folder / "log.mcap", SHORT)
+    own = read_recording(folder / "log.mcap", ROBOT)
+    path = folder / "theirs.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", *(f"{part}_{name}" for part in PARTS for name in JOINTS)])
+        for time_s, position, command in zip(own.time_s, own.position, own.command, strict=True):
+            writer.writerow([time_s, *position, *command.ravel()])
+    return own, path
+
+
+def imported(shell: Shell, pair: Pair, folder: Path, **changes: Any) -> Recording:
+    """The CSV file, read through a map that is changed so."""
+    assert shell(*typed(pair, folder, **changes)).status == 0
+    return read_recording(folder / "theirs.mcap", ROBOT)
+
+
+def typed(pair: Pair, folder: Path, **changes: Any) -> list[str | Path]:
+    chart = folder / "map.yaml"
+    chart.write_text(yaml.safe_dump({**MAP, **changes}))
+    return ["log", "import", pair[1], "--map", chart, "--robot", "go1", "--out", folder / "theirs.mcap"]
+
+
+def test_commands_and_readings_are_those_of_the_file(shell: Shell, pair: Pair, tmp_path: Path) -> None:
+    own, theirs = pair[0], imported(shell, pair, tmp_path)
+    assert theirs.command == pytest.approx(own.command)
+    assert theirs.position == pytest.approx(own.position)
+    assert theirs.time_s - theirs.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
+    assert np.isnan(theirs.torque).all()  # unknown: no reading of zero
+
+
+def test_the_same_parameter_explains_the_gap(shell: Shell, pair: Pair, tmp_path: Path) -> None:
+    gap = compare_leg(fixed_legs(ROBOT)[0], imported(shell, pair, tmp_path))
+    for shares in gap.explains:
+        assert max(shares, key=shares.__getitem__) == "joint_friction", shares
+    assert shell("log", "compare", tmp_path / "theirs.mcap").status == 1
+    assert shell("log", "info", tmp_path / "theirs.mcap").status == 0
+
+
+def test_a_gain_may_be_a_number_for_all_joints(shell: Shell, pair: Pair, tmp_path: Path) -> None:
+    gains = {"all": 20.0, JOINTS[1]: 30.0}
+    command = imported(shell, pair, tmp_path, stiffness=gains, damping={"all": 1.5}, feed_forward={}).command
+    assert (command[:, 2, 0] == 20.0).all()
+    assert (command[:, 2, 1] == 30.0).all()
+    assert (command[:, 3] == 1.5).all()
+    assert (command[:, 4] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"stiffness": {}}, "stiffness"),
+        ({"target_position": {}}, "target_position"),
+        ({"stiffness": {"all": -1.0}}, "stiffness"),
+        ({"damping": {"all": 1.0, "tail": 1.0}}, "tail"),
+        ({"gyro": ["t", "t", "t"]}, "acceleration"),
+    ],
+)
+def test_commands_that_are_not_whole_are_refused(
+    shell: Shell, pair: Pair, tmp_path: Path, changes: dict[str, Any], named: str
+) -> None:
+    assert named in shell.refuses(*typed(pair, tmp_path, **changes))

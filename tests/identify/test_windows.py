@@ -1,0 +1,46 @@
+"""How a recording is cut into windows."""
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.identify.recording import Recording
+from footfall.identify.windows import cut
+
+
+def recording(time_s: np.ndarray) -> Recording:
+    """Of one joint, which stands still."""
+    rows = len(time_s)
+    return Recording(
+        "a file",
+        time_s,
+        np.zeros((rows, 5, 1)),
+        time_s[:, None],
+        np.zeros((rows, 1)),
+        np.full((rows, 1), np.nan),
+        0.0,
+        np.array([0.0, 0.0, -1.0]),
+    )
+
+
+def test_a_window_holds_its_own_readings_at_any_rate() -> None:
+    rng = np.random.default_rng(0)
+    time_s = np.cumsum(rng.uniform(0.002, 0.009, 1000))
+    windows = cut(recording(time_s), np.array([0]), 1.0, 0.002)
+    assert windows.width >= 4
+    assert (windows.time_s > 0.0).all()
+    assert (windows.time_s < 1.0).all()
+
+
+def test_a_window_with_a_gap_is_left_out() -> None:
+    time_s = np.arange(0.0, 5.2, 0.005)
+    whole = cut(recording(time_s), np.array([0]), 1.0, 0.002).width
+    gap = time_s[(time_s < 2.3) | (time_s > 2.8)]
+    windows = cut(recording(gap), np.array([0]), 1.0, 0.002)
+    assert windows.width == whole - 1
+    assert (np.diff(windows.time_s[:, :, 0]) < 0.02).all()
+
+
+def test_windows_without_readings_are_refused() -> None:
+    with pytest.raises(UserError, match="hardly any"):
+        cut(recording(np.arange(0.0, 400.0, 1.0)), np.array([0]), 0.5, 0.002)
