@@ -4,8 +4,9 @@
     footfall train --robot robots_of_study/wide --preset gpu --out wide        # then identified, true
     python benchmarks/identified_policies.py judge wide identified true --robots robots_of_study --workers 16
 
-`prepare` draws a hidden robot from `HIDDEN` and records it twice on a stand, by the code of `footfall identify
-record`. `footfall identify fit` proposes a robot folder; the second recording is held out. Three folders result:
+`prepare` draws a hidden robot from `HIDDEN` and records it twice on a stand, by the code of
+`footfall identify record`. `footfall identify fit` proposes a robot folder; the second recording is held out.
+Three folders result:
 
     wide        the nominal robot, with ranges that contain every robot of `HIDDEN`
     identified  the proposal of the fit
