@@ -7,13 +7,13 @@ from xml.etree import ElementTree
 
 QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # of a JointState
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
+CAMERA_M = 2.5  # from the base: legged robots from 0.3 to 1.3 m fill the panel
 
 
 def foxglove_layout(joints: Sequence[str]) -> str:
     """A layout that Foxglove and Lichtblick import, as JSON."""
-    topics = {topic: {"visible": True} for topic in ("/markers", "/robot_description", "/tf")}
     panels: dict[str, dict[str, Any]] = {
-        "3D!robot": {"followTf": "base_link", "followMode": "follow-position", "topics": topics},
+        "3D!robot": _foxglove_scene(),
         "RosOut!events": {"topicToRender": "/rosout", "searchTerms": [], "minLogLevel": 1},
         "DiagnosticSummary!health": {"topicToRender": "/diagnostics"},
     }
@@ -44,10 +44,24 @@ def foxglove_layout(joints: Sequence[str]) -> str:
     return json.dumps(layout, indent=2) + "\n"
 
 
+def _foxglove_scene() -> dict[str, Any]:
+    """Settings of the 3-D panel: near the robot, on a grid, without the names and axes of its frames."""
+    frames = {"showLabel": False, "axisScale": 0.0, "lineWidth": 0}
+    grid = {"layerId": "foxglove.Grid", "frameId": "odom", "size": 20, "divisions": 20, "color": "#a0a0a4ff"}
+    return {
+        "followTf": "base_link",
+        "followMode": "follow-position",
+        "topics": {topic: {"visible": True} for topic in ("/markers", "/robot_description", "/tf")},
+        "cameraState": {"distance": CAMERA_M, "phi": 65, "thetaOffset": 45, "perspective": True},
+        "scene": {"transforms": frames},
+        "layers": {"grid": {**grid, "visible": True}},
+    }
+
+
 def _foxglove_plot(title: str, paths: list[dict[str, Any]]) -> dict[str, Any]:
     """Settings of a panel; each of the two viewers has a key of its own for the title."""
     titles = {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
-    return {**titles, "paths": paths, "showLegend": True}
+    return {**titles, "paths": paths, "showLegend": True, "legendDisplay": "left", "sidebarDimension": 160}
 
 
 def plotjuggler_layout(joints: Sequence[str]) -> str:

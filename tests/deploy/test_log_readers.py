@@ -153,3 +153,10 @@ def test_a_layout_plots_each_joint_by_its_place_under_its_name() -> None:
     paths = json.loads(foxglove_layout(["hip", "knee"]))["configById"]["Plot!velocity"]["paths"]
     shown = [(path["value"], path["label"]) for path in paths]
     assert shown == [("/joint_states.velocity[0]", "hip"), ("/joint_states.velocity[1]", "knee")]
+
+
+def test_a_layout_looks_at_the_robot_from_near_and_does_not_cover_it_with_frames() -> None:
+    scene = json.loads(foxglove_layout(["hip"]))["configById"]["3D!robot"]
+    assert scene["followTf"] == "base_link"
+    assert 1.0 < scene["cameraState"]["distance"] < 4.0
+    assert not scene["scene"]["transforms"]["showLabel"]
