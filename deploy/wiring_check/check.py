@@ -62,8 +62,13 @@ class WiringCheck:
         self.signals = WiringSignals(due=True)
 
     def begin(self, here: np.ndarray, sensed: Sensed) -> None:
-        """Begin about these joint positions, rad, (n,)."""
+        """Begin about these joint positions, rad, (n,).
+
+        A robot that stood up holds where it is: friction keeps its feet off their places, and legs that pull at
+        each other slip.
+        """
         check, again = self._check, bool(self.verdicts)
+        here = sensed.joint_position.copy() if again else here
         lies = not again and self._clearance.sunk_share(here, sensed.quaternion) >= self._sunk
         lower, upper = self._robot.soft_limits
         room = np.minimum(here - lower, upper - here).clip(check.least_rad, None)
