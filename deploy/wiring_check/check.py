@@ -64,8 +64,8 @@ class WiringCheck:
     def begin(self, here: np.ndarray, sensed: Sensed) -> None:
         """Begin about these joint positions, rad, (n,).
 
-        A robot that stood up holds where it is: friction keeps its feet off their places, and legs that pull at
-        each other slip.
+        A robot that stood up holds where it is: friction keeps its feet off their places, and legs that pull
+        at each other slip.
         """
         check, again = self._check, bool(self.verdicts)
         here = sensed.joint_position.copy() if again else here
