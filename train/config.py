@@ -17,7 +17,7 @@ from footfall.common.config import (
 )
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
-from footfall.domain_rand.randomisation import own_ranges
+from footfall.domain_rand.randomisation import default_ranges, own_ranges, policies_notice
 from footfall.envs.config import TERM_LISTS, EnvConfig, default_terms, with_lists
 from footfall.envs.old_settings import SCALES, SECTIONS
 from footfall.robots.description import Robot
@@ -280,7 +280,15 @@ def train_config(settings: Any, source: str) -> TrainConfig:
 
 
 def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
-    """The preset with the robot's own ranges for the quantities that it randomises."""
+    """A preset with the robot's own ranges of what it randomises, and of what only this robot has.
+
+    The latter, such as torque lag, backlash or jitter, is not in domain_rand/default.yaml.
+    """
     randomised = preset["env"].get("randomisation", {})
-    own = {name: unstructure(range_) for name, range_ in own_ranges(robot).items() if name in randomised}
+    usual = default_ranges()
+    own = {
+        name: unstructure(range_)
+        for name, range_ in own_ranges(robot).items()
+        if name in randomised or (randomised and name not in usual and policies_notice(name))
+    }
     return merged(preset, {"env": {"randomisation": own}})

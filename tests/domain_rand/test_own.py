@@ -92,6 +92,15 @@ def test_presets_take_it_for_what_they_randomise(own_folder: Path) -> None:
     assert load_preset("smoke", robot) == load_preset("smoke")
 
 
+def test_presets_take_what_only_this_robot_has(own_folder: Path) -> None:
+    """As `footfall identify fit` finds it; what no policy reads stays with the simulated robot."""
+    lag, jitter = Distribution(0.002, 0.004), Distribution(0.0, 0.001)
+    text = "torque_lag_s: {low: 0.002, high: 0.004}\naction_jitter_s: {low: 0.0, high: 0.001}\n"
+    robot = own_robot(own_folder, text + "accelerometer_noise_m_s2: {low: 0.0, high: 0.1}\n")
+    trained, shipped = load_preset("gpu", robot).env.randomisation, load_preset("gpu").env.randomisation
+    assert trained == replace(shipped, torque_lag_s=lag, action_jitter_s=jitter)
+
+
 def test_a_robots_training_yaml_has_the_last_word(own_folder: Path) -> None:
     (own_folder / "training.yaml").write_text("env: {randomisation: {payload_kg: {low: 0.0, high: 0.1}}}")
     assert load_preset("cpu", own_robot(own_folder, OWN)).env.randomisation.payload_kg == Distribution(
