@@ -71,7 +71,7 @@ WIDE = Randomisation(
     link_mass=Distribution(0.85, 1.2),
 )
 GROUND_FRICTION = (0.4, 1.25)
-SCENARIOS = {"nominal": 100, "push": 104}
+SCENARIOS = {"nominal": 48, "push": 104}
 WIDE_NAME, IDENTIFIED, TRUE = "wide", "identified", "true"
 
 
