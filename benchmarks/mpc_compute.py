@@ -1,4 +1,4 @@
-"""How long the MPC takes: build and solve of its quadratic programme, and the whole of `act`.
+"""How long the MPC takes: build and solve of its quadratic program, and the whole of `act`.
 
 Run on one core: OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/mpc_compute.py
 """

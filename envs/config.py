@@ -17,7 +17,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.policies.contract import FASTEST_CONTROL_HZ
+from footfall.policies.contract import MAX_CONTROL_HZ
 from footfall.robots.commands import CommandRange
 from footfall.robots.self_contact import Contacts
 from footfall.terrain.declaration import GroundConfig
@@ -174,7 +174,7 @@ class EnvConfig:
         return 1.0 / self.control_rate_hz / self.substeps
 
     def __post_init__(self) -> None:
-        require_between(self, 1.0, FASTEST_CONTROL_HZ, "control_rate_hz")
+        require_between(self, 1.0, MAX_CONTROL_HZ, "control_rate_hz")
         require_positive(self, "episode_s", "speed_limit")
         require_between(self, 0.01, 100.0, "action_scale")
         require_not_negative(self, "curriculum_steps")

@@ -20,11 +20,11 @@ from footfall.policies.contract import Contract
 from footfall.policies.height_scan import height_scan_of
 from footfall.policies.observation import (
     Inputs,
-    frame,
-    frame_size,
     history_length,
     observation,
-    push_frame,
+    push_history,
+    size_per_step,
+    step_values,
 )
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
@@ -73,8 +73,8 @@ class Observer:
         return as_vector(read(sensed))
 
     def no_frames(self) -> jax.Array:
-        """The kept frames before the first observation, shape (history, frame)."""
-        return jnp.zeros((history_length(self._contract), frame_size(self._contract)))
+        """Empty history before the first observation, shape (history, size_per_step)."""
+        return jnp.zeros((history_length(self._contract), size_per_step(self._contract)))
 
     def observe(
         self,
@@ -85,14 +85,14 @@ class Observer:
         first: bool = False,
         lateness_s: jax.Array | None = None,
     ) -> tuple[State, jax.Array]:
-        """The state with a new frame, and the actor's observation.
+        """The state with the newest values in its history, and the actor's observation.
 
         Args:
-            state: after the control step; its last action, command and phase are part of the frame.
+            state: after the control step; its last action, command and phase are part of the observation.
             recent: readings after each of the last physics steps, oldest first, shape (k, numbers).
             u: uniform numbers for the noise, shape (numbers,).
             ground: height of the ground at places in the world.
-            first: whether an episode begins; the frame then fills the whole history.
+            first: whether an episode begins; its first values then fill the whole history.
             lateness_s: delay of each number in this step, s, (numbers,); None: the sample's constant delay.
         """
         late_s = transport_of(state.sample, "readings").delay_s if lateness_s is None else lateness_s
@@ -102,15 +102,17 @@ class Observer:
         heights = None
         if self._scanner is not None:
             state, heights = self._scanner.deliver(state, ground, scan_numbers, first)
-        newest = frame(
+        newest = step_values(
             Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract
         )
-        frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_frame(state.frames, newest)
+        frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_history(state.frames, newest)
         return state._replace(frames=frames), observation(frames, self._contract)
 
     def clean_frame(self, state: State, torque: jax.Array, ground: Heights = level_ground) -> jax.Array:
-        """A frame of the state as it is, without delay, bias and noise, for the critic."""
+        """Observation values without delay, bias and noise, for the critic."""
         found = self.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
         readings = from_vector(found, self._joints)
         heights = None if self._scanner is None else self._scanner.exact(state, ground)
-        return frame(Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract)
+        return step_values(
+            Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract
+        )

@@ -1,4 +1,4 @@
-"""From a policy's action to joint position targets, written once for NumPy and JAX arrays."""
+"""Joint position targets from a policy's action, written once for NumPy and JAX arrays."""
 
 from typing import Any
 
@@ -10,12 +10,13 @@ Array = Any
 
 
 def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
-    """Reference offset of each joint from the default pose, rad, shape (..., n); zero if no joint has any.
+    """Reference offset of each joint from the default pose, rad, shape (..., n); zero without a reference
+    motion.
 
     Args:
-        phase: clock in cycles, shape (..., 1).
-        command: shape (..., 3).
-        contract: whose gait is meant.
+        phase: gait clock in cycles, shape (..., 1).
+        command: velocity command, shape (..., 3).
+        contract: contract with the gait.
     """
     xp = phase.__array_namespace__()
     if contract.gait is None or not any(contract.gait.amplitude_rad):
@@ -27,7 +28,7 @@ def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
 
 
 def joint_target(action: Array, phase: Array, command: Array, contract: Contract) -> Array:
-    """Position targets of an action, rad, shape (..., n): default pose, reference, scaled action."""
+    """Position targets for an action, rad, shape (..., n): default pose + reference + scaled action."""
     xp = action.__array_namespace__()
     default = xp.asarray(contract.default_pose_rad, dtype=action.dtype)
     scale = xp.asarray(contract.action_scale_rad, dtype=action.dtype)

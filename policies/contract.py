@@ -1,4 +1,4 @@
-"""What a policy is made of. Training writes it, the ONNX file carries it, the deploy loop checks it."""
+"""Contract of a learned policy. Training writes it, the ONNX file carries it, the deploy loop checks it."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,20 +10,20 @@ from footfall.common.errors import UserError
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
-FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
+MAX_CONTROL_HZ = 1000.0  # highest rate of a learned policy
 
-CONTRACT_KEY = "footfall.contract"  # of an ONNX file's metadata
+CONTRACT_KEY = "footfall.contract"  # key in the metadata of an ONNX file
 TRAINER_KEY = "footfall.trainer"
 VERSION = 1
 
 
 @dataclass(frozen=True)
 class Term:
-    """One observation term: its name, a scale, and how many past frames."""
+    """One observation term: name, scale and length of its history."""
 
-    name: str  # in policies/observation.py, or MODULE:NAME
-    scale: float = 1.0  # that its numbers are multiplied by
-    history: int = 1  # frames, the newest among them
+    name: str  # name of a term in policies/observation.py, or MODULE:NAME
+    scale: float = 1.0  # factor of its values
+    history: int = 1  # number of observations, including the newest
     settings: dict[str, Any] = field(default_factory=dict, hash=False)  # parameters of the term
 
     def __post_init__(self) -> None:
@@ -32,16 +32,16 @@ class Term:
 
 @dataclass(frozen=True)
 class Gait:
-    """A clock, and a reference motion around which the actions are residuals.
+    """A gait clock, and a reference motion to which the actions are added.
 
-    The position reference of joint j at clock p is amplitude_rad[j] * planned_lift(p, phase[j], duty), a half
+    The position reference of joint j at clock p is amplitude_rad[j] * planned_lift(p, phase[j], duty): a half
     sine over the foot's swing (policies/gaits.py).
     """
 
-    frequency_hz: float  # cycles a second
-    phase: tuple[float, ...]  # of each joint's foot, cycles
-    amplitude_rad: tuple[float, ...]  # of each joint's reference motion; 0 for none
-    duty: float = 0.5  # share of the cycle that a foot stands
+    frequency_hz: float  # cycles per second
+    phase: tuple[float, ...]  # phase of each joint's foot, cycles
+    amplitude_rad: tuple[float, ...]  # amplitude of each joint's reference motion; 0 for none
+    duty: float = 0.5  # share of the cycle in which a foot is in stance
 
     def __post_init__(self) -> None:
         require_positive(self, "frequency_hz")
@@ -51,24 +51,24 @@ class Gait:
 
 @dataclass(frozen=True)
 class Contract:
-    """All that training and deployment must agree on. Per-joint tuples are in joint order."""
+    """Everything that training and deployment must agree on. Per-joint tuples are in joint order."""
 
-    robot: str  # its name
-    digest: str  # of the description that it was trained on
-    joints: tuple[str, ...]  # names, in joint order
-    control_rate_hz: float  # of the policy's steps
-    observation: tuple[Term, ...]  # in this order, each with its history
-    default_pose_rad: tuple[float, ...]  # position targets of a zero action
-    action_scale_rad: tuple[float, ...]  # position target per unit of action
+    robot: str  # name of the robot
+    digest: str  # digest of the description used in training
+    joints: tuple[str, ...]  # joint names, in joint order
+    control_rate_hz: float  # rate of the policy's steps
+    observation: tuple[Term, ...]  # terms in order, each with its history
+    default_pose_rad: tuple[float, ...]  # position targets for a zero action
+    action_scale_rad: tuple[float, ...]  # change of the position target per unit of action
     kp: tuple[float, ...]  # stiffness, N m/rad
     kd: tuple[float, ...]  # damping, N m s/rad
-    commands: CommandRange  # that it was trained on
-    gait: Gait | None = None  # none if the policy has no clock
-    standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
-    version: int = field(default=VERSION)  # of this form
+    commands: CommandRange  # command ranges used in training
+    gait: Gait | None = None  # None: the policy has no gait clock
+    standing_command: float = 0.1  # a command with a smaller norm means standing still; 0: stepping in place
+    version: int = field(default=VERSION)  # version of this format
 
     def __post_init__(self) -> None:
-        require_between(self, 1.0, FASTEST_CONTROL_HZ, "control_rate_hz")
+        require_between(self, 1.0, MAX_CONTROL_HZ, "control_rate_hz")
         if not self.observation:
             raise ValueError("observation has no terms")
         for name, numbers in self._per_joint():
@@ -83,22 +83,21 @@ class Contract:
             yield "gait.amplitude_rad", self.gait.amplitude_rad
 
     def to_json(self) -> str:
-        """JSON text at full precision: it reads back to an equal contract."""
+        """JSON text at full precision; `from_json` returns an equal contract."""
         return json.dumps(unstructure(self))
 
     @staticmethod
     def from_json(text: str, source: str) -> "Contract":
-        """Raises UserError if the text is no contract."""
+        """Contract in a JSON text; UserError if the text is not a contract."""
         try:
             data = json.loads(text)
-        except (ValueError, RecursionError) as error:  # also too many digits, or brackets
+        except (ValueError, RecursionError) as error:  # RecursionError: too many brackets
             raise UserError(f"{source}: its contract is not JSON ({error})") from None
         return structure(data, Contract, source)
 
     def mismatches(self, robot: Robot) -> list[str]:
         """Differences between this contract and a robot, one line each; empty if the policy fits.
-
-        What each joint has is compared where the joints are the same ones.
+        Per-joint values are compared only if the joints are the same.
         """
         found = []
         expected: list[tuple[str, Sequence[object], Sequence[object]]] = [
@@ -124,7 +123,7 @@ class Contract:
 
 
 def _difference(mine: Sequence[object], theirs: Sequence[object]) -> str:
-    """The first of what differs, and how many more do; empty if nothing does."""
+    """First difference and the number of further ones; empty if both are equal."""
     if len(mine) != len(theirs):
         return f"{len(mine)}, robot has {len(theirs)}"
     pairs = [(own, other) for own, other in zip(mine, theirs, strict=True) if own != other]

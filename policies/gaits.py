@@ -1,4 +1,5 @@
-"""Named gaits: which foot is where in its cycle, for any robot with as many feet (`gaits.yaml`)."""
+"""Named gaits: duty factor and phase of each foot, for any robot with the same number of feet
+(`gaits.yaml`)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,14 +14,14 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot
 
 GAITS = Path(__file__).parent / "gaits.yaml"
-MIDDLE_M = 5e-4  # feet no farther from the middle plane are in it: poses are written to 0.1 mrad
+MIDDLE_M = 5e-4  # feet within this distance of the median plane are in it: poses are written to 0.1 mrad
 
 Array = Any
 
 
 @dataclass(frozen=True)
 class GaitEntry:
-    """A gait as it stands in `gaits.yaml`: its phases by side, each from front to back."""
+    """A gait in `gaits.yaml`: its phases for each side, from front to back."""
 
     duty: float
     left: tuple[float, ...] = ()
@@ -33,14 +34,14 @@ class GaitEntry:
 
 
 class GaitPattern(NamedTuple):
-    """A gait without its pace."""
+    """A gait without its period."""
 
-    duty: float  # share of the cycle that a foot stands
-    phase: np.ndarray  # (feet,) place in its cycle of each foot, in the robot's order, at clock 0
+    duty: float  # share of the cycle in stance
+    phase: np.ndarray  # (feet,) phase of each foot at clock 0, in the robot's order
 
 
 def require_duty(duty: float | None) -> None:
-    """For a dataclass's own checks: raise ValueError unless feet both stand and swing."""
+    """Raise ValueError unless the duty factor leaves both stance and swing."""
     if duty is not None and not 0.0 < duty < 1.0:
         raise ValueError(f"duty must be above 0 and below 1, not {duty}")
 
@@ -49,13 +50,14 @@ def find_gait(name: str, robot: Robot) -> GaitPattern:
     """A named gait on a robot: phases are assigned by side, from front to back.
 
     Raises:
-        UserError: there is no such gait for robots with as many feet on each side.
+        UserError: there is no such gait for a robot with these numbers of feet on each side.
     """
     sides = _sides(robot)
     gaits = dict(_gaits_for(len(robot.description.feet)))
     if name not in gaits:
         known = ", ".join(gaits) or "none"
-        raise UserError(f"no gait '{name}' for the {sum(map(len, sides))} feet of '{robot.name}': {known}")
+        count = len(robot.description.feet)
+        raise UserError(f"no gait '{name}' for {count} feet of robot '{robot.name}': there are {known}")
     entry = gaits[name]
     phase = np.zeros(len(robot.description.feet))
     for feet, phases, side in zip(
@@ -75,7 +77,7 @@ def gait_names() -> list[str]:
 
 
 def gaits_of(robot: Robot) -> list[str]:
-    """Names of the gaits for as many feet on each side as a robot has, as `gaits.yaml` lists them."""
+    """Names of the gaits that fit the robot's feet on each side, in the order of `gaits.yaml`."""
     feet = tuple(map(len, _sides(robot)))
     return [
         name
@@ -85,14 +87,14 @@ def gaits_of(robot: Robot) -> list[str]:
 
 
 def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
-    """How high the gait wants its feet: a half sine over the swing, 0 in stance, 1 at mid-swing.
+    """Planned height of the feet: a half sine over the swing, 0 in stance, 1 at mid-swing.
 
-    Here a cycle begins with its swing, as that of a contract's clock does.
+    Here a cycle begins with the swing, as a contract's clock does.
 
     Args:
         clock: in cycles, shape (..., 1).
-        phase: (feet,) or (joints,) place in the cycle at clock 0, an array of the same library.
-        duty: share of the cycle that a foot stands.
+        phase: (feet,) or (joints,) phase at clock 0, an array of the same library.
+        duty: share of the cycle in stance.
     """
     xp = clock.__array_namespace__()
     through = (clock + phase) % 1.0 / (1.0 - duty)

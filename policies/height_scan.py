@@ -1,4 +1,4 @@
-"""The height scan: heights of the ground around the robot, as an observation term and as its geometry."""
+"""The height scan: heights of the ground around the robot, as an observation term with its geometry."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,29 +14,30 @@ from footfall.robots.kinds import Kind
 from footfall.robots.symmetry import Mirror
 
 Array = Any  # a NumPy or a JAX array
-NAME = "height_scan"  # of the observation term
+NAME = "height_scan"  # name of the observation term
 MOST_POINTS = 2000
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class HeightScan:
-    """Heights of the ground at a grid of points, m above the base's origin, then 1; zeros without a scan.
+    """Heights of the ground at a grid of points, m above the base's origin, then 1; all 0 without a scan.
 
-    The grid lies in the heading frame at the time of the scan: its origin is the base's, x points along the
-    base's heading, y to the left, z up. Points lie in rows from the back to the front, in each row from
-    right to left. A point of unknown height (NaN) takes the mean of the known ones.
+    The grid is in the heading frame at the time of the scan: origin at the base's, x along the base's
+        heading,
+    y to the left, z up. Points are in rows from back to front, each row from right to left. A point of
+    unknown height (NaN) gets the mean of the known ones.
 
     Raises:
-        ValueError: a setting makes no sense.
+        ValueError: a setting is out of range.
     """
 
-    forward_m: Range = (-0.4, 0.7)  # first and last row
-    leftward_m: float = 0.3  # distance of the outermost points from the middle
-    spacing_m: float = 0.1  # between neighbours
-    rate_hz: float = 25.0  # scans a second
-    max_age_s: float = 0.3  # older scans count as lost
-    clip_m: Range = (-1.0, 0.5)  # lowest and highest value
+    forward_m: Range = (-0.4, 0.7)  # x of the first and last row
+    leftward_m: float = 0.3  # distance of the outermost points from the median plane
+    spacing_m: float = 0.1  # between neighbouring points
+    rate_hz: float = 25.0  # scans per second
+    max_age_s: float = 0.3  # an older scan counts as missing
+    clip_m: Range = (-1.0, 0.5)  # minimum and maximum of the values
 
     def __post_init__(self) -> None:
         require_between(self, 0.01, 1.0, "spacing_m")
@@ -46,7 +47,7 @@ class HeightScan:
         require_between(self, 1.0, 1000.0, "rate_hz")
         require_between(self, 1.0 / self.rate_hz, 60.0, "max_age_s")
         if self.size > MOST_POINTS:
-            raise ValueError(f"spacing_m: the grid has {self.size} points, {MOST_POINTS} at most")
+            raise ValueError(f"spacing_m: the grid has {self.size} points, more than {MOST_POINTS}")
 
     @property
     def _columns(self) -> int:
@@ -63,25 +64,25 @@ class HeightScan:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """Places of the points in the heading frame, m, (points, 2)."""
+        """Positions of the points in the heading frame, m, (points, 2)."""
         forward = self.forward_m[0] + self.spacing_m * np.arange(self._rows)
         leftward = self.spacing_m * (np.arange(self._columns) - self._columns // 2)
         return np.stack(np.meshgrid(forward, leftward, indexing="ij"), axis=-1).reshape(-1, 2)
 
     @property
     def kind(self) -> Kind:
-        """The heights and the sign of a scan; a mirror exchanges left and right in each row."""
+        """Heights, then a flag for a valid scan; the mirror image exchanges left and right in each row."""
         places = np.arange(self.size).reshape(self._rows, self._columns)[:, ::-1].ravel()
         mirror = Mirror(np.append(places, self.size), np.ones(self.size + 1))
         return Kind(lambda _: (self.size + 1,), lambda _: mirror)
 
     def places(self, position: Array, yaw: Array, shift: Array | tuple[float, float] = (0.0, 0.0)) -> Array:
-        """Places of the points in the world, m, (points, 2).
+        """Positions of the points in the world, m, (points, 2).
 
         Args:
-            position: of the base, m, world, (3,).
-            yaw: of the base, rad.
-            shift: of all points, forward and leftward, m, (2,).
+            position: position of the base, m, world, (3,).
+            yaw: yaw of the base, rad.
+            shift: shift of all points, forward and leftward, m, (2,).
         """
         xp = position.__array_namespace__()
         points = xp.asarray(self.points, dtype=position.dtype)
@@ -93,7 +94,7 @@ class HeightScan:
         return xp.stack([x, y], axis=-1)
 
     def __call__(self, inputs: Any, contract: Contract) -> Array:
-        """The term's numbers, (..., points + 1), from `Inputs.height_scan`."""
+        """Values of the term, (..., points + 1), from `Inputs.height_scan`."""
         xp = inputs.command.__array_namespace__()
         heights = inputs.height_scan
         if heights is None:
@@ -108,10 +109,10 @@ class HeightScan:
 
 
 def height_scan_of(contract: Contract | None) -> HeightScan | None:
-    """The height scan that a policy reads; None if it reads none.
+    """Height scan in a policy's observation; None if the policy uses none.
 
     Raises:
-        UserError: its settings make no sense.
+        UserError: its settings are out of range.
     """
     found = [] if contract is None else [term for term in contract.observation if term.name == NAME]
     if not found:
@@ -121,12 +122,12 @@ def height_scan_of(contract: Contract | None) -> HeightScan | None:
 
 
 def common_height_scan(contracts: list[Contract | None]) -> HeightScan | None:
-    """The height scan that policies of one run read; None if none does.
+    """Height scan of all policies in a run; None if no policy uses one.
 
     Raises:
-        UserError: two of them read different ones.
+        UserError: two policies use different scans.
     """
     found = {scan for contract in contracts if (scan := height_scan_of(contract)) is not None}
     if len(found) > 1:
-        raise UserError("policies of one run must read the same height scan: these read different ones")
+        raise UserError("policies of one run must use the same height scan, but two of them differ")
     return found.pop() if found else None

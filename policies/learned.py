@@ -1,4 +1,4 @@
-"""A learned policy: an ONNX network and the contract that it carries."""
+"""A learned policy: an ONNX network with its contract."""
 
 from pathlib import Path
 
@@ -10,12 +10,12 @@ from footfall.policies.action import joint_target
 from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
 from footfall.policies.observation import (
     Inputs,
-    frame,
-    frame_size,
     history_length,
     observation,
     observation_size,
-    push_frame,
+    push_history,
+    size_per_step,
+    step_values,
     term_sources,
 )
 from footfall.policies.policy import PolicyInput
@@ -28,7 +28,7 @@ def open_network(path: Path) -> tuple[onnxruntime.InferenceSession, Contract]:
     """Open an exported policy on one thread.
 
     Raises:
-        UserError: the file is missing, no ONNX, carries no contract, or its sizes contradict it.
+        UserError: the file is missing, is not ONNX, has no contract, or its sizes contradict the contract.
     """
     if not path.is_file():
         raise UserError(f"no policy file at {path}")
@@ -44,30 +44,31 @@ def open_network(path: Path) -> tuple[onnxruntime.InferenceSession, Contract]:
         raise UserError(f"{path} is not a readable ONNX file: {reason}") from None
     text = session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY)
     if text is None:
-        raise UserError(f"{path} carries no footfall contract: export it with 'footfall export RUN'")
+        raise UserError(f"{path} has no footfall contract: export it with 'footfall export RUN'")
     contract = Contract.from_json(text, str(path))
     for kind, found, expected in (
         ("input", session.get_inputs(), observation_size(contract)),
         ("output", session.get_outputs(), len(contract.joints)),
     ):
         if len(found) != 1 or found[0].shape[-1] != expected:
-            raise UserError(f"{path}: its {kind} should be one vector of {expected}, as its contract says")
+            raise UserError(f"{path}: its {kind} must be one vector of {expected} (see its contract)")
     return session, contract
 
 
 class LearnedPolicy:
-    """Runs an exported network: readings to observation, observation to action, action to targets."""
+    """Runs an exported network: readings to observation, observation to action, action to joint targets."""
 
     needs_estimate = False
     notes = ()
 
     def __init__(self, path: Path, robot: Robot, name: str | None = None) -> None:
-        """Raises UserError if the file is no policy or does not fit the robot; names what differs."""
+        """Raises UserError if the file is not a policy or does not fit the robot; the message has the
+        differences."""
         self._session, self.contract = open_network(path)
         differences = self.contract.mismatches(robot)
         if differences:
             own = self.contract.robot
-            hint = "" if own == robot.name else f" (add --robot {own}: the policy is trained for it)"
+            hint = "" if own == robot.name else f" (add --robot {own}: the policy was trained for it)"
             raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}{hint}")
         self.name = name or path.stem
         self.trainer = self._session.get_modelmeta().custom_metadata_map.get(TRAINER_KEY)
@@ -76,53 +77,54 @@ class LearnedPolicy:
         self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)
         self._zeros = np.zeros(len(self.contract.joints))
         self._sources = term_sources(self.contract)
-        kept = history_length(self.contract), frame_size(self.contract)
-        # Where each number of an observation stands among the kept frames: put together of places once, an
-        # observation is one look-up at each step.
+        kept = history_length(self.contract), size_per_step(self.contract)
+        # Indices of an observation's values in the history: computed once, so that each step needs one
+        # look-up.
         self._places = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
         self._begin()
-        self._try_out(path)  # the first call is slow
+        self._dry_run(path)  # also because the first call is slow
 
-    def _try_out(self, path: Path) -> None:
-        """Raise UserError for a network that does not run, or whose answer is no vector of numbers."""
+    def _dry_run(self, path: Path) -> None:
+        """Raises UserError for a network that does not run, or whose output is not finite and of the right
+        shape."""
         try:
             action = self.network(self.observed)
         except Exception as error:  # ONNX Runtime's errors share no base class below Exception
             raise UserError(f"{path}: its network does not run: {' '.join(str(error).split())}") from None
         if action.dtype != np.float32 or action.shape != self._zeros.shape:
             raise UserError(
-                f"{path}: its network answers {action.dtype} of shape {action.shape},"
+                f"{path}: its network returns {action.dtype} of shape {action.shape},"
                 f" expected float32 of shape {self._zeros.shape}"
             )
         if not np.isfinite(action).all():
-            raise UserError(f"{path}: its network answers what is not finite, to an observation of zeros")
+            raise UserError(f"{path}: its network returns NaN or infinity for an observation of zeros")
 
     def network(self, observed: np.ndarray) -> np.ndarray:
-        """The action for one observation, float32: (observation_size,) to (n,)."""
+        """Action for one observation, float32: (observation_size,) to (n,)."""
         return self._session.run(None, {self._input: observed[None]})[0][0]
 
     def reset(self, inputs: PolicyInput) -> None:
-        """Begin an episode: no last action, clock at zero, no history."""
+        """Start an episode: zero last action, clock at zero, empty history."""
         self._begin()
 
     def _begin(self) -> None:
         self._action = np.zeros(len(self.contract.joints), dtype=np.float32)
-        self._frames: np.ndarray | None = None
+        self._history: np.ndarray | None = None
         self._steps = 0
         self.observed = np.zeros(observation_size(self.contract), dtype=np.float32)
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        """Position targets under the contract's gains, arrays of shape (n,)."""
+        """Position targets with the contract's gains, arrays of shape (n,)."""
         contract = self.contract
         phase = np.array([self._phase()])
         readings = read(inputs.sensed)
         given = Inputs(readings, self._action, inputs.command, phase, inputs.height_scan)
-        newest = frame(given, contract, self._sources)
-        if self._frames is None:
-            self._frames = np.tile(newest, (history_length(contract), 1))
+        newest = step_values(given, contract, self._sources)
+        if self._history is None:
+            self._history = np.tile(newest, (history_length(contract), 1))
         else:
-            self._frames = push_frame(self._frames, newest)
-        self.observed = self._frames.ravel()[self._places].astype(np.float32)
+            self._history = push_history(self._history, newest)
+        self.observed = self._history.ravel()[self._places].astype(np.float32)
         self._action = self.network(self.observed)
         self._steps += 1
         target = joint_target(self._action.astype(np.float64), phase, inputs.command, contract)
@@ -130,7 +132,7 @@ class LearnedPolicy:
 
     @property
     def action(self) -> np.ndarray:
-        """The last action, shape (n,)."""
+        """Last action, shape (n,)."""
         return self._action
 
     def stance(self) -> None:

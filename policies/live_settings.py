@@ -1,7 +1,7 @@
-"""What can be changed while a robot walks. Each setting is declared once: its unit, and who may change it.
+"""Settings that can change while a robot walks. Each is declared once: its unit, and who may change it.
 
-A policy that has such settings is `Steerable`. It says which it has, with the range and the default that hold
-for its robot, and approaches a new value so that no joint target jumps.
+A policy with such settings is `Steerable`. It lists its settings with their ranges and defaults for its
+robot, and changes a value gradually, so that no joint target jumps.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,12 +14,12 @@ from footfall.common.errors import UserError
 class Access(StrEnum):
     """Who may change a setting."""
 
-    OWNER = "owner"  # whoever steers the robot
-    ANYONE = "anyone"  # every authorised operator: it can only make the robot slower
+    OWNER = "owner"  # the operator that steers the robot
+    ANYONE = "anyone"  # every authorised operator: the setting can only slow the robot down
 
 
 class Declaration(NamedTuple):
-    """A setting, whichever policy has it."""
+    """Declaration of a setting, independent of the policy."""
 
     about: str
     unit: str
@@ -27,9 +27,9 @@ class Declaration(NamedTuple):
 
 
 DECLARED = {
-    "step_period_s": Declaration("time of one gait cycle", "s"),
-    "step_height_m": Declaration("height of a foot in the middle of its swing", "m"),
-    "step_length_m": Declaration("longest way of a foot in one stance", "m"),
+    "step_period_s": Declaration("period of the gait cycle", "s"),
+    "step_height_m": Declaration("height of a foot at mid-swing", "m"),
+    "step_length_m": Declaration("longest travel of a foot in one stance", "m"),
     "body_height_m": Declaration("height of the base above the ground", "m"),
     "roll_rad": Declaration("roll of the base", "rad"),
     "pitch_rad": Declaration("pitch of the base, nose down positive", "rad"),
@@ -37,7 +37,7 @@ DECLARED = {
 
 
 class Span(NamedTuple):
-    """Range and default of a setting of one policy on one robot, in the setting's unit."""
+    """Range and default of a setting for one policy on one robot, in the setting's unit."""
 
     lowest: float
     highest: float
@@ -45,15 +45,15 @@ class Span(NamedTuple):
 
 
 class Applied(NamedTuple):
-    """What a policy walks with now: a value that was asked for is approached, a gait waits for its moment."""
+    """Gait and settings that a policy uses now. They follow a request gradually."""
 
-    gait: str = ""  # empty for a policy without a choice
-    settings: Mapping[str, float] = {}  # by their names in `DECLARED`, in their units
+    gait: str = ""  # empty for a policy without a choice of gaits
+    settings: Mapping[str, float] = {}  # by name in `DECLARED`, in its unit
 
 
 NOTHING_APPLIED = Applied()
 
-# Ranges as shares of a controller's own setting.
+# Ranges relative to a controller's own value.
 SHARES = {
     "step_period_s": (0.75, 1.6),
     "step_height_m": (0.3, 1.5),
@@ -63,7 +63,7 @@ SHARES = {
 
 
 def shared(defaults: Mapping[str, float]) -> dict[str, Span]:
-    """Spans of settings about a controller's own values."""
+    """Spans of settings around a controller's own values."""
     return {
         name: Span(SHARES[name][0] * value, SHARES[name][1] * value, value)
         for name, value in defaults.items()
@@ -71,15 +71,15 @@ def shared(defaults: Mapping[str, float]) -> dict[str, Span]:
 
 
 def approached(value: float, goal: float, most: float) -> float:
-    """A value that is nearer to its goal by at most `most`."""
+    """A value moved towards its goal by at most `most`."""
     return value + min(max(goal - value, -most), most)
 
 
 def require_steerable(policy: object, name: str) -> None:
-    """Refuse a policy that takes live settings and lacks a part of `Steerable`: it could not be steered.
+    """Check that a policy with live settings implements all of `Steerable`.
 
     Raises:
-        UserError: a part is missing.
+        UserError: a member is missing.
     """
     lacks = [part for part in ("live_settings", "gaits", "applied", "take_up") if not hasattr(policy, part)]
     if hasattr(policy, "set_live") and lacks:
@@ -89,29 +89,29 @@ def require_steerable(policy: object, name: str) -> None:
 
 
 def applied_of(policy: object) -> Applied:
-    """What a policy walks with now; nothing of one that is not `Steerable`."""
+    """Gait and settings that a policy uses now; empty if it is not `Steerable`."""
     applied: Applied = getattr(policy, "applied", NOTHING_APPLIED)
     return applied
 
 
 @runtime_checkable
 class Steerable(Protocol):
-    """A policy whose steps can be changed while it walks."""
+    """A policy whose gait can be changed while it walks."""
 
     @property
     def live_settings(self) -> Mapping[str, Span]:
-        """The settings that it has with its present gait, by their names in `DECLARED`."""
+        """Settings available with the present gait, by name in `DECLARED`."""
 
     @property
     def gaits(self) -> Sequence[str]:
-        """Names of the gaits that it can take up; empty if it has only one."""
+        """Names of the gaits to which it can change; empty if it has only one."""
 
     @property
     def applied(self) -> Applied:
-        """The gait and the values that act now; asked for at each step."""
+        """Gait and values that act now; read at each step."""
 
     def set_live(self, values: Mapping[str, float]) -> None:
-        """Approach new values, each within its range; a setting that is not named keeps its value."""
+        """Approach new values, each within its range; a setting without a new value stays."""
 
     def take_up(self, gait: str) -> None:
-        """Change to one of its gaits at the next moment that allows it."""
+        """Change to one of its gaits as soon as possible."""

@@ -16,40 +16,40 @@ Array = Any
 
 
 class Inputs(NamedTuple):
-    """Everything an observation frame is made of."""
+    """Source of an observation."""
 
     readings: Readings
     last_action: Array  # (..., n)
     command: Array  # (..., 3): forward m/s, leftward m/s, yaw rad/s
-    phase: Array  # (..., 1) of the gait clock, in cycles
-    height_scan: Array | None = None  # (..., points) m above the base, NaN for unknown; None without a scan
+    phase: Array  # (..., 1) gait clock, in cycles
+    height_scan: Array | None = None  # (..., points) m above the base, NaN if unknown; None without a scan
 
 
 def moving(command: Array, contract: Contract) -> Array:
-    """1.0 where the command asks to move, 0.0 where it asks to stand, shape (..., 1)."""
+    """1.0 if the command asks for motion, 0.0 for standing, shape (..., 1)."""
     xp = command.__array_namespace__()
     norm = xp.sqrt(xp.sum(command * command, axis=-1, keepdims=True))
     return xp.astype(norm >= contract.standing_command, command.dtype)
 
 
 class ObservationTerm(NamedTuple):
-    """The declaration of an observation term. A configuration gives its scale, history and parameters."""
+    """Declaration of an observation term. A configuration gives its scale, history and parameters."""
 
-    # How many numbers in one frame, and their mirror image; a function where the term's parameters decide it.
+    # Number of values and their mirror image; a function if they depend on the term's parameters.
     kind: Kind | Callable[[Any], Kind]
-    source: Callable[..., Array]  # of `Inputs` and the contract, or a class of such functions
+    source: Callable[..., Array]  # function of `Inputs` and the contract, or a class of such functions
 
 
 def observation_term(kind: Kind) -> Callable[[Callable[..., Array]], ObservationTerm]:
-    """Decorator: a function of `Inputs` and the contract that returns numbers of this kind.
+    """Decorator for a function of `Inputs` and the contract that returns values of this kind.
 
-    It serves NumPy and JAX arrays alike: `xp = inputs.command.__array_namespace__()`.
+    The function must work for NumPy and JAX arrays: `xp = inputs.command.__array_namespace__()`.
     """
     return lambda source: ObservationTerm(kind, source)
 
 
 def reading_term(name: str) -> ObservationTerm:
-    """The term of a reading, as it is."""
+    """Observation term that is a reading, unchanged."""
 
     def source(inputs: Inputs, _: Contract) -> Array:
         return inputs.readings[name]
@@ -60,7 +60,7 @@ def reading_term(name: str) -> ObservationTerm:
 
 @observation_term(kinds.CLOCK)
 def clock(inputs: Inputs, contract: Contract) -> Array:
-    """Sine and cosine of the gait clock; zeros while the command asks to stand."""
+    """Sine and cosine of the gait clock; zeros during a command to stand."""
     xp = inputs.phase.__array_namespace__()
     angle = 2 * xp.pi * inputs.phase
     walk = moving(inputs.command, contract)
@@ -69,7 +69,7 @@ def clock(inputs: Inputs, contract: Contract) -> Array:
 
 @observation_term(kinds.JOINTS)
 def joint_position(inputs: Inputs, contract: Contract) -> Array:
-    """Joint positions less the default pose, rad."""
+    """Joint positions minus the default pose, rad."""
     position = inputs.readings["joint_position"]
     xp = position.__array_namespace__()
     return position - xp.asarray(contract.default_pose_rad, dtype=position.dtype)
@@ -97,64 +97,66 @@ TERMS: dict[str, ObservationTerm] = {name: reading_term(name) for name in READIN
 
 
 def find_term(name: str) -> ObservationTerm:
-    """The term of a name, or the one at MODULE:NAME; raises UserError if there is none."""
+    """Observation term by name or MODULE:NAME; raises UserError if there is none."""
     if name in TERMS:
         return TERMS[name]
     if not is_place(name):
         raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}, or MODULE:NAME")
     term = find(name, "observation term")
     if not isinstance(term, ObservationTerm):
-        raise UserError(f"{name} is no observation term: expected a function under @observation_term")
+        raise UserError(f"{name} is not an observation term: expected a function under @observation_term")
     return term
 
 
 def term_kind(term: Term) -> Kind:
-    """The kind of a term with its parameters; raises UserError as `term_source`."""
+    """Kind of a term with its parameters; raises UserError as `term_source`."""
     kind = find_term(term.name).kind
     return kind if isinstance(kind, Kind) else kind(term_source(term))
 
 
 def term_source(term: Term, where: str = "contract.observation") -> Callable[..., Array]:
-    """The function of a term, with its parameters set.
+    """Function of a term, with its parameters set.
 
     Raises:
-        UserError: there is no such term, or it cannot have these parameters; the message begins with `where`.
+        UserError: there is no such term, or its parameters are wrong; the message begins with `where`.
     """
     source = find_term(term.name).source
     return bind(source, term.settings, where) if term.settings or isinstance(source, type) else source
 
 
 def term_sources(contract: Contract) -> tuple[Callable[..., Array], ...]:
-    """The function of each term of a contract; raises UserError as `term_source`."""
+    """Functions of all terms of a contract; raises UserError as `term_source`."""
     return tuple(map(term_source, contract.observation))
 
 
 def term_size(term: Term, contract: Contract) -> int:
-    """Numbers in one frame of a term."""
+    """Number of values of a term, without history."""
     return term_kind(term).size(Parts(len(contract.joints)))
 
 
-def frame_size(contract: Contract) -> int:
-    """Numbers in one observation frame (all terms, no history)."""
+def size_per_step(contract: Contract) -> int:
+    """Number of values of all terms, without history."""
     return sum(term_size(term, contract) for term in contract.observation)
 
 
 def observation_size(contract: Contract) -> int:
-    """Numbers in an observation, history included."""
+    """Number of values of an observation, including the history."""
     return sum(term_size(term, contract) * term.history for term in contract.observation)
 
 
 def history_length(contract: Contract) -> int:
-    """Frames that must be kept."""
+    """Longest history of a term."""
     return max(term.history for term in contract.observation)
 
 
-def frame(inputs: Inputs, contract: Contract, sources: Sequence[Callable[..., Array]] | None = None) -> Array:
-    """One scaled observation frame, shape (..., frame_size).
+def step_values(
+    inputs: Inputs, contract: Contract, sources: Sequence[Callable[..., Array]] | None = None
+) -> Array:
+    """Scaled values of all terms at one step, shape (..., size_per_step).
 
     Args:
-        inputs: what it is made of.
-        contract: of the policy.
+        inputs: sources of the values.
+        contract: contract of the policy.
         sources: `term_sources` of the contract, for a loop: finding a term and its parameters takes time.
     """
     xp = inputs.command.__array_namespace__()
@@ -162,22 +164,22 @@ def frame(inputs: Inputs, contract: Contract, sources: Sequence[Callable[..., Ar
     return xp.concat([source(inputs, contract) * term.scale for term, source in pairs], axis=-1)
 
 
-def push_frame(frames: Array, newest: Array) -> Array:
-    """Drop the oldest of the kept frames, append the newest. Shapes (..., history, frame_size)."""
-    xp = frames.__array_namespace__()
-    return xp.concat([frames[..., 1:, :], newest[..., None, :]], axis=-2)
+def push_history(history: Array, newest: Array) -> Array:
+    """Append the newest values to the history, and drop the oldest. Shapes (..., history, size_per_step)."""
+    xp = history.__array_namespace__()
+    return xp.concat([history[..., 1:, :], newest[..., None, :]], axis=-2)
 
 
-def observation(frames: Array, contract: Contract) -> Array:
-    """The actor's input from the kept frames, shape (..., observation_size).
+def observation(history: Array, contract: Contract) -> Array:
+    """Input of the actor from the history, shape (..., observation_size).
 
-    Term by term in contract order; within a term the oldest frame comes first.
+    Terms are in the order of the contract; within a term the oldest values come first.
     """
-    xp = frames.__array_namespace__()
+    xp = history.__array_namespace__()
     parts, start = [], 0
     for term in contract.observation:
         stop = start + term_size(term, contract)
-        kept = frames[..., frames.shape[-2] - term.history :, start:stop]
-        parts.append(kept.reshape((*frames.shape[:-2], -1)))
+        kept = history[..., history.shape[-2] - term.history :, start:stop]
+        parts.append(kept.reshape((*history.shape[:-2], -1)))
         start = stop
     return xp.concat(parts, axis=-1)

@@ -1,4 +1,4 @@
-"""A user's controller, named by its place: MODULE:CLASS."""
+"""A user's controller, named as MODULE:CLASS."""
 
 from footfall.common.errors import UserError
 from footfall.common.outside import find, in_a_line
@@ -9,7 +9,7 @@ _PARTS = ("name", "rate_hz", "needs_estimate", "contract", "notes", "reset", "ac
 
 
 def load_own(place: str, robot: Robot) -> Policy:
-    """Build the class at `module:Class` as `Class(robot)`; modules of the working folder can be imported.
+    """Build the class at `module:Class` as `Class(robot)`; modules in the working folder can be imported.
 
     Raises:
         UserError: there is no such module or class, or its object is not a `Policy`.
@@ -19,7 +19,7 @@ def load_own(place: str, robot: Robot) -> Policy:
         raise UserError(f"no policy '{place}': it is not a class")
     try:
         policy = cls(robot)
-    except Exception as error:  # of any type: the class is the user's
+    except Exception as error:  # of any type, because the class is the user's
         raise UserError(f"{place} cannot be built: {in_a_line(error)}") from error
     if lacking := [part for part in _PARTS if not hasattr(policy, part)]:
         raise UserError(f"{place} is not a policy: it has no {', '.join(lacking)} (see policies/policy.py)")

@@ -1,4 +1,4 @@
-"""The interface of policies: hand-written controllers and learned ones."""
+"""Interface of policies: hand-written controllers and learned ones."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -13,32 +13,33 @@ from footfall.robots.readings import Sensed
 class PolicyInput(NamedTuple):
     """Readings, command and estimate at a policy step."""
 
-    time_s: float  # since the policy's reset
+    time_s: float  # since the reset of the policy
     sensed: Sensed
     command: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
-    base_velocity: np.ndarray  # (3,) m/s, body frame, estimated (or true, where a study asks for it)
+    base_velocity: np.ndarray  # (3,) m/s, body frame, estimated (or true, if a study asks for it)
     base_height: float  # m above the mean stance foot, estimated
-    height_scan: np.ndarray | None = None  # (points,) m, see `HeightScan`; None without a fresh one
+    height_scan: np.ndarray | None = None  # (points,) m, see `HeightScan`; None without a recent scan
 
 
 @runtime_checkable
 class Policy(Protocol):
-    """Decides joint commands. The loop calls `act` every 1/rate_hz s, at most once a joint tick."""
+    """Computes joint commands. The loop calls `act` every 1/rate_hz s, at most once per joint tick."""
 
     name: str
     rate_hz: float
-    needs_estimate: bool  # whether it reads base_velocity and base_height
+    needs_estimate: bool  # whether it uses base_velocity and base_height
 
     @property
     def contract(self) -> Contract | None:
-        """Contract of a learned policy, which a robot must fit; None for a hand-written controller."""
+        """Contract of a learned policy, checked against the robot; None for a hand-written controller."""
 
     @property
     def notes(self) -> Sequence[str]:
-        """Deviations from the request, with the reason: one line each, each once. The sequence only grows."""
+        """Deviations from the request with their reasons, one line each, without repetition. The list only
+        grows."""
 
     def reset(self, inputs: PolicyInput) -> None:
-        """Begin an episode from standing."""
+        """Start an episode, from standing."""
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         """Joint commands until the next call, arrays of shape (n,)."""
@@ -50,11 +51,10 @@ class Policy(Protocol):
 
 @runtime_checkable
 class PlansFootholds(Protocol):
-    """A policy that plans where its feet land. Not all policies do."""
+    """A policy that plans footholds."""
 
     def footholds(self) -> np.ndarray:
-        """Planned place on the ground of each foot that swings, (feet, 3) m; NaN for a foot that stands.
-
-        From the base's origin, along the axes of its heading frame (x forward, z up), as of the last step.
+        """Planned footholds of swing feet, (feet, 3) m; NaN for stance feet.
+        Relative to the base's origin, in its heading frame (x forward, z up), at the last step.
         """
         ...

@@ -1,4 +1,4 @@
-"""From what a user types to a policy: a controller, a zoo name, a run folder, an ONNX file, a class."""
+"""Policies by name: a controller, a zoo name, a run folder, an ONNX file or a class."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -20,37 +20,37 @@ from footfall.policies.spec import read_changes, self_contained, short_name, spl
 from footfall.robots.description import Robot
 
 ZOO = Path(__file__).parent / "zoo"
-GET_UP = "-getup"  # after a robot's name: its policy in the zoo that gets it up
+GET_UP = "-getup"  # suffix, after a robot's name, of its get-up policy in the zoo
 
 
 _HERE = "footfall.policies.controllers"
 
 
 class Controller(NamedTuple):
-    """Place of a hand-written controller. Its module is imported when the controller is built."""
+    """A hand-written controller. Its module is imported when the controller is built."""
 
-    place: str  # module:class, which is built from a robot and its settings
+    place: str  # module:class, built from a robot and its settings
     settings: str  # module:dataclass
     about: str
     walks: bool = True
-    arguments: tuple[str, ...] = ()  # between robot and settings
+    arguments: tuple[str, ...] = ()  # further arguments between robot and settings
 
 
 def _gait(name: str) -> Controller:
     """The gait generator with this gait."""
-    about = f"the gait generator's {name}: feet by clock and inverse kinematics"
+    about = f"gait generator with {name}: feet by clock and inverse kinematics"
     return Controller(
         f"{_HERE}.walk:Walk", f"{_HERE}.walk.config:WalkConfig", about, walks=True, arguments=(name,)
     )
 
 
 def _flight(name: str) -> Controller:
-    """A gait in which no foot stands for a part of the cycle: forces have to be planned for it."""
-    about = f"a {name}: model-predictive control that plans over the flight, too"
+    """A gait with a flight phase, for which forces have to be planned."""
+    about = f"{name}: model-predictive control that plans over the flight phase"
     return Controller(f"{_HERE}.mpc:Mpc", f"{_HERE}.mpc.config:MpcConfig", about)
 
 
-FLIGHT = ("gallop", "pronk")  # gaits of the MPC; the generator has all others
+FLIGHT = ("gallop", "pronk")  # gaits of the MPC; the gait generator has all others
 
 CONTROLLERS = {
     "stand": Controller(
@@ -67,12 +67,12 @@ CONTROLLERS = {
     "mpc-wbc": Controller(
         f"{_HERE}.mpc.whole_body:MpcWholeBody",
         f"{_HERE}.mpc.whole_body:MpcWholeBodyConfig",
-        "the same plan, carried out by whole-body control",
+        "the same plan, executed by whole-body control",
     ),
     "balance": Controller(
         f"{_HERE}.balance:Balance",
         f"{_HERE}.balance:BalanceConfig",
-        "stands, by whole-body control of its momentum",
+        "stands by whole-body control of its momentum",
         walks=False,
     ),
     "step": Controller(
@@ -83,7 +83,7 @@ CONTROLLERS = {
     "jump": Controller(
         f"{_HERE}.jump:Jump",
         f"{_HERE}.jump.config:JumpConfig",
-        "stands, and jumps ahead while a forward command lasts",
+        "stands, and jumps forward during a forward command",
         walks=False,
     ),
     **{name: _flight(name) if name in FLIGHT else _gait(name) for name in gait_names()},
@@ -91,10 +91,10 @@ CONTROLLERS = {
 
 
 def controllers_of(robot: Robot) -> list[str]:
-    """Hand-written controllers that a robot has settings for, as its file lists them.
+    """Hand-written controllers for which a robot has settings, in the order of its file.
 
     Raises:
-        UserError: the robot's settings are no YAML, or for a controller that does not exist.
+        UserError: the robot's settings are not YAML, or name an unknown controller.
     """
     configured = configured_controllers(robot)
     for name in configured:
@@ -105,12 +105,12 @@ def controllers_of(robot: Robot) -> list[str]:
 
 
 def walking_controllers(robot: Robot) -> list[str]:
-    """The controllers of a robot that follow a commanded velocity."""
+    """Controllers of a robot that follow a velocity command."""
     return [name for name in controllers_of(robot) if CONTROLLERS[name].walks]
 
 
 def first_of_each_kind(names: Iterable[str]) -> list[str]:
-    """One hand-written controller of each kind: of the gait generator's and of the MPC's, the first."""
+    """The first hand-written controller of each class: one of the gait generator, one of the MPC, ..."""
     found: dict[str, str] = {}
     for name in names:
         found.setdefault(CONTROLLERS[name].place, name)
@@ -118,25 +118,25 @@ def first_of_each_kind(names: Iterable[str]) -> list[str]:
 
 
 def zoo_names(robot: Robot | None = None) -> list[str]:
-    """Names of the trained policies that ship with footfall: all, or those for one robot."""
+    """Names of the trained policies that ship with footfall: all, or those of one robot."""
     names = sorted(path.parent.name for path in ZOO.glob("*/policy.onnx"))
     return names if robot is None else [name for name in names if name.startswith(f"{robot.name}-")]
 
 
 def get_up_name(robot: Robot) -> str:
-    """Name of the policy in the zoo that gets this robot up after a fall.
+    """Name of the zoo policy with which this robot gets up after a fall.
 
     Raises:
-        UserError: there is none.
+        UserError: the zoo has none.
     """
     name = f"{robot.name}{GET_UP}"
     if name not in zoo_names():
-        raise UserError(f"no policy in the zoo gets {robot.name} up after a fall: name one with --get-up")
+        raise UserError(f"the zoo has no get-up policy for {robot.name}: name one with --get-up")
     return name
 
 
 def load_policy(spec: str, robot: Robot) -> Policy:
-    """Build the policy that `spec` names, for this robot: a controller may carry settings (`spec.py`).
+    """Build the policy `spec` for this robot. The spec of a controller may include settings (`spec.py`).
 
     Raises:
         UserError: there is no such policy, or it does not fit the robot.
@@ -159,7 +159,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     if path.is_file():
         return LearnedPolicy(path, robot)
     known = [*controllers_of(robot), *zoo_names(robot)]
-    given = f"no policy '{spec}'" if spec else "no policy is named"
+    given = f"no policy '{spec}'" if spec else "the policy's name is empty"
     raise UserError(
         f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS"
         f"{meant(spec, known)}"
@@ -167,10 +167,10 @@ def load_policy(spec: str, robot: Robot) -> Policy:
 
 
 def load_settings(spec: str, robot: Robot) -> Any:
-    """The settings of the hand-written controller that `spec` names, a dataclass; None of any other policy.
+    """Settings of the hand-written controller in `spec`, a dataclass; None for any other policy.
 
     Raises:
-        UserError: this robot has none for it, or they cannot work.
+        UserError: the robot has no settings for it, or they are invalid.
     """
     name, parts = split_spec(spec)
     if name not in CONTROLLERS:
@@ -180,10 +180,10 @@ def load_settings(spec: str, robot: Robot) -> Any:
 
 
 def lasting_spec(spec: str) -> str:
-    """A spec that means the same in another folder; a controller's, also after its file has changed.
+    """A spec with the same meaning in another folder and after a change of its files.
 
     Raises:
-        UserError: a file of settings cannot be read.
+        UserError: a settings file cannot be read.
     """
     name, parts = split_spec(spec)
     if name in CONTROLLERS:
@@ -193,10 +193,10 @@ def lasting_spec(spec: str) -> str:
 
 
 def changed_settings(spec: str) -> list[str]:
-    """What a spec changes of a hand-written controller's settings, as KEY=VALUE.
+    """Changes of a hand-written controller's settings in a spec, as KEY=VALUE.
 
     Raises:
-        UserError: a file of settings cannot be read.
+        UserError: a settings file cannot be read.
     """
     return split_spec(lasting_spec(spec))[1] if split_spec(spec)[0] in CONTROLLERS else []
 
@@ -207,15 +207,15 @@ def _find(place: str) -> Any:
 
 
 def _policy_in(folder: Path) -> Path:
-    """The ONNX file in a run folder."""
+    """ONNX file of a run folder."""
     policy = folder / "policy.onnx"
     if policy.is_file():
         return policy
     if not (folder / "run.yaml").is_file():
-        raise UserError(f"no policy in {folder}: it is not a run folder, which 'footfall train' makes")
+        raise UserError(f"no policy in {folder}: it is not a run folder of 'footfall train'")
     if not any((folder / "checkpoints").glob("*")):
         raise UserError(
-            f"no policy in {folder}: its training kept no checkpoint yet;"
-            f" go on with 'footfall train --resume {folder}'"
+            f"no policy in {folder}: the run has no checkpoint yet;"
+            f" continue it with 'footfall train --resume {folder}'"
         )
-    raise UserError(f"{folder} holds no policy.onnx: make it with 'footfall export {folder}'")
+    raise UserError(f"{folder} has no policy.onnx: make it with 'footfall export {folder}'")

@@ -1,11 +1,11 @@
-"""Spec of a hand-written controller as a user types it: its name, and changes of its settings.
+"""Spec of a hand-written controller: its name, and changes of its settings.
 
     trot                             with the robot's own settings
-    trot@mine.yaml                   with those of a file in their place, as far as it has any
-    trot@gait.period_s=0.5@kp=90     with some of them replaced
+    trot@mine.yaml                   with those settings replaced that the file has
+    trot@gait.period_s=0.5@kp=90     with these settings replaced
     trot@mine.yaml@gait.period_s=0.5 with both
 
-So a contender's settings go wherever its name goes: to worker processes, into a log, into a report.
+The spec holds all settings, so worker processes, logs and reports need only the spec.
 """
 
 import math
@@ -22,41 +22,41 @@ from footfall.common.yaml_text import parse_yaml
 
 _KEY = r"[A-Za-z_][\w.]*"
 _SETTING = re.compile(rf"({_KEY})=(.*)", re.DOTALL)
-_NEXT = re.compile(rf"@(?={_KEY}=)")  # a file's name may hold an @ too
+_NEXT = re.compile(rf"@(?={_KEY}=)")  # a file name may contain an @, too
 
 
 class Change(NamedTuple):
     """Settings that replace others."""
 
-    source: str  # as it was typed
-    key: tuple[str, ...]  # of one setting; none for a file
-    content: Any  # that setting's value, or what the file holds
+    source: str  # text of the change in the spec
+    key: tuple[str, ...]  # key of one setting; empty for a file
+    content: Any  # value of the setting, or content of the file
 
 
 def split_spec(spec: str) -> tuple[str, list[str]]:
-    """The name, and as typed each file and setting that follows it."""
+    """Name of the controller, and the text of each change."""
     name, at, rest = spec.partition("@")
     return name, _NEXT.split(rest) if at else []
 
 
 def read_changes(name: str, parts: Sequence[str]) -> list[Change]:
-    """What a spec changes.
+    """Changes in a spec.
 
     Args:
-        name: of the controller. A file may hold its section under this name, as `controllers.yaml` does.
-        parts: from `split_spec`.
+        name: name of the controller. A file may have a section of this name, as `controllers.yaml` does.
+        parts: parts from `split_spec`.
 
     Raises:
-        UserError: a file cannot be read, or a value is no YAML.
+        UserError: a file cannot be read, or a value is not YAML.
     """
     return [_read(name, part) for part in parts]
 
 
 def add_settings(specs: Sequence[str], settings: Sequence[str]) -> tuple[str, ...]:
-    """Specs with the settings of a command line's --set, CONTROLLER.KEY=VALUE each.
+    """Specs with settings from the option --set, CONTROLLER.KEY=VALUE each.
 
     Raises:
-        UserError: a setting is of another form, or of a controller that is not among the specs.
+        UserError: a setting has another form, or its controller is not among the specs.
     """
     given = list(specs)
     for setting in settings:
@@ -70,12 +70,12 @@ def add_settings(specs: Sequence[str], settings: Sequence[str]) -> tuple[str, ..
 
 
 def short_name(name: str, parts: Sequence[str]) -> str:
-    """A spec without its files' folders."""
+    """A spec with file names instead of paths."""
     return "@".join([name, *(part if _SETTING.fullmatch(part) else Path(part).name for part in parts)])
 
 
 def self_contained(name: str, parts: Sequence[str]) -> str:
-    """A spec that needs no file: those of its settings that files hold are written out.
+    """A spec without files: their settings are written into it.
 
     Raises:
         UserError: as `read_changes`.

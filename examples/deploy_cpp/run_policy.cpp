@@ -22,7 +22,7 @@ void run(const char* path) {
     Ort::Session session(env, path, options);
     Ort::AllocatorWithDefaultOptions memory;
     const auto text = session.GetModelMetadata().LookupCustomMetadataMapAllocated("footfall.contract", memory);
-    if (!text) throw std::runtime_error("the file carries no footfall contract");
+    if (!text) throw std::runtime_error("the file has no footfall contract");
     const auto contract = nlohmann::json::parse(text.get());
     if (contract["version"] != 1) throw std::runtime_error("this program reads contracts of version 1");
     const Vector pose = contract["default_pose_rad"], scale = contract["action_scale_rad"];

@@ -1,13 +1,13 @@
-"""Balancing on the feet where they stand, by ankles, hips and the centre of mass.
+"""Balance on standing feet by ankles, hips and the centre of mass.
 
 The capture point (the divergent part of an inverted pendulum's motion, Englsberger et al. 2015)
 
     x = c + v / w,    w = sqrt(g / height)
 
-runs away from the centre of pressure p as dx/dt = w (x - p). A centre of pressure beyond it by a share of its
-distance from the middle of the support brings it back, which is an acceleration w^2 (c - p) of the centre of
-mass. Within the soles the ankles supply it. What the soles cannot, the quadratic programme takes from the
-angular momentum: the upper body turns about the hips.
+diverges from the centre of pressure p as dx/dt = w (x - p). The controller puts the centre of pressure beyond
+the capture point, by a share of its distance from the middle of the support. This accelerates the centre of
+mass by w^2 (c - p). Within the soles the ankles do it. For the rest, the quadratic program uses angular
+momentum: the upper body turns about the hips.
 """
 
 import math
@@ -37,14 +37,14 @@ class BalanceConfig:
     """Gains of `Balance`."""
 
     rate_hz: float
-    capture_gain: float  # of the centre of pressure, per distance of the capture point
-    most_lead_m: float  # farthest that the centre of pressure is wanted from the middle of the support
+    capture_gain: float  # shift of the centre of pressure per distance of the capture point
+    most_lead_m: float  # largest distance of the wanted centre of pressure from the middle of the support
     height: Feedback
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # of all points of a foot together, each an even part, as a share of the weight
-    settle_s: float  # time to move from the stance found at reset to the default pose
+    most_force: float  # limit for all points of a foot together, each an equal part; share of the weight
+    settle_s: float  # duration of the move from the pose at reset to the default pose
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
@@ -53,7 +53,7 @@ class BalanceConfig:
 
 
 class Balance:
-    """Stands on all feet and keeps the centre of mass over them."""
+    """Stands on all feet and keeps the centre of mass above them."""
 
     name = "balance"
     needs_estimate = True
@@ -102,7 +102,7 @@ class Balance:
         return self._stance
 
     def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
-        """The wanted acceleration of the centre of mass, (3,) m/s^2."""
+        """Wanted acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
         place = dynamics.centre - dynamics.middle
         rate = pendulum_rate(self.com_height_m)

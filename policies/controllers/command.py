@@ -1,4 +1,4 @@
-"""Shaping of the velocity command for the hand-written controllers."""
+"""Shaping of the velocity command for hand-written controllers."""
 
 import math
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from footfall.common.config import require_not_negative, require_positive
 
 @dataclass(frozen=True)
 class CommandShaping:
-    """Acceleration limits of the shaped command, and the threshold for standing."""
+    """Acceleration limits of the shaped command, and the threshold below which the robot stands."""
 
     acceleration_m_s2: float
     yaw_acceleration_rad_s2: float
-    standing_command: float  # norm below which a command means: stand still
+    standing_command: float  # a command with a smaller norm means standing still
 
     def __post_init__(self) -> None:
         require_positive(self, "acceleration_m_s2", "yaw_acceleration_rad_s2")
@@ -22,7 +22,7 @@ class CommandShaping:
 
 
 class ShapedCommand:
-    """A velocity command (forward m/s, leftward m/s, yaw rad/s) that changes at a bounded rate."""
+    """Rate-limited velocity command (forward m/s, leftward m/s, yaw rad/s)."""
 
     def __init__(self, shaping: CommandShaping) -> None:
         self._shaping = shaping
@@ -38,7 +38,7 @@ class ShapedCommand:
         self.value = np.zeros(3)
 
     def advance(self, command: np.ndarray, dt_s: float) -> None:
-        """Move towards a command (3,) during `dt_s`."""
+        """Move the shaped command towards a command (3,) during `dt_s`."""
         goal = command.tolist() if self._asks_to_move(command) else [0.0, 0.0, 0.0]
         present = self.value.tolist()
         if present == goal:
@@ -51,7 +51,7 @@ class ShapedCommand:
         )
 
     def wants_walk(self, command: np.ndarray) -> bool:
-        """Whether a command (3,) asks to move, or the shaped command is not yet zero."""
+        """Whether a command (3,) asks the robot to move, or the shaped command is not yet zero."""
         return self._asks_to_move(command) or any(self.value.tolist())
 
     def _asks_to_move(self, command: np.ndarray) -> bool:

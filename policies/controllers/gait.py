@@ -1,4 +1,4 @@
-"""When feet step and along which curve: the clock, the contact schedule and the swing curve."""
+"""Gait clock, contact schedule and swing curve."""
 
 import math
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ _CLOCKS = np.arange(48) / 48
 
 @dataclass(frozen=True)
 class GaitConfig:
-    """Which gait, and how fast."""
+    """Name and timing of a gait."""
 
-    name: str  # in policies/gaits.yaml
+    name: str  # name in policies/gaits.yaml
     period_s: float
-    duty: float | None = None  # instead of the named gait's
-    lead_s: float = 0.0  # how long all feet stay down after the start, while the weight shifts
+    duty: float | None = None  # replaces the named gait's duty factor
+    lead_s: float = 0.0  # time after the start in which all feet stay down, while the weight shifts
 
     def __post_init__(self) -> None:
         require_positive(self, "period_s")
@@ -28,10 +28,10 @@ class GaitConfig:
         require_not_negative(self, "lead_s")
 
     def clock(self, robot: Robot) -> "StepClock":
-        """The clock of this gait on a robot.
+        """Clock of this gait on a robot.
 
         Raises:
-            UserError: there is no such gait for this robot.
+            UserError: the robot has no such gait.
         """
         duty, phase = find_gait(self.name, robot)
         return StepClock(GaitTiming(self.period_s, self.duty or duty), phase, self.lead_s)
@@ -39,7 +39,7 @@ class GaitConfig:
 
 @dataclass(frozen=True)
 class GaitTiming:
-    """A periodic gait. Each foot stands for the first `duty` of its cycle and swings for the rest."""
+    """A periodic gait. Each foot is in stance for the first `duty` of its cycle and in swing for the rest."""
 
     period_s: float
     duty: float
@@ -61,43 +61,43 @@ def leg_phases(clock: np.ndarray | float, offsets: np.ndarray) -> np.ndarray:
     """Phase of each leg in its own cycle, in [0, 1).
 
     Args:
-        clock: the gait's phase in cycles, a number or shape (..., 1).
-        offsets: (legs,) place of each leg in the cycle.
+        clock: phase of the gait in cycles, a number or shape (..., 1).
+        offsets: (legs,) phase offset of each leg.
     """
     return (clock + offsets) % 1.0
 
 
 def in_stance(phases: np.ndarray, duty: float) -> np.ndarray:
-    """Which legs stand, boolean, shape of `phases`."""
+    """Legs in stance, boolean, shape of `phases`."""
     return phases < duty
 
 
 def swing_progress(phases: np.ndarray, duty: float) -> np.ndarray:
-    """How far each swing has come, (legs,), 0 at lift-off to 1 at touch-down; 0 in stance."""
+    """Progress of each leg's swing, (legs,), from 0 at lift-off to 1 at touch-down; 0 in stance."""
     return np.array([max(phase - duty, 0.0) / (1.0 - duty) for phase in phases.tolist()])
 
 
 def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
-    """Planned contact in [0, 1]: 1 in mid-stance, falling to 0 at the edges, where the plan may be wrong.
+    """Planned contact in [0, 1]: 1 in mid-stance, falling to 0 at both ends, where the plan is uncertain.
 
     Args:
         phases: (legs,).
-        duty: share of the cycle spent in stance.
-        edge: share of the stance over which trust rises and falls (Bledt et al. 2018 do likewise).
+        duty: share of the cycle in stance.
+        edge: share of the stance over which trust rises and falls (as in Bledt et al. 2018).
     """
     return np.array(
         [trust_at(phase, duty, edge) for phase in phases.tolist()]
-    )  # quicker than arrays of so few
+    )  # faster than NumPy for so few legs
 
 
 def trust_at(phase: float, duty: float, edge: float) -> float:
-    """`contact_trust` of one leg."""
+    """`contact_trust` for one leg."""
     share = phase / duty
     return min(max(min(share, 1.0 - share) / edge, 0.0), 1.0)
 
 
 class Curve(NamedTuple):
-    """A value over a normalised time s, with its derivatives by s."""
+    """A value over the normalised time s, with its derivatives with respect to s."""
 
     value: float
     slope: float
@@ -105,14 +105,14 @@ class Curve(NamedTuple):
 
 
 class SwingCurve(NamedTuple):
-    """How a foot gets from lift-off to touch-down. Both parts are at rest at both ends."""
+    """Motion of a foot from lift-off to touch-down. Both parts are at rest at both ends."""
 
     along: Curve  # a cycloid from 0 to 1
-    height: Curve  # from 0 up to 1 at s = 1/2 and back to 0
+    height: Curve  # rises from 0 to 1 at s = 1/2, falls back to 0
 
 
 def swing_curve(s: float) -> SwingCurve:
-    """The two parts of a swing at a normalised time s in [0, 1]."""
+    """Both parts of a swing at a normalised time s in [0, 1]."""
     angle = 2 * math.pi * s
     sin, cos = math.sin(angle), math.cos(angle)
     rise = 1 - cos
@@ -123,12 +123,12 @@ def swing_curve(s: float) -> SwingCurve:
 
 
 class StepClock:
-    """The gait's phase, which runs while the robot walks and rests only when all feet are down.
+    """Phase of the gait. It runs while the robot walks and stops only when all feet are down.
 
     Args:
-        timing: of the gait.
-        offsets: (legs,) place of each leg in the cycle.
-        lead_s: from the order to walk until the phase runs.
+        timing: timing of the gait.
+        offsets: (legs,) phase offset of each leg.
+        lead_s: time from the command to walk until the phase runs.
     """
 
     def __init__(self, timing: GaitTiming, offsets: np.ndarray, lead_s: float = 0.0) -> None:
@@ -138,14 +138,14 @@ class StepClock:
         self.reset()
 
     def reset(self) -> None:
-        """Stand, about to begin a cycle."""
+        """Stand at the beginning of a cycle."""
         self.phase = 0.0
         self.walking = False
-        self._waited_s = 0.0  # since the order to walk, while all feet stay down
+        self._waited_s = 0.0  # since the command to walk, while all feet stay down
         self._known = self.phase, leg_phases(self.phase, self.offsets)
 
     def take_up(self, timing: GaitTiming, offsets: np.ndarray) -> None:
-        """Another gait, for feet that all stand. Its clock begins where the least of a swing is over."""
+        """Change the gait while all feet stand. The clock starts where the swings have progressed least."""
         self.timing, self.offsets = timing, offsets
         phases = leg_phases(_CLOCKS[:, None], offsets)
         begun = np.maximum(phases - timing.duty, 0.0).sum(axis=1)
@@ -153,7 +153,7 @@ class StepClock:
         self._known = self.phase, leg_phases(self.phase, offsets)
 
     def advance(self, dt_s: float, walk: bool) -> None:
-        """Let time pass. A clock asked to stop finishes the swings that have begun."""
+        """Advance by `dt_s`. After the command to stop, the clock finishes the swings that have begun."""
         if not self.walking:
             self._waited_s = self._waited_s + dt_s if walk else 0.0
             self.walking = self._waited_s > self._lead_s
@@ -166,19 +166,19 @@ class StepClock:
             self.walking, self._waited_s = False, 0.0
 
     def phases(self) -> np.ndarray:
-        """Phase of each leg, shape (legs,), not to be written to. The last answer is kept."""
+        """Phase of each leg, (legs,), read-only; cached until the clock advances."""
         if self._known[0] != self.phase:
             self._known = self.phase, leg_phases(self.phase, self.offsets)
         return self._known[1]
 
     def stance(self) -> np.ndarray:
-        """Which legs stand now, boolean (legs,)."""
+        """Legs in stance now, boolean (legs,)."""
         if not self.walking:
             return np.ones(len(self.offsets), dtype=bool)
         return in_stance(self.phases(), self.timing.duty)
 
     def planned_stance(self, ahead_s: np.ndarray) -> np.ndarray:
-        """Which legs will stand, boolean (times, legs), for times ahead of now (times,)."""
+        """Legs in stance at future times, boolean (times, legs), for times from now (times,) in s."""
         if not self.walking and not self._waited_s:
             return np.ones((len(ahead_s), len(self.offsets)), dtype=bool)
         running_s = ahead_s[:, None] - (0.0 if self.walking else self._lead_s - self._waited_s)
@@ -186,7 +186,7 @@ class StepClock:
         return in_stance(leg_phases(clock, self.offsets), self.timing.duty) | (running_s < 0.0)
 
     def swing(self) -> np.ndarray:
-        """Progress of each leg's swing in [0, 1], shape (legs,); 0 for legs in stance."""
+        """Progress of each leg's swing in [0, 1], (legs,); 0 for legs in stance."""
         if not self.walking:
             return np.zeros(len(self.offsets))
         return swing_progress(self.phases(), self.timing.duty)

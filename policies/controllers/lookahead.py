@@ -1,4 +1,4 @@
-"""The robot's state at the moment at which the next command acts."""
+"""State of the robot at the time at which the next command acts."""
 
 from collections import deque
 
@@ -9,11 +9,11 @@ from footfall.policies.controllers.delay import CommandDelay
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand, Motor
 
-_TUNED_TICKS = 1  # delay of the loop alone: the controllers' gains allow for it
+_TUNED_TICKS = 1  # delay of the loop alone; the controllers' gains include it
 
 
 class Lookahead:
-    """Predicts over the measured delay, with the accelerations of the commands that are under way.
+    """Predicts over the measured delay, with the accelerations of the commands that do not act yet.
 
     Args:
         motor: the motors' limits.
@@ -28,21 +28,21 @@ class Lookahead:
 
     @property
     def delay_s(self) -> float:
-        """Measured delay of commands."""
+        """Measured delay until commands act."""
         return self._delay.ticks * self._dt_s
 
     def reset(self) -> None:
-        """Begin at rest."""
+        """Start at rest."""
         self._delay.reset()
         self._accelerations.clear()
         self._stance.clear()
 
     def sent(self, command: JointCommand, acceleration: np.ndarray, stance: np.ndarray) -> None:
-        """Note what was decided in this tick.
+        """Record this tick's decision.
 
         Args:
-            command: to the joints.
-            acceleration: (6,) m/s^2 and rad/s^2, of the base, world axes, that the command will cause.
+            command: joint command.
+            acceleration: (6,) m/s^2 and rad/s^2, expected acceleration of the base in world axes.
             stance: (feet,) planned contact in [0, 1].
         """
         self._delay.sent(command)
@@ -56,7 +56,7 @@ class Lookahead:
         return self._stance[min(self._delay.ticks, len(self._stance)) - 1]
 
     def predict(self, inputs: PolicyInput) -> PolicyInput:
-        """The inputs as they will be when the next command acts."""
+        """Inputs as expected when the next command acts."""
         ticks = self._delay.measure(inputs.sensed)
         if ticks <= _TUNED_TICKS:
             return inputs

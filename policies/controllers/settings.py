@@ -1,4 +1,4 @@
-"""Settings of the hand-written controllers: one section each in a robot's `controllers.yaml`."""
+"""Settings of the hand-written controllers: one section for each in a robot's `controllers.yaml`."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
@@ -17,10 +17,10 @@ SETTINGS_FILE = "controllers.yaml"
 
 
 def configured_controllers(robot: Robot) -> dict[str, Any]:
-    """The robot's settings file: one section for each controller by name; empty where there is no file.
+    """The robot's settings file: one section for each controller by name; empty if there is no file.
 
     Raises:
-        UserError: the file is no YAML, or no mapping.
+        UserError: the file is not YAML, or not a mapping.
     """
     path = robot.folder / SETTINGS_FILE
     if not path.is_file():
@@ -35,14 +35,14 @@ def controller_settings(robot: Robot, controller: str, cls: type[T], changes: Se
     """One controller's section of the robot's settings.
 
     Args:
-        robot: whose settings.
-        controller: by name.
+        robot: robot with the settings.
+        controller: name of the controller.
         cls: dataclass of its settings.
-        changes: of the robot's settings.
+        changes: changes to the robot's settings.
 
     Raises:
         UserError: the robot has no such file or section, or a field is missing, unknown, of a wrong type or
-            of a value that cannot work.
+            out of range.
     """
     path = robot.folder / SETTINGS_FILE
     sections = configured_controllers(robot)
@@ -62,31 +62,33 @@ def controller_settings(robot: Robot, controller: str, cls: type[T], changes: Se
 
 
 def _nested(key: Key, content: Any) -> Any:
-    """Content under a key, as a mapping of mappings."""
+    """Content nested under a key."""
     for name in reversed(key):
         content = {name: content}
     return content
 
 
 def _whole_key(key: Key, cls: type, source: str) -> Key:
-    """A setting's whole key: its parents may be left out where no other setting ends alike.
+    """Full key of a setting: its parents may be omitted if no other setting ends alike.
 
     Raises:
-        UserError: there is no such setting, or there are several.
+        UserError: no setting, or several settings, match.
     """
     keys = list(_keys(cls))
     alike = [each for each in keys if each[-len(key) :] == key]
-    if any(each[: len(key)] == key for each in keys):  # in whole, or of a group of settings
+    if any(each[: len(key)] == key for each in keys):  # a full key, or a group of settings
         return key
     if len(alike) == 1:
         return alike[0]
     if alike:
-        raise UserError(f"{source}: there are {' and '.join(map('.'.join, alike))}: give the whole key")
+        raise UserError(
+            f"{source}: ambiguous, could be {' or '.join(map('.'.join, alike))}: give the full key"
+        )
     raise UserError(f"{source}: {no_setting(['.'.join(key)], ['.'.join(each) for each in keys])}")
 
 
 def _keys(cls: type) -> Iterator[Key]:
-    """The keys of all settings, of parts of parts as well."""
+    """Keys of all settings, including those of nested dataclasses."""
     kinds = get_type_hints(cls)
     for field in fields(cls):
         kind = next((part for part in get_args(kinds[field.name]) if is_dataclass(part)), kinds[field.name])

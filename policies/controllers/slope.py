@@ -1,8 +1,8 @@
-"""The slope of the ground, from the feet that stand on it, and the robot as seen from that slope.
+"""Slope of the ground, from the stance feet, and the robot relative to that slope.
 
-Controllers are written for level ground. On a slope they act as seen from a frame whose z axis is the
-ground's normal: attitude, height, footholds and friction cones refer to the ground there, and gravity alone
-leans. On ground that counts as level the frame is the world, and nothing changes.
+Controllers are written for level ground. On a slope they use a frame whose z axis is the ground's normal:
+attitude, height, footholds and friction cones refer to it, and only gravity is tilted. On ground that counts
+as level this frame is the world, and nothing changes.
 """
 
 import math
@@ -15,18 +15,18 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import heading_matrix, multiply, rotation_matrix
 from footfall.policies.policy import PolicyInput
 
-_RIDGE_M2 = 0.05**2  # feet nearer to one another than this tell little of a slope
+_RIDGE_M2 = 0.05**2  # regularisation: feet closer together than this give little information on a slope
 _UP = np.array([0.0, 0.0, 1.0])
-_HEIGHT_FILTER_S = 0.02  # time constant of the feet's middle, as of the estimated height
+_HEIGHT_FILTER_S = 0.02  # time constant of the feet's middle, equal to that of the estimated height
 
 
 @dataclass(frozen=True)
 class SlopeConfig:
-    """How a slope is estimated. A gradient is rise over run."""
+    """Settings of the slope estimate. A gradient is rise over run."""
 
     filter_s: float  # time constant of the estimate
-    ignored: float  # gradient up to which ground counts as level; steeper ground counts as less steep by it
-    most: float  # largest gradient that is followed
+    ignored: float  # gradient below which ground counts as level; also subtracted from larger gradients
+    most: float  # largest gradient
 
     def __post_init__(self) -> None:
         require_positive(self, "filter_s", "most")
@@ -36,16 +36,16 @@ class SlopeConfig:
 def corrected_gradient(
     gradient: np.ndarray, feet: np.ndarray, contact: np.ndarray, share: float
 ) -> np.ndarray:
-    """A gradient (2,), rise over run along x and y, nearer to that of the plane through standing feet.
+    """A gradient (2,), rise over run along x and y, moved towards the plane through the stance feet.
 
-    Least squares about the present gradient: two feet correct it along the line between them alone, so the
+    Least squares around the present gradient: two feet correct it only along the line between them, so the
     alternating pairs of a trot give both directions.
 
     Args:
-        gradient: (2,) so far.
+        gradient: (2,) previous estimate.
         feet: (feet, 3) m, z up.
-        contact: (feet,) how far each one is trusted to stand, in [0, 1].
-        share: of the correction, in [0, 1].
+        contact: (feet,) trust in each foot's contact, in [0, 1].
+        share: share of the correction that is applied, in [0, 1].
     """
     middle = standing_middle(feet, contact)
     if middle is None:
@@ -66,9 +66,8 @@ def corrected_gradient(
 
 
 def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float, float] | None:
-    """The middle (3,) of feet (feet, 3) m by how far each is trusted to stand; None if none is.
-
-    In plain numbers: for the few feet of a robot they take a fraction of NumPy's time.
+    """Middle (3,) of feet (feet, 3) m, weighted by the trust in their contact; None if all weights are 0.
+    In Python floats: for the few feet of a robot they take a fraction of NumPy's time.
     """
     total = x = y = z = 0.0
     for weight, foot in zip(contact.tolist(), feet.tolist(), strict=True):
@@ -78,7 +77,7 @@ def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float
 
 
 def followed_gradient(gradient: np.ndarray, ignored: float, most: float) -> np.ndarray:
-    """The gradient (2,) less what is ignored, and at most `most`; exactly zero on nearly level ground."""
+    """The gradient (2,), reduced by `ignored` and limited to `most`; exactly zero on nearly level ground."""
     steep = math.hypot(*gradient.tolist())
     if steep <= ignored:
         return np.zeros(2)
@@ -86,7 +85,7 @@ def followed_gradient(gradient: np.ndarray, ignored: float, most: float) -> np.n
 
 
 def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
-    """The least turn (4,), w x y z, that takes the world's axes to those of a plane: z to its normal."""
+    """Smallest rotation (4,), w x y z, from the world's axes to those of a plane: z to its normal."""
     x, y = gradient.tolist()
     cosine = 1.0 / math.sqrt(1.0 + x * x + y * y)
     turn = np.array([1.0 + cosine, y * cosine, -x * cosine, 0.0])
@@ -94,22 +93,23 @@ def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
 
 
 def downhill(up: np.ndarray, height_m: float) -> complex:
-    """From the point nearest to a body of a height to that plumb below it, m, x + i y along a heading.
-
-    Feet about the latter share the weight evenly. `up` is the vertical (3,) along the heading.
+    """Vector from the foot of the ground's normal through a body to the point vertically below it, m, x + i
+    y.
+    The axes are along a heading. Feet around the latter point share the weight equally. `up` is the vertical
+    (3,).
     """
     x, y, z = up.tolist()
     return -complex(x, y) * (height_m / z)
 
 
 class Slope:
-    """Follows the ground's gradient while the robot walks. Without settings ground is level.
+    """Estimates the ground's gradient while the robot walks. Without settings the ground is level.
 
     Attributes:
         gradient: (2,) rise over run along the world's x and y, zero on ground that counts as level.
-        level: whether it does.
-        axes: (3, 3) those of the ground, to the world.
-        gravity: (3,) m/s^2, ground's axes.
+        level: whether the ground counts as level.
+        axes: (3, 3) rotation from the ground's axes to the world.
+        gravity: (3,) m/s^2, in the ground's axes.
     """
 
     def __init__(self, config: SlopeConfig | None) -> None:
@@ -117,18 +117,18 @@ class Slope:
         self.reset()
 
     def reset(self) -> None:
-        """Begin on level ground."""
+        """Start on level ground."""
         self._measured = np.zeros(2)
-        self._middle: complex | None = None  # m, of the standing feet from the base, world, x + i y
+        self._middle: complex | None = None  # m, x + i y, world: stance feet relative to the base
         self._take(np.zeros(2))
 
     def follow(self, inputs: PolicyInput, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> PolicyInput:
-        """The inputs as seen from the ground: attitude from its normal, height along it.
+        """Inputs relative to the ground: attitude relative to its normal, height along it.
 
         Args:
-            inputs: as measured.
+            inputs: inputs as measured.
             feet: (feet, 3) m, base frame.
-            contact: (feet,) how far each one is trusted to stand, in [0, 1].
+            contact: (feet,) trust in each foot's contact, in [0, 1].
             dt_s: time since the last call.
         """
         config = self._config
@@ -149,13 +149,13 @@ class Slope:
         return inputs._replace(sensed=sensed, base_height=height)
 
     def up(self, yaw: float) -> np.ndarray:
-        """The vertical (3,), a unit vector, along a heading on the ground; not to be written to."""
+        """Vertical unit vector (3,) in axes along a heading on the ground; read-only."""
         if self.level:
             return _UP
         return -self.gravity.dot(heading_matrix(yaw)) / GRAVITY_M_S2
 
     def downhill(self, yaw: float, height_m: float) -> complex:
-        """See `downhill`; `yaw` is the heading."""
+        """See the function `downhill`; `yaw` is the heading."""
         return downhill(self.up(yaw), height_m)
 
     def _follow_middle(self, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> None:

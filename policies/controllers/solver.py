@@ -1,4 +1,4 @@
-"""Solving a quadratic programme in bounded time."""
+"""Solution of a quadratic program in bounded time."""
 
 from typing import Protocol
 
@@ -9,8 +9,8 @@ import piqp
 _SOFT_INFINITY = 1e30
 
 
-class Programme(Protocol):
-    """Minimise x' H x / 2 + g' x with lower <= (x[:k], rows x) <= upper: k bounds, then the rows'."""
+class QuadraticProgram(Protocol):
+    """Minimise x' H x / 2 + g' x with lower <= (x[:k], rows x) <= upper: k simple bounds, then the rows'."""
 
     @property
     def hessian(self) -> np.ndarray: ...  # (variables, variables), positive definite
@@ -22,24 +22,24 @@ class Programme(Protocol):
     def rows(self) -> np.ndarray: ...  # (rows, variables)
 
     @property
-    def lower(self) -> np.ndarray: ...  # (k + rows,), -1e30 where there is no bound
+    def lower(self) -> np.ndarray: ...  # (k + rows,), -1e30 without a bound
 
     @property
     def upper(self) -> np.ndarray: ...  # (k + rows,)
 
 
 class BoundedSolver:
-    """daqp within a number of iterations, then PIQP.
+    """Runs daqp with an iteration limit, then PIQP.
 
-    An active-set method is the fastest by far where few constraints are active (a walking robot) and slow
-    where many are (a falling one); an interior-point method takes about the same time for every problem.
-    Bounds are on iterations, not on time, so that a simulation in lockstep gives the same result each time.
+    An active-set method is by far the fastest if few constraints are active (a walking robot), and slow if
+    many are (a falling robot). An interior-point method takes about the same time for every problem. The
+    limits are on iterations, not on time, so that a simulation in lockstep is reproducible.
 
     Args:
-        daqp_iterations: after which PIQP takes over.
-        piqp_iterations: after which it is stopped.
-        unfinished: whether PIQP's last iterate serves where it was stopped. It may break a bound by a little,
-            and by any amount where no solution exists.
+        daqp_iterations: limit after which PIQP is used.
+        piqp_iterations: limit of PIQP.
+        unfinished: whether PIQP's last iterate is returned at its limit. It may violate a bound slightly,
+        and by any amount if no solution exists.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class BoundedSolver:
         self._usable = (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED) if unfinished else (piqp.PIQP_SOLVED,)
         self.fallbacks = 0
 
-    def solve(self, problem: Programme) -> np.ndarray | None:
-        """The minimiser (variables,), or None where neither solver came to a usable result."""
+    def solve(self, problem: QuadraticProgram) -> np.ndarray | None:
+        """Minimiser (variables,), or None if neither solver gives a usable result."""
         if len(problem.gradient) == 0:
             return problem.gradient
         solution, _, status, _ = daqp.solve(
@@ -67,7 +67,7 @@ class BoundedSolver:
         self.fallbacks += 1
         return self._interior_point(problem)
 
-    def _interior_point(self, problem: Programme) -> np.ndarray | None:
+    def _interior_point(self, problem: QuadraticProgram) -> np.ndarray | None:
         variables, bounded = len(problem.gradient), len(problem.upper) - len(problem.rows)
         lower, upper = np.full(variables, -_SOFT_INFINITY), np.full(variables, _SOFT_INFINITY)
         lower[:bounded], upper[:bounded] = problem.lower[:bounded], problem.upper[:bounded]

@@ -1,4 +1,4 @@
-"""Where feet stand under the base, and how they turn a tilted base back to level."""
+"""Positions of standing feet, and how they turn a tilted base back to level."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from footfall.robots.kinematics import Legs
 
 
 def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) -> np.ndarray:
-    """Feet (legs, 3) of a level stance in the base frame, m.
+    """Positions of the feet (legs, 3) in a level stance, base frame, m.
 
     Args:
-        legs: their feet in the default pose are where the stance begins from.
-        height_m: base above the ground.
-        outward_m: how much farther from the robot's middle plane each foot stands; one in that plane stays.
-        shift_m: of all feet, forward.
+        legs: their feet in the default pose are the starting point.
+        height_m: height of the base above the ground.
+        outward_m: additional distance of each foot from the robot's median plane; a foot in that plane stays.
+        shift_m: forward shift of all feet.
     """
     feet = legs.default_foot.copy()
     feet[:, 0] += shift_m
@@ -30,10 +30,10 @@ def tilt_correction(
     most_rad: float,
     wanted: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
+    """Roll and pitch (2,) in rad by which the feet turn with the base, so that it turns back.
 
-    The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
-    `wanted` is the roll and pitch (2,) that it turns back to; None for level.
+    The tilt is the deviation of gravity from the body's z axis, its rate is the gyro's.
+    `wanted` is the goal's roll and pitch (2,); None for level.
     """
     up_x, up_y, _ = vertical_in_body(inputs.sensed.quaternion)
     rates = inputs.sensed.gyro[:2].tolist()
@@ -44,9 +44,9 @@ def tilt_correction(
 
 
 def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-    """Feet (legs, 3) in the base frame, moved along z as on a plane turned by `tilt` (roll, pitch).
+    """Feet (legs, 3) in the base frame, moved along z as if on a plane turned by `tilt` (roll, pitch).
 
-    On the side that has sunk the legs push down, so the base turns back to level.
+    On the lower side the legs push down, so that the base turns back to level.
     """
     moved, (roll, pitch) = feet.copy(), tilt.tolist()
     moved[:, 2] += roll * feet[:, 1] - pitch * feet[:, 0]

@@ -1,4 +1,4 @@
-"""Standing still: the default pose, levelled by the IMU."""
+"""Standing: the default pose, levelled by the IMU."""
 
 from dataclasses import dataclass
 
@@ -19,10 +19,10 @@ class StandConfig:
     rate_hz: float
     kp: float  # N m/rad
     kd: float  # N m s/rad
-    tilt_gain: float  # share of the measured tilt that the legs counter
-    tilt_rate_gain_s: float  # s, the same for the tilt rate
+    tilt_gain: float  # share of the measured tilt that the legs correct
+    tilt_rate_gain_s: float  # s, correction per tilt rate
     most_tilt_rad: float  # largest correction
-    settle_s: float  # time to move from the pose found at reset to the default pose
+    settle_s: float  # duration of the move from the pose at reset to the default pose
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")
@@ -30,7 +30,7 @@ class StandConfig:
 
 
 class Stand:
-    """Holds the default pose and shortens or lengthens legs against a tilt of the base."""
+    """Holds the default pose, and levels the base with the length of its legs."""
 
     name = "stand"
     needs_estimate = False

@@ -1,6 +1,6 @@
 """footfall: legged robots, from a description to a policy on motors.
 
-The Python API. Each name is imported from its module at first use, so that `import footfall` stays cheap:
+The Python API. Each name is imported from its module at first use, so that `import footfall` is fast:
 
     from footfall import Episode, load_policy, load_robot, run_episode
 
@@ -51,7 +51,7 @@ __all__ = [
 
 IMPORTED_AT_NS = time.time_ns()  # no module of footfall is imported earlier in this process
 
-# `footfall.train` and `footfall.evaluate` are folders, so no function can have these names.
+# `footfall.train` and `footfall.evaluate` are packages, so no function can have these names.
 _PLACES = {
     "footfall.common.errors": ("UserError",),
     "footfall.evaluate.api": ("compare_policies", "evaluate_policy"),

@@ -1,4 +1,4 @@
-"""`footfall`, and `python -m footfall`."""
+"""Entry point of `footfall` and `python -m footfall`."""
 
 import os
 import sys
@@ -7,7 +7,7 @@ from footfall.exit_status import INTERRUPTED
 
 
 def main() -> int:
-    """Run the command line; while it is still being loaded, too, Ctrl-C ends in one line."""
+    """Run the command line. Ctrl-C ends in one line, also while the command line is loading."""
     try:
         _start_device(sys.argv[1:])
         from footfall.cli import main as command_line
@@ -21,9 +21,8 @@ def main() -> int:
 
 
 def _start_device(arguments: list[str]) -> None:
-    """Start the device of a training before the command line is loaded, which takes as long.
-
-    A resumed run is looked for first. Processes of a cluster join it first.
+    """Start the device of a training while the command line loads, which takes as long.
+    Not for a resumed run, which is looked up first, nor for a process of a cluster, which joins it first.
     """
     later = ("-h", "--help", "--resume", "--coordinator", "--process")
     if arguments[:1] == ["train"] and not any(argument.startswith(later) for argument in arguments):
@@ -33,7 +32,7 @@ def _start_device(arguments: list[str]) -> None:
 
 
 def _leave_at_once_if_blocked(status: int) -> None:
-    """End without flushing outputs where one takes nothing (Ctrl-S): Python would wait for it, or abort."""
+    """Exit without flushing if an output is blocked (Ctrl-S): Python would wait for it, or abort."""
     from footfall.common.in_time import any_blocked
 
     if any_blocked():

@@ -35,7 +35,7 @@ from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
 from footfall.verbs.watch import watch
 
-CLOSE = 0.75  # likeness of two options' names from which one may stand for the other
+CLOSE = 0.75  # similarity of two option names above which one is suggested
 
 app = App(
     name="footfall",
@@ -68,8 +68,8 @@ app.command(list_names, name="list")
 def main(tokens: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    Bad input ends in one line on stderr and status 2. Anything else that escapes is a defect of footfall,
-    and keeps its traceback.
+    Bad input ends in one line on stderr and status 2. Any other exception is a defect of footfall and keeps
+    its traceback.
     """
     arguments = list(sys.argv[1:] if tokens is None else tokens)
     _open_what_is_closed()
@@ -85,10 +85,10 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return _complain(f"{_parse_error(error, arguments)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
-    except (BrokenPipeError, SystemExit):  # the reader of the output is gone; rich raises SystemExit
+    except (BrokenPipeError, SystemExit):  # the reader of the output has closed it; rich raises SystemExit
         discard_output()
         return BROKEN_PIPE
-    except OSError as error:  # a full disk, a file that went away
+    except OSError as error:  # a full disk, a file that was removed
         discard_output()
         return _complain(_one_line(error))
     except _TerminatedError:
@@ -99,7 +99,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
 
 
 class _TerminatedError(KeyboardInterrupt):
-    """SIGTERM: a verb ends as after Ctrl-C, with another exit status."""
+    """SIGTERM: the verb ends as after Ctrl-C, with another exit status."""
 
 
 @contextmanager
@@ -109,7 +109,7 @@ def _interrupted_by_sigterm() -> Iterator[None]:
     def terminate(*_: object) -> None:
         raise _TerminatedError
 
-    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+    if threading.current_thread() is not threading.main_thread():  # signals reach only the main thread
         yield
         return
     before = signal.signal(signal.SIGTERM, terminate)
@@ -120,14 +120,14 @@ def _interrupted_by_sigterm() -> Iterator[None]:
 
 
 def _open_what_is_closed() -> None:
-    """Discard output to a stream that was closed before the start (`>&-`); Python has None for it."""
+    """Replace a standard stream that was closed before the start (`>&-`), which is None in Python."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
 
 
 def _print_any_name() -> None:
-    """Print characters that the terminal's encoding lacks by their codes."""
+    """Print characters that the terminal's encoding lacks as escape codes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -147,18 +147,18 @@ def _parse_error(error: CycloptsError, arguments: list[str]) -> str:
 
 
 def _unknown_option(error: UnknownOptionError) -> str:
-    """The complaint about an option that there is not, with the one that was meant if its name is close."""
+    """Message about an unknown option, with a suggestion if a similar one exists."""
     name = (error.token.keyword or error.token.value).partition("=")[0]
     known = {each for argument in error.argument_collection for each in argument.names}
     meant = get_close_matches(name.lstrip("-"), [each.lstrip("-") for each in known], n=1, cutoff=CLOSE)
     hint = "".join(f". Did you mean --{each}?" for each in meant)
     if not meant and {"--preset", "--set"} <= known:
-        hint = "; a setting is changed by --set KEY=VALUE"
+        hint = "; change a setting by --set KEY=VALUE"
     return f"Unknown option: {name}{hint}"
 
 
 def _unexpected(argument: str, arguments: list[str]) -> str:
-    """The complaint about an argument too many. After an option's value it may be meant as a second value."""
+    """Message about a superfluous argument. After an option's value it may be intended as a second value."""
     *_, option, _ = ["", "", *takewhile(lambda earlier: earlier != argument, arguments)]
     hint = f"; to give {option} several values, join them with commas" if option.startswith("--") else ""
     return f"unexpected argument '{argument}'{hint}"

@@ -1,4 +1,4 @@
-"""A question to confirm before anything moves."""
+"""Question that the user confirms before anything moves."""
 
 import sys
 from typing import Annotated
@@ -15,6 +15,6 @@ def confirm(question: str, yes: bool) -> None:
     if yes:
         return
     if not sys.stdin.isatty():
-        raise UserError("nobody is there to confirm: add --yes")
+        raise UserError("no terminal for the confirmation: add --yes")
     if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
         raise UserError("not confirmed")

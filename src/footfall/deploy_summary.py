@@ -1,11 +1,11 @@
-"""What `footfall deploy` shows at the end of a run."""
+"""Summary at the end of `footfall deploy`."""
 
 import math
 from typing import Any
 
 
 def show(figures: dict[str, Any]) -> None:
-    """A summary for people."""
+    """Print a summary for the user."""
     from rich.console import Console
     from rich.table import Table
 
@@ -23,8 +23,8 @@ def show(figures: dict[str, Any]) -> None:
     ]
     if timing["lateness_us_max"]:
         late = "{lateness_us_p50:.0f} us p50, {lateness_us_p99:.0f} us p99"
-        long = "{overruns:.0f} of {ticks:.0f} ticks, {ticks_skipped:.0f} were left out"
-        rows += [("lateness", late.format(**timing)), ("took too long", long.format(**timing))]
+        long = "{overruns:.0f} of {ticks:.0f} ticks, {ticks_skipped:.0f} were skipped"
+        rows += [("lateness", late.format(**timing)), ("overran", long.format(**timing))]
     loads = [f"{bus['name']} {bus['load']:.0%}" for bus in figures["buses"] if bus["load"] is not None]
     if loads:
         rows.append(("bus load", ", ".join(loads)))

@@ -1,4 +1,4 @@
-"""What evaluate and compare share: their options, and the exit status after failed episodes."""
+"""Options and exit status of evaluate and compare."""
 
 import sys
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class EvaluationOptions:
 
     robot: RobotName = DEFAULT_ROBOT
     scenarios: Names = EvaluationConfig.scenarios
-    """Names of scenarios, see evaluate/scenarios.yaml; also a mission's YAML file."""
+    """Names of scenarios (see evaluate/scenarios.yaml), or YAML files of missions."""
     scenario_file: ScenarioFile = None
     episodes: Annotated[Count | None, Parameter(show_default=False)] = None
     """Episodes of each scenario (default: the scenario's own number)."""
@@ -46,27 +46,27 @@ class EvaluationOptions:
     plant: Plant = None
     engine: Engine = DEFAULT_ENGINE
     ground_truth: bool = False
-    """Hand policies the simulator's base velocity instead of an estimate, for study."""
+    """Give policies the simulator's base velocity instead of an estimate, for studies."""
     get_up: Annotated[PolicyName | None, AS_TYPED, Parameter(show_default=False)] = None
-    """After a fall the robot gets up by this policy and walks on (default: a fall ends the episode)."""
+    """Get up after a fall with this policy and walk on (default: a fall ends the episode)."""
     metrics: Annotated[Names, Parameter(show_default=False)] = ()
     """Metrics of your own, MODULE:NAME each: functions of a trace and a robot that return a number."""
     settings: ControllerSettings = ()
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
-    """Processes (default: one for each core)."""
+    """Number of processes (default: number of cores)."""
     require: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False, metavar="TEXT")] = ()
-    """Limit of a figure, such as 'nominal.falls <= 0'; exit 1 if it is not met; may be repeated."""
+    """Limit of a figure, such as 'nominal.falls <= 0'; exit 1 if violated; may be repeated."""
     junit: Annotated[OptionalPath, Parameter(show_default=False)] = None
     """Write the requirements' outcomes to this file, as JUnit XML."""
     json: JsonFile = None
 
 
-NOMINAL = EvaluationOptions()  # every option left out
+NOMINAL = EvaluationOptions()  # default options
 NOT_MET = 1  # an episode failed, or a requirement is not met
 
 
 def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
-    """The options as `footfall.evaluate.api` takes them."""
+    """The options as a configuration for `footfall.evaluate.api`."""
     from footfall.operate.missions.run import mission_run
 
     own = {**named(options.scenarios)._asdict(), "mission_run": mission_run}
@@ -75,10 +75,10 @@ def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
 
 
 def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
-    """The requirements, before anything is run.
+    """The requirements, checked before any episode.
 
     Raises:
-        UserError: one has another form or names something unknown, or the XML cannot be written.
+        UserError: a requirement is malformed or has an unknown name, or the XML file cannot be written.
     """
     from footfall.common.outputs import check_outputs
     from footfall.evaluate.requirements import parse_requirements
@@ -92,12 +92,12 @@ def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
 def exit_status(
     results: "Results", requirements: "Sequence[Requirement]" = (), junit: Path | None = None
 ) -> int:
-    """0, or 1 and lines on stderr if an episode could not be run or a requirement is not met.
+    """Print failures on stderr; returns 0, or 1 if an episode failed or a requirement is not met.
 
     Args:
-        results: by policy, as `footfall.evaluate.api.evaluate_policy` returns them.
-        requirements: of `requirements_of`.
-        junit: file for their outcomes.
+        results: results by policy, as from `footfall.evaluate.api.evaluate_policy`.
+        requirements: requirements from `requirements_of`.
+        junit: JUnit file for their outcomes.
     """
     from footfall.common.outputs import write_text
     from footfall.evaluate.failures import failures

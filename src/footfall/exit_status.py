@@ -1,4 +1,4 @@
-"""What the command ends with, other than 0 and what a verb returns."""
+"""Exit statuses of the command line, other than 0 and the verbs' own."""
 
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT

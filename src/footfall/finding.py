@@ -1,4 +1,4 @@
-"""What a check of `footfall doctor` found."""
+"""Result of one check of `footfall doctor`."""
 
 from typing import NamedTuple
 
@@ -9,4 +9,4 @@ class Finding(NamedTuple):
     what: str
     good: bool
     found: str
-    advice: str = ""  # what to do about it, where something is to be done
+    advice: str = ""  # what to do; empty if nothing is needed

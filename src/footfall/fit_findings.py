@@ -1,4 +1,4 @@
-"""What a fit found, in lines and figures."""
+"""Results of a fit as lines of text and as figures."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,7 +7,7 @@ from footfall.identify.fit import MISFIT, LegFit
 
 
 def verdicts(fit: LegFit) -> list[str]:
-    """A line for each joint, and what would explain a misfit."""
+    """One line for each joint, and the effect that best explains a misfit."""
     lines = []
     for place, joint in enumerate(fit.leg.joint_names):
         ratio = fit.misfit[place]
@@ -24,22 +24,22 @@ def verdicts(fit: LegFit) -> list[str]:
             f" fit again with --effects {found.best}"
         )
     elif found is not None:
-        lines.append("no known effect explains it: look for a moving base, loose parts, a weight, a cable")
+        lines.append("no known effect explains it: check for a moving base, loose parts, a weight, a cable")
     return lines
 
 
 def not_told(fit: LegFit) -> list[tuple[str, str]]:
-    """Parameters that the motion does not tell, and what each is tied to."""
+    """Parameters that the motion does not determine, each with the parameters it is coupled to."""
     return [
-        (parameter.label, "tied to " + ", ".join(name for name in tie.parts if name != parameter.label))
+        (parameter.label, "coupled to " + ", ".join(name for name in tie.parts if name != parameter.label))
         if len(tie.parts) > 1
-        else (parameter.label, "without a trace in the motion")
+        else (parameter.label, "no effect on the motion")
         for parameter, tie in fit.frozen.items()
     ]
 
 
 def figures(fits: Sequence[LegFit]) -> dict[str, Any]:
-    """Every figure, for JSON."""
+    """All figures, for JSON."""
     return {"legs": [_leg_figures(fit) for fit in fits]}
 
 

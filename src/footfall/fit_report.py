@@ -1,4 +1,4 @@
-"""The page of a fit, put together from what `identify` found."""
+"""HTML page with the results of a fit."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: Path | None) -> str:
-    """The page of a fit; it needs the extra `report`."""
+    """HTML page of a fit; requires the extra `report`."""
     from footfall.evaluate.report.fit_page import render
 
     wrong = [fit.leg.name for fit in fits if (fit.misfit > MISFIT).any()]
     worst = max(float(fit.held_out_rad.max()) for fit in fits)
     gain = min(float((fit.nominal_rad / fit.held_out_rad).min()) for fit in fits)
     headline = (
-        f"The model does not fit {', '.join(wrong)}: figures and intervals must not be believed."
+        f"The model does not fit {', '.join(wrong)}: figures and intervals are not valid."
         if wrong
         else f"Held out: within {1e3 * worst:.2f} mrad rms, at least {gain:.1f} times better than nominal."
     )
@@ -29,7 +29,7 @@ def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: P
         ("nominal robot", f"{robot.name}, digest {robot.digest}"),
         ("recordings", ", ".join(str(log) for log in logs)),
         ("held out", judges),
-        ("intervals", "95 %, by bootstrap over windows with refits; they know nothing of a wrong model"),
+        ("intervals", "95 %, by bootstrap over windows with refits; valid only if the model is right"),
         ("misfit", f"a residual of more than {MISFIT:g} times the noise of the readings"),
     ]
     return render(f"{robot.name}: identified", headline, [_part(fit) for fit in fits], about)

@@ -1,8 +1,8 @@
-"""Environments for gymnasium: importing this module registers them.
+"""Gymnasium environments; importing this module registers them.
 
     gymnasium.make("footfall.gym:footfall/Go1Velocity-v0")
 
-imports it by itself. There is one for each robot that ships.
+imports it automatically. There is one environment for each shipped robot.
 """
 
 from dataclasses import replace
@@ -24,13 +24,13 @@ def make_single(
     physics: Literal["generated", "mjx", "c"] = "generated",
     render_mode: str | None = None,
 ) -> "GymnasiumEnv":
-    """One environment.
+    """A single environment.
 
     Args:
-        robot: a name, or a folder with robot.yaml.
-        preset: a training preset, by name or file; its `env` part is used.
-        physics: instead of the preset's.
-        render_mode: rgb_array or nothing.
+        robot: name of a robot, or a folder with robot.yaml.
+        preset: training preset, by name or file; its `env` section is used.
+        physics: replaces the preset's physics.
+        render_mode: "rgb_array" or None.
 
     Raises:
         UserError: there is no such robot, preset or render mode.
@@ -49,7 +49,7 @@ def make_vector(
     physics: Literal["generated", "mjx", "c"] = "generated",
     render_mode: str | None = None,
 ) -> "GymnasiumVectorEnv":
-    """Many environments that step as one; otherwise as `make_single`."""
+    """A vector environment; other arguments as in `make_single`."""
     from footfall.envs.gymnasium_env import GymnasiumVectorEnv
 
     description = load_robot(robot)

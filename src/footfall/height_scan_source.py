@@ -1,4 +1,4 @@
-"""Where the height scans of a run come from."""
+"""Source of a run's height scans."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,13 +13,13 @@ AUTO, OFF, UDP, ROS2 = "auto", "off", "udp", "ros2"
 
 
 def arrive_by_the_clock(chosen: str) -> bool:
-    """Whether scans of this source come from another program, which keeps to the wall clock."""
+    """Whether scans come from another program, in real time."""
     return chosen.partition(":")[0] in (UDP, ROS2)
 
 
 @contextmanager
 def height_scan_source(chosen: str) -> "Iterator[HeightScanSource | None]":
-    """The source that `--height-scan` names; None for the simulated robot's own.
+    """Source named by `--height-scan`; None for the simulated robot's own scans.
 
     Raises:
         UserError: there is no such source, or it cannot be opened.

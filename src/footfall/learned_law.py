@@ -1,4 +1,4 @@
-"""Adds an actuator net to identified legs, and judges it beside the physical law on held-out motion."""
+"""Trains an actuator net for identified legs, and compares it with the physical law on held-out motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from footfall.train.actuator_net import NetConfig, Trained
 
 FILE = "actuator_net.npz"
-DECIDES, JUDGES = 1, 3  # of every four windows of a fit, from 0
+DECIDES, JUDGES = 1, 3  # indices in each four windows of a fit: validation and test
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A leg's rms position errors over held-out windows, rad, (n,) each."""
+    """Rms position errors of a leg over held-out windows, rad, (n,) each."""
 
     leg: FixedLeg
     nominal_rad: np.ndarray
-    law_rad: np.ndarray  # of the fitted physical law
-    net_rad: np.ndarray  # of the proposed folder's law with its net
+    law_rad: np.ndarray  # fitted physical law
+    net_rad: np.ndarray  # law of the proposed folder, with its net
 
     def rows(self) -> list[list[str]]:
-        """Joint, and each error in mrad."""
+        """Joint, and its errors in mrad."""
         errors = 1e3 * np.stack([self.nominal_rad, self.law_rad, self.net_rad], axis=1)
         names = self.leg.joint_names
         return [[name, *map("{:.2f}".format, row)] for name, row in zip(names, errors.tolist(), strict=True)]
 
     def figures(self) -> dict[str, Any]:
-        """For a file."""
+        """The errors, for a JSON file."""
         errors = {"nominal": self.nominal_rad, "law": self.law_rad, "net": self.net_rad}
         return {"leg": self.leg.name, "held_out_rad": {name: each.tolist() for name, each in errors.items()}}
 
@@ -58,18 +58,20 @@ def learn(
     folder: Path,
     config: "NetConfig",
 ) -> list[Comparison]:
-    """Write a proposed robot folder whose motors have a net, and judge it.
+    """Write a proposed robot folder whose motors have a net, and evaluate it.
 
-    The folder has the identified bodies and losses. The net learns what its law lacks, with strength, gains
-    and lag. Delay and encoder bias stay those of the fit.
+    The folder has the identified bodies and losses. The net learns the rest of the motor's torque, including
+    strength, gains and lag. Delay and encoder bias come from the fit.
 
     Args:
-        robot: nominal.
-        fits: of its legs, to the same recordings.
-        recordings: of the robot. The last of several decides which net is kept; of one, some seconds do.
-        held_out: judge; without any, every fourth second of each recording does, as in the fit.
-        folder: must not exist.
-        config: of the training.
+        robot: nominal robot.
+        fits: fits of its legs, to the same recordings.
+        recordings: recordings of the robot. The last one decides which net is kept; a single one is split in
+            time.
+        held_out: recordings for the comparison; without any, every fourth second of each recording, as in the
+            fit.
+        folder: folder to write; must not exist.
+        config: settings of the training.
     """
     propose(robot, fits, [each.source for each in recordings], folder, with_net=True)
     made = {leg.name: leg for leg in fixed_legs(load_robot(folder))}
@@ -97,7 +99,7 @@ def _compared(
 
 
 def _kept(fit: LegFit) -> dict[Parameter, float]:
-    """What the wires and the encoders are identified to do: no part of a net."""
+    """Fitted values of delay and encoder bias, which are not part of a net."""
     kinds = "delay_s", "encoder_bias"
     return {each.parameter: each.value for each in fit.estimates if each.parameter.quantity in kinds}
 
@@ -127,7 +129,7 @@ def _trained(
 
 
 def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
-    """The motion with windows in some of every four blocks."""
+    """The motion, restricted to some blocks of every four."""
     every = FitConfig().hold_out_every
     if len(blocks) == every:
         return motion
@@ -135,7 +137,7 @@ def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
 
 
 def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> ActuatorNet:
-    """Nets of all joints; those that were not trained add no torque."""
+    """Nets of all joints; joints without training have a net without torque."""
     like = trained[0][1].net
 
     def empty(array: np.ndarray) -> np.ndarray:

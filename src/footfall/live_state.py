@@ -1,4 +1,4 @@
-"""What a running control loop is doing, shown a few times a second from beside it."""
+"""State of a running control loop, displayed by another thread."""
 
 import os
 import termios
@@ -17,9 +17,9 @@ from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
 from footfall.service_manager import telling_service_manager
 
-PER_SECOND = 5  # on a terminal
-LINE_EVERY_S = 5.0  # elsewhere
-PATIENCE_S = 1.0  # for an output that takes nothing
+PER_SECOND = 5  # updates per second on a terminal
+LINE_EVERY_S = 5.0  # interval otherwise
+PATIENCE_S = 1.0  # timeout of a blocked output
 
 
 @contextmanager
@@ -30,16 +30,15 @@ def live_state(
     console: Console | None = None,
     line: Callable[[], str] = str,
 ) -> Iterator[None]:
-    """Show a loop's state for as long as the context lasts: in place on a terminal, else line by line.
-
-    A service manager is told, too.
+    """Show a loop's state while the context is open: in place on a terminal, else line by line.
+    A service manager gets it, too.
 
     Args:
-        loop: the loop; it is only looked at, from another thread.
+        loop: the loop; another thread reads its state.
         velocity: the base's velocity, m/s, body frame, (3,); NaN if unknown.
-        duration_s: how long it shall walk, at most.
-        console: where to show it.
-        line: how it is steered; empty for nothing to tell.
+        duration_s: longest walking time.
+        console: output; None for the standard output.
+        line: second line, about the steering; empty for none.
     """
     console = console or Console()
     ended = threading.Event()
@@ -61,7 +60,7 @@ def live_state(
             console.print(state(), highlight=False)
 
     def show() -> None:
-        with suppress(OSError, SystemExit):  # a full disk, a closed terminal: the result is told elsewhere
+        with suppress(OSError, SystemExit):  # the result is reported elsewhere, too
             (draw if console.is_terminal else print_lines)()
 
     thread = threading.Thread(target=show, name="live state", daemon=True)
@@ -76,15 +75,15 @@ def live_state(
 
 
 def resume(output: IO[str]) -> None:
-    """Resume a terminal's output that Ctrl-S stopped: what is said at the end has to be seen."""
-    with suppress(OSError, ValueError, termios.error):  # no terminal, or one that is gone
+    """Resume a terminal's output after Ctrl-S, so that the final messages are visible."""
+    with suppress(OSError, ValueError, termios.error):  # not a terminal, or a closed one
         if os.tcgetpgrp(output.fileno()) == os.getpgrp():  # in the background it would stop the process
-            termios.tcflow(output.fileno(), termios.TCOOFF)  # Linux resumes what this call has stopped
+            termios.tcflow(output.fileno(), termios.TCOOFF)  # Linux resumes only what this call has stopped
             termios.tcflow(output.fileno(), termios.TCOON)
 
 
 def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
-    """The state in one line."""
+    """State of the loop in one line."""
     walking_s = loop.walking_s if loop.walking else loop.walked_s
     hold = "hold it up: " if loop.held_up else ""
     parts = [

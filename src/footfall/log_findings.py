@@ -1,4 +1,4 @@
-"""What `footfall log` says of a log: its findings, and one line above them."""
+"""Findings about a log for `footfall log`, and a headline."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def findings_of(file: Path, robot: str | None) -> "LogFindings":
-    """What a log tells; of feet only if its robot is here."""
+    """Findings about a log. Those about feet require a description of its robot."""
     from footfall.deploy.log_analysis.columns import read_columns
     from footfall.deploy.log_analysis.findings import LogFindings
     from footfall.deploy.log_analysis.robot import logged_robot
@@ -23,7 +23,7 @@ def findings_of(file: Path, robot: str | None) -> "LogFindings":
         found = load_robot(robot)
         if list(found.joint_names) != columns.joints:
             raise UserError(
-                f"{file} is of another robot than {robot}: its joints are {', '.join(columns.joints)}"
+                f"{file} is from another robot than {robot}: its joints are {', '.join(columns.joints)}"
             )
     with suppress(UserError):
         found = found or logged_robot(columns.log)
@@ -31,7 +31,7 @@ def findings_of(file: Path, robot: str | None) -> "LogFindings":
 
 
 def headline(found: "LogFindings") -> str:
-    """When, what and for how long."""
+    """Policy, robot, date and duration."""
     from datetime import UTC, datetime
 
     from footfall.deploy.clock import LOCKSTEP_START_NS

@@ -1,4 +1,4 @@
-"""What this machine can do, one finding at a time, for `footfall doctor`."""
+"""Checks of this machine for `footfall doctor`, one finding each."""
 
 import importlib.util
 import json
@@ -21,26 +21,26 @@ FOR_DEVELOPERS = ("dev",)
 
 
 def findings() -> Iterator[Finding]:
-    """Run all checks, in the order in which a newcomer needs them."""
+    """Run all checks, in the order that suits a new user."""
     for look in CHECKS:
         yield look()
 
 
 def check_python() -> Finding:
-    """Python and its processor."""
+    """Version of Python, and the processor."""
     return Finding("Python", True, f"{platform.python_version()} on {platform.machine()}, {sys.executable}")
 
 
 def check_packages() -> Finding:
-    """Whether all packages are there that acting on a robot needs."""
+    """Whether all packages for running on a robot are installed."""
     lacking = missing()
     if not lacking:
-        return Finding("packages", True, "all that acting on a robot needs")
+        return Finding("packages", True, "all that are required on a robot")
     return Finding("packages", False, f"missing or too old: {_names(lacking)}", install(*map(str, lacking)))
 
 
 def check_extras() -> Finding:
-    """Which extras are installed."""
+    """Installed extras."""
     lacking = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
     there = [extra for extra, packages in lacking.items() if not packages]
     absent = [extra for extra in lacking if extra not in there]
@@ -48,7 +48,7 @@ def check_extras() -> Finding:
         return Finding("extras", True, ", ".join(there))
     found = [", ".join(there)] if there else []
     found += [f"{extra} lacks {_names(lacking[extra])}" for extra in absent]
-    return Finding("extras", False, "; ".join(found), f"where wanted: {install_extras(*absent)}")
+    return Finding("extras", False, "; ".join(found), f"if you need them: {install_extras(*absent)}")
 
 
 def _names(packages: list[Requirement]) -> str:
@@ -56,13 +56,13 @@ def _names(packages: list[Requirement]) -> str:
 
 
 def check_simulators() -> Finding:
-    """Whether both simulators are of one release."""
+    """Whether both simulators have the same release."""
     versions = {}
     for name in ("mujoco", "mujoco-mjx"):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
-            for_training = name == "mujoco-mjx"  # the other one is among the packages
+            for_training = name == "mujoco-mjx"  # mujoco is among the required packages
             advice = f"to train: {install_extras('train')}" if for_training else ""
             return Finding("simulators", for_training, f"{name} is not installed", advice)
     found = ", ".join(f"{name} {number}" for name, number in versions.items())
@@ -71,7 +71,7 @@ def check_simulators() -> Finding:
 
 
 def check_accelerator() -> Finding:
-    """Whether JAX finds a device other than a processor."""
+    """Whether JAX finds a device other than a CPU."""
     if importlib.util.find_spec("jax") is None:
         return Finding("accelerator", False, "no JAX", f"to train: {install_extras('train')}")
     code = "import jax, json; print(json.dumps([d.device_kind for d in jax.devices()]))"
@@ -80,12 +80,12 @@ def check_accelerator() -> Finding:
         return Finding("accelerator", False, "JAX does not start", output)
     kinds = json.loads(output)
     gpu = any(kind != "cpu" for kind in kinds)
-    advice = "" if gpu else f"the gpu preset wants a GPU: {install('jax[cuda12]')}"
+    advice = "" if gpu else f"the gpu preset needs a GPU: {install('jax[cuda12]')}"
     return Finding("accelerator", gpu, ", ".join(kinds), advice)
 
 
 def check_rendering() -> Finding:
-    """Whether MuJoCo can draw without a display."""
+    """Whether MuJoCo can render without a display."""
     code = (
         "import mujoco\n"
         "model = mujoco.MjModel.from_xml_string("
@@ -97,7 +97,7 @@ def check_rendering() -> Finding:
         if _probe(code, MUJOCO_GL=backend)[0]:
             return Finding("offscreen rendering", True, f"works with MUJOCO_GL={backend}")
     return Finding(
-        "offscreen rendering", False, "no", "reports go without video; on Debian: apt install libegl1"
+        "offscreen rendering", False, "no", "reports have no video; on Debian: apt install libegl1"
     )
 
 
@@ -110,7 +110,7 @@ def check_cache() -> Finding:
 
 
 def _probe(code: str, **environment: str) -> tuple[bool, str]:
-    """Run Python apart; returns whether it succeeded, and its last line."""
+    """Run Python code in a separate process; returns whether it succeeded, and its last line."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-c", code],

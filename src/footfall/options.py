@@ -1,4 +1,4 @@
-"""Types of the options that several verbs share: how they are read, checked and explained."""
+"""Types of options used by several verbs: parsing, checks and help."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,28 +11,28 @@ from footfall.common.limits import FASTEST, LONGEST_S
 
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:
-    """'0.5,0,0' as three numbers."""
+    """Parse '0.5,0,0' as three numbers."""
     text = tokens[0].value
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
     if len(numbers) != 3 or not all(abs(number) <= FASTEST for number in numbers):
-        raise ValueError(f"expected three numbers such as 0.5,0,0, none beyond {FASTEST:g}, found '{text}'")
+        raise ValueError(f"expected three numbers such as 0.5,0,0, at most {FASTEST:g} each, found '{text}'")
     return numbers
 
 
 def _names(_: type, tokens: Any) -> tuple[str, ...]:
-    """'nominal,push' as two names."""
+    """Parse 'nominal,push' as two names."""
     text = tokens[0].value
     names = tuple(part.strip() for part in text.split(","))
     if not all(names):
-        raise ValueError(f"expected names with commas between them such as nominal,push, found '{text}'")
+        raise ValueError(f"expected names separated by commas such as nominal,push, found '{text}'")
     return names
 
 
 def _whole(_: type, tokens: Any) -> int:
-    """A whole number; '1.5' is none."""
+    """Parse an integer; '1.5' is refused."""
     try:
         return int(tokens[0].value)
     except ValueError:
@@ -45,17 +45,17 @@ def _seconds(_: type, value: float | None) -> None:
 
 
 def _as_typed(kind: Any, tokens: Any) -> Any:
-    """The value in its type. cyclopts would take 'none' to mean that the option was left out."""
+    """The value in its type. Otherwise cyclopts would treat 'none' as a missing option."""
     return convert(kind, tokens)
 
 
-AS_TYPED = Parameter(converter=_as_typed)  # for options that may be left out
+AS_TYPED = Parameter(converter=_as_typed)  # for optional options
 OptionalPath = Annotated[Path | None, AS_TYPED]
 
 PolicyName = Annotated[
     str,
     Parameter(
-        help="A run folder, an .onnx file, a name in the zoo, a controller of the robot (stand; with other"
+        help="A run folder, an .onnx file, a zoo policy, a controller of the robot (stand; with changed"
         " settings stand@mine.yaml, stand@kp=50), or MODULE:CLASS, a controller of your own."
     ),
 ]
@@ -66,7 +66,7 @@ ControllerSettings = Annotated[
         negative=(),
         show_default=False,
         metavar="CONTROLLER.KEY=VALUE",
-        help="Another setting of a named controller than the robot's controllers.yaml has; may be repeated.",
+        help="Change of a setting in a named controller's controllers.yaml; may be repeated.",
     ),
 ]
 PresetSettings = Annotated[
@@ -76,7 +76,7 @@ PresetSettings = Annotated[
         negative=(),
         show_default=False,
         metavar="KEY=VALUE",
-        help="Another value of a preset's setting, such as ppo.learning_rate=0.001 or env.episode_s=10;"
+        help="Change of a preset's setting, such as ppo.learning_rate=0.001 or env.episode_s=10;"
         " may be repeated.",
     ),
 ]
@@ -91,15 +91,15 @@ Seed = Annotated[
 ]
 Plant = Annotated[
     OptionalPath,
-    Parameter(help="Another MJCF for the simulated robot's body, matched by joint name (default: its own)."),
+    Parameter(help="MJCF for the simulated robot's body, matched by joint names (default: the robot's own)."),
 ]
 Engine = Annotated[
     EngineName,
-    Parameter(help="What moves the simulated robot's bodies; drake needs the extra of that name."),
+    Parameter(help="Physics engine of the simulated robot; drake needs the extra of that name."),
 ]
 ScenarioFile = Annotated[
     OptionalPath,
-    Parameter(help="Scenarios of your own in YAML, beside those of evaluate/scenarios.yaml."),
+    Parameter(help="YAML file with further scenarios, in addition to evaluate/scenarios.yaml."),
 ]
 JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this file.")]
 HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]

@@ -1,4 +1,4 @@
-"""Standard output that can no longer be written."""
+"""Standard output that cannot be written any more."""
 
 import io
 import os
@@ -7,8 +7,8 @@ from contextlib import suppress
 
 
 def discard_output() -> None:
-    """Discard what is still buffered for an output that cannot take it."""
-    with suppress(io.UnsupportedOperation, OSError):  # an output in memory; no descriptor is left
+    """Discard buffered output of a stream that cannot be written."""
+    with suppress(io.UnsupportedOperation, OSError):  # an output in memory; no free descriptor
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())
         os.close(null)

@@ -1,4 +1,4 @@
-"""The result of a run: kept and shown wherever anything can be written."""
+"""Output of a run's result, robust against failing files and terminals."""
 
 import os
 import sys
@@ -17,25 +17,25 @@ from footfall.output import discard_output
 
 
 def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[], None], status: int) -> int:
-    """Write a run's figures and show them; neither depends on the other.
+    """Write a run's figures and show them; each happens even if the other fails.
 
-    If one fails, a line on standard error has the final state and the faults. Figures that cannot be written
-    to their file, or shown if there is no file, are kept in the folder for temporary files.
+    If one fails, a line on stderr has the final state and the faults. Figures that can neither be written
+    to their file nor (without a file) be shown are saved in the folder for temporary files.
 
     Args:
-        figures: with `final_state` and `faults`.
-        path: of the JSON file, if one was asked for.
+        figures: figures of the run, including `final_state` and `faults`.
+        path: JSON file, if requested.
         show: prints a summary.
-        status: the run's exit status.
+        status: exit status of the run.
 
     Returns:
-        The run's exit status; `BAD_INPUT` if a run that ended well did not reach its file, or, without one,
-        the standard output.
+        The exit status of the run; `BAD_INPUT` if the run succeeded and its figures reached neither file nor,
+        without a file, the standard output.
 
     Raises:
-        BrokenPipeError: the reader of the output is gone, and nothing else went wrong.
+        BrokenPipeError: the reader of the output has closed it, and nothing else failed.
     """
-    with handling(lambda *_: None):  # a terminal that closes sends SIGHUP twice
+    with handling(lambda *_: None):  # a closing terminal sends SIGHUP twice
         not_written, not_shown = _write(path, figures), _shown(show)
         if not (not_written or not_shown):
             return status
@@ -54,7 +54,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
 
 
 def _write(path: Path | None, figures: dict[str, Any]) -> str:
-    """Write the figures; returns why they cannot be, empty if they are."""
+    """Write the figures; returns the reason for a failure, else an empty string."""
     try:
         write_json(path, figures)
     except UserError as error:
@@ -63,7 +63,7 @@ def _write(path: Path | None, figures: dict[str, Any]) -> str:
 
 
 def _shown(show: Callable[[], None]) -> BaseException | None:
-    """Show the summary; returns what went wrong."""
+    """Show the summary; returns the exception of a failure."""
 
     def act() -> None:
         show()
@@ -76,7 +76,7 @@ def _shown(show: Callable[[], None]) -> BaseException | None:
 
 
 def _keep_elsewhere(figures: dict[str, Any]) -> str:
-    """Write the figures to the folder for temporary files; returns a line about it, empty if that fails."""
+    """Write the figures to the folder for temporary files; returns a message, empty if that fails."""
     with suppress(UserError, OSError):
         path = Path(tempfile.gettempdir()) / f"footfall-{os.getpid()}.json"
         write_json(path, figures)

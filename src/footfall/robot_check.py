@@ -1,4 +1,4 @@
-"""What `footfall robot check` prints of a robot and of its tests in simulation."""
+"""Printed results of `footfall robot check`, and their limits."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -59,14 +59,14 @@ def show_feet(inspection: "Inspection") -> None:
 
 def show_standing(robot: "Robot", standing: "StandingResult | None") -> None:
     if standing is None:
-        print("no standing test: a run holds it up, and lets it go once it steps in place (held_start)\n")
+        print("no standing test: hold this robot up in a run until it steps in place (held_start)\n")
         return
     hardest = int(standing.torque_share.argmax())
     share = f"{100 * standing.torque_share[hardest]:.0f} % of its peak torque"
-    print(f"standing test, {standing.stood_s:.1f} s on the joint law over the simulated bus:")
+    print(f"standing test, {standing.stood_s:.1f} s with the joint law over the simulated bus:")
     print(f"  sank {1e3 * standing.sank_m:.0f} mm of {1e3 * robot.description.standing_height_m:.0f}")
     print(f"  tilted {np.degrees(standing.tilt_rad):.1f} degrees, moved {1e3 * standing.moved_m:.0f} mm")
-    print(f"  hardest at work: {robot.joint_names[hardest]}, {share}\n")
+    print(f"  highest load: {robot.joint_names[hardest]}, {share}\n")
 
 
 def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterator[str]:
@@ -74,10 +74,10 @@ def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterato
         return
     if not standing.stood:
         why = standing.fall_reason or "; ".join(standing.faults)
-        yield f"it does not stand by itself: {why} after {standing.stood_s:.1f} s"
+        yield f"it does not stand: {why} after {standing.stood_s:.1f} s"
         return
     if standing.sank_m > MOST_SUNK * robot.description.standing_height_m:
-        yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose asks for too much"
+        yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose is hard to hold"
     if standing.tilt_rad > MAX_TILT_RAD:
         yield f"it tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
     for name, share in zip(robot.joint_names, standing.torque_share, strict=True):
@@ -90,7 +90,7 @@ def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterato
 
 def show_lying(lying: "LyingResult | None") -> None:
     if lying is None:
-        print("no lying pose (lying_rad in robot.yaml): it cannot lie down before its motors go off\n")
+        print("no lying test: without lying_rad in robot.yaml it does not lie down at the end\n")
         return
     print("lying test, from the ground to the default pose and back:")
     print(f"  base {1e3 * max(lying.clearance_m, 0.0):.0f} mm above the ground at the end")
@@ -99,7 +99,7 @@ def show_lying(lying: "LyingResult | None") -> None:
 
 def wrong_lying(lying: "LyingResult | None") -> Iterator[str]:
     if lying is not None and lying.trouble:
-        yield f"it does not stand up from its lying pose and go back to it: {lying.trouble}"
+        yield f"it does not stand up from its lying pose and lie down again: {lying.trouble}"
 
 
 def show_controllers(results: "Sequence[ControllerResult]") -> None:
@@ -115,7 +115,7 @@ def show_controllers(results: "Sequence[ControllerResult]") -> None:
         ]
         for result in results
     ]
-    _print_table(["controller", "asked, m/s", "speed, m/s", "in simulation"], rows)
+    _print_table(["controller", "command, m/s", "speed, m/s", "in simulation"], rows)
     print()
 
 
@@ -127,7 +127,7 @@ def wrong_controllers(results: "Sequence[ControllerResult]") -> Iterator[str]:
 
 
 def beyond_frames(robot: "Robot") -> Iterator[str]:
-    """Gains that a motor's frames cannot carry: they would be cut."""
+    """Gains above the range of the motor's CAN frames, which would be clamped."""
     from footfall.deploy.drivers.mit import RANGES
 
     for joint, kp, kd in zip(robot.description.joints, robot.kp, robot.kd, strict=True):
@@ -137,11 +137,11 @@ def beyond_frames(robot: "Robot") -> Iterator[str]:
             continue
         for gain, value, most in (("kp", kp, ranges.kp), ("kd", kd, ranges.kd)):
             if value > most:
-                yield f"joint {joint.name}: {gain} is {value:.3g}, frames of {protocol} carry {most:g}"
+                yield f"joint {joint.name}: {gain} is {value:.3g}, above the {most:g} of {protocol} frames"
 
 
 def _print_table(header: list[str], rows: list[list[str]]) -> None:
-    """Columns as wide as they need to be, also where the output is no terminal."""
+    """Print a table with aligned columns, without terminal codes."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for row in (header, *rows):
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

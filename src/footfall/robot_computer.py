@@ -1,6 +1,6 @@
-"""What a robot's computer needs, one finding at a time, for `footfall doctor`.
+"""Checks of a robot's computer for `footfall doctor`, one finding each.
 
-Checks that read the kernel's files take the folder that stands for `/`.
+Checks that read kernel files take the folder that replaces `/`.
 """
 
 import importlib.util
@@ -23,15 +23,15 @@ from footfall.finding import Finding
 
 ROOT = Path("/")
 CAN_LINK_TYPE = "280"  # ARPHRD_CAN
-MIN_CAN_QUEUE = 64  # frames; the kernel's default of 10 is less than a tick's frames on a full bus
-CLOCK_PROGRAMS = ("chronyd", "ntpd", "ptp4l", "systemd-timesyn")  # as /proc cuts their names
-TIME_ERROR = 5  # of adjtimex: no program sets the clock
+MIN_CAN_QUEUE = 64  # frames; the kernel's default of 10 is less than the frames of one tick on a full bus
+CLOCK_PROGRAMS = ("chronyd", "ntpd", "ptp4l", "systemd-timesyn")  # names as truncated in /proc
+TIME_ERROR = 5  # adjtimex: no program disciplines the clock
 LIMITS = "/etc/security/limits.d/robot.conf"
 PROBE_LIMIT_S = 10
 
 
 def check_processors(root: Path = ROOT) -> Finding:
-    """Number of usable cores, and whether they save power."""
+    """Number of usable cores, and their power governor."""
     usable, cores = usable_cores(), root / "sys/devices/system/cpu"
     governors = {_read(file) for file in cores.glob("cpu[0-9]*/cpufreq/scaling_governor")}
     found = f"{usable} usable" + (f", governor {', '.join(sorted(governors))}" if governors else "")
@@ -41,41 +41,41 @@ def check_processors(root: Path = ROOT) -> Finding:
 
 
 def check_isolated_cores(root: Path = ROOT) -> Finding:
-    """Whether a core is kept free of other programs."""
+    """Whether a core is isolated from other programs."""
     cores = _read(root / "sys/devices/system/cpu/isolated")
     last = (os.cpu_count() or 1) - 1
     advice = (
-        f"a real robot's loop gains from a core of its own: isolcpus={last} nohz_full={last} rcu_nocbs={last}"
+        f"a real robot's loop benefits from its own core: isolcpus={last} nohz_full={last} rcu_nocbs={last}"
         f" in the kernel's command line, CPUAffinity={last} in the service (docs/service.md)"
     )
     return Finding("isolated cores", bool(cores), cores or "none", "" if cores else advice)
 
 
 def check_kernel(root: Path = ROOT) -> Finding:
-    """Whether the kernel is a real-time one."""
+    """Whether the kernel is a real-time kernel."""
     version = _read(root / "proc/version")
     good = "PREEMPT_RT" in version or _read(root / "sys/kernel/realtime") == "1"
     name = version.split()[2] if len(version.split()) > 2 else sys.platform
-    advice = "a real robot's loop is late less often with one: apt install linux-image-rt-amd64 (Debian)"
+    advice = "it reduces the lateness of a real robot's loop: apt install linux-image-rt-amd64 (Debian)"
     found = f"{name}, {'PREEMPT_RT' if good else 'not a real-time kernel'}"
     return Finding("kernel", good, found, "" if good else advice)
 
 
 def check_clock(root: Path = ROOT, synchronised: Callable[[], bool] | None = None) -> Finding:
-    """Whether a program keeps the clock right."""
+    """Whether a program disciplines the clock."""
     names = {_read(file) for file in root.glob("proc/[0-9]*/comm")}
     running = ", ".join(sorted(names.intersection(CLOCK_PROGRAMS)))
     good = (synchronised or clock_is_synchronised)()
     found = ("synchronised" if good else "not synchronised") + (f" by {running}" if running else "")
     wait = "wait for it: chronyc tracking, or timedatectl" if running else "apt install chrony"
-    advice = "" if good else f"only logs of several computers need it: {wait}"
+    advice = "" if good else f"needed only for logs from several computers: {wait}"
     if not good and any(root.glob("sys/class/ptp/ptp*")):
         advice += "; below 1 ms: ptp4l and phc2sys (linuxptp), this network card has a PTP clock"
     return Finding("clock", good, found, advice)
 
 
 def clock_is_synchronised() -> bool:
-    """Whether the kernel's clock is kept right by a program."""
+    """Whether the kernel's clock is disciplined by a program."""
     import ctypes
 
     try:
@@ -90,13 +90,13 @@ def check_can(
     has_sockets: Callable[[], bool] | None = None,
     details: Callable[[], dict[str, Any]] | None = None,
 ) -> Finding:
-    """CAN interfaces: state, bit rate and queue, with the commands that set them right."""
+    """CAN interfaces: state, bit rate and queue, with commands to correct them."""
     links = [path for path in sorted(root.glob("sys/class/net/*")) if _read(path / "type") == CAN_LINK_TYPE]
     if not links:
         socket_missing = (
             "" if (has_sockets or has_can_sockets)() else ", and this system's kernel has no CAN sockets"
         )
-        advice = "only a real robot needs one; --bus sim does without"
+        advice = "needed only for a real robot, not for --bus sim"
         if socket_missing and sys.platform == "linux":
             advice += "; with an adapter: modprobe can_raw"
         return Finding("CAN interfaces", False, f"none{socket_missing}", advice)
@@ -121,7 +121,7 @@ def _can_state(is_down: bool, of_link: dict[str, Any]) -> Iterator[str]:
 
 
 def _can_commands(name: str, is_down: bool, of_link: dict[str, Any], queue: int) -> Iterator[str]:
-    """What sets an interface right."""
+    """Commands that correct an interface."""
     up = f"ip link set {name} up type can bitrate {BITRATE} restart-ms 100"
     if is_down:
         yield up
@@ -131,13 +131,13 @@ def _can_commands(name: str, is_down: bool, of_link: dict[str, Any], queue: int)
     elif of_link.get("state") == "BUS-OFF":
         yield f"ip link set {name} type can restart"
     elif of_link.get("state", "ERROR-ACTIVE") != "ERROR-ACTIVE":
-        yield f"{name} sees errors: 120 ohm at both ends of its bus, and one bit rate for all?"
+        yield f"{name} sees errors: check 120 ohm at both ends of its bus, and one bit rate for all nodes"
     if 0 < queue < MIN_CAN_QUEUE:
         yield f"ip link set {name} txqueuelen {MIN_CAN_QUEUE}"
 
 
 def can_details() -> dict[str, Any]:
-    """What the kernel tells of each CAN controller, by interface; empty where `ip` cannot say."""
+    """Kernel information on each CAN controller, by interface; empty if `ip` has none."""
     if shutil.which("ip") is None:
         return {}
     command = ["ip", "-details", "-json", "link", "show", "type", "can"]
@@ -150,7 +150,7 @@ def can_details() -> dict[str, Any]:
 
 
 def has_can_sockets() -> bool:
-    """Whether the kernel knows the CAN protocol family."""
+    """Whether the kernel has the CAN protocol family."""
     if not hasattr(socket, "AF_CAN"):
         return False
     try:
@@ -161,7 +161,7 @@ def has_can_sockets() -> bool:
 
 
 def check_multicast() -> Finding:
-    """Whether a simulated robot in another process could be reached (udp_multicast)."""
+    """Whether a simulated robot in another process can be reached (udp_multicast)."""
     what, membership = "multicast", socket.inet_aton(MULTICAST_GROUP) + socket.inet_aton("0.0.0.0")
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as joined:
@@ -179,7 +179,7 @@ def check_realtime() -> Finding:
     allowed = False
     if hasattr(os, "sched_setscheduler"):
         parent = os.fork()
-        if parent == 0:  # a child tries, so that this process keeps its own scheduling
+        if parent == 0:  # a child process tries it, so that this process keeps its scheduling
             try:
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
             except OSError:
@@ -190,19 +190,19 @@ def check_realtime() -> Finding:
         "real-time scheduling",
         allowed,
         "permitted" if allowed else "not permitted",
-        "" if allowed else f"only a real robot needs it: 'robot - rtprio 90' in {LIMITS}, for the user robot",
+        "" if allowed else f"needed on a real robot only: 'robot - rtprio 90' in {LIMITS} for user robot",
     )
 
 
 def check_locked_memory() -> Finding:
-    """Whether the loop may keep its memory from being paged out."""
+    """Whether the loop may lock its memory against paging."""
     good = may_lock_memory()
-    advice = f"only a real robot needs it: 'robot - memlock unlimited' in {LIMITS}, for the user robot"
+    advice = f"needed on a real robot only: 'robot - memlock unlimited' in {LIMITS} for user robot"
     return Finding("memory locking", good, "permitted" if good else "not permitted", "" if good else advice)
 
 
 def _read(path: Path) -> str:
-    """Content of a kernel file, empty if it cannot be read."""
+    """Content of a kernel file; empty if it cannot be read."""
     try:
         return path.read_text().strip()
     except OSError:

@@ -1,4 +1,4 @@
-"""Web pages beside a run: a 3-D view, and a cockpit from which the robot is steered."""
+"""Web pages during a run: a 3-D view, and a cockpit that can steer the robot."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
     from footfall.steered import Steered
 
-TIMED = 500  # latest ticks and policy steps whose timing the cockpit shows
-WAITING = "the robot stands up once somebody has taken control there"
+TIMED = 500  # number of latest ticks and policy steps in the cockpit's timing
+WAITING = "the robot stands up once an operator has taken control there"
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunPageOptions:
-    """Web pages about the run. With one of them it keeps to the wall clock."""
+    """Web pages for the run. With any of them it runs in real time."""
 
     view: bool = False
     """Show the robot in 3-D, with footholds, forces and balance (see docs/cockpit.md)."""
     cockpit: bool = False
-    """Serve a web page that shows and stops the run, and steers it unless --command or a mission does."""
+    """Serve a web page that shows and stops the run, and steers it without --command or a mission."""
     foxglove: bool = False
     """Serve the run, read-only, to Foxglove, Lichtblick and PlotJuggler (see docs/logs.md)."""
     ros2: bool = False
-    """Publish the run to ROS 2, whoever steers it (see docs/ros2.md)."""
+    """Publish the run to ROS 2, independently of the steering (see docs/ros2.md)."""
     page_host: str = "localhost"
-    """Name or address to listen at; 0.0.0.0 lets other machines connect."""
+    """Host name or address of the server; 0.0.0.0 allows connections from other machines."""
     view_port: Port = 8080
     cockpit_port: Port = 8090
     foxglove_port: Port = 8765
@@ -45,7 +45,7 @@ NO_PAGES = RunPageOptions()
 
 
 def inbox_of(options: RunPageOptions) -> "Inbox | None":
-    """What a cockpit writes to; None without one."""
+    """Inbox for a cockpit; None without one."""
     if not options.cockpit:
         return None
     from footfall.operate.inbox import Inbox
@@ -61,20 +61,20 @@ def run_pages(
     steering: "Steered",
     inbox: "Inbox | None",
 ) -> Iterator[tuple["Steered", Path | None]]:
-    """Serve the pages for as long as the context lasts. Where a cockpit steers, wait for somebody at it.
+    """Serve the pages while the context is open. If a cockpit steers, wait for an operator first.
 
     Args:
-        options: which pages, and where.
-        robot: that runs.
-        feed: socket of a feed that is served anyway; None for one of the pages' own.
-        steering: how the run is steered.
+        options: pages and addresses.
+        robot: robot of the run.
+        feed: socket of an existing feed; None: the pages get their own.
+        steering: steering of the run.
         inbox: see `inbox_of`.
 
     Yields:
-        How the run is steered with these pages, and the socket of the feed that they read.
+        The steering of the run with these pages, and the socket of their feed.
 
     Raises:
-        UserError: an extra is not installed, or an address cannot be had.
+        UserError: an extra is not installed, or an address is not available.
     """
     with ExitStack() as resources:
         if options.view or options.cockpit or options.foxglove or options.ros2:
@@ -84,13 +84,13 @@ def run_pages(
             from footfall.pages.run_page import viewed
 
             address = resources.enter_context(viewed(robot, feed, options.page_host, options.view_port))
-            print(f"the robot is shown at {address}", flush=True)
+            print(f"3-D view: {address}", flush=True)
         if options.foxglove and feed is not None:
             from footfall.operate.foxglove import foxglove_served
 
             address = resources.enter_context(foxglove_served(feed, options.page_host, options.foxglove_port))
-            print(f"Foxglove opens {address}", flush=True)
-        if options.ros2 and steering.feed is None and feed is not None:  # else ROS steers, and has it
+            print(f"for Foxglove: {address}", flush=True)
+        if options.ros2 and steering.feed is None and feed is not None:  # a steering ROS has it
             from footfall.operate.ros2.run import published_to_ros2
 
             for line in resources.enter_context(published_to_ros2(feed)):
@@ -108,7 +108,7 @@ def _with_cockpit(
     inbox: "Inbox",
     resources: ExitStack,
 ) -> "Steered":
-    """Serve the cockpit. It steers a run whose source is the inbox; any other one it shows and may stop."""
+    """Serve the cockpit. It steers a run whose source is the inbox; any other run it shows and may stop."""
     from footfall.operate.accompanied import Accompanied
     from footfall.pages.cockpit.beside import cockpit
 
@@ -123,10 +123,10 @@ def _with_cockpit(
 
     served = cockpit(inbox, options.page_host, options.cockpit_port, robot, feed, more)
     link, address = resources.enter_context(served)
-    print(f"the cockpit is at {address}", flush=True)
+    print(f"cockpit: {address}", flush=True)
     if not steers:
         return steering._replace(source=Accompanied(steering.source, inbox), attach=loops.append)
-    if not steering.about:  # nobody else may steer
+    if not steering.about:  # no other operator may steer
         print(WAITING, flush=True)
         link.wait_until_steered()
     return steering._replace(attach=loops.append)

@@ -1,7 +1,7 @@
-"""Tells systemd how a run is: ready, alive, its state in a line, stopping (sd_notify(3)).
+"""Notifications to systemd: ready, alive, state, stopping (sd_notify(3)).
 
-A unit of `Type=notify` with `WatchdogSec` ends a process whose loop no longer ticks. Without a service
-manager nothing happens.
+With `Type=notify` and `WatchdogSec`, systemd ends a process whose loop does not tick any more.
+Without a service manager this module does nothing.
 """
 
 import os
@@ -14,13 +14,13 @@ from contextlib import contextmanager, suppress
 from footfall.deploy.loop import ControlLoop
 
 STATUS_EVERY_S = 1.0
-SHARES_OF_WATCHDOG = 4  # signs of life in each watchdog period
-OLDEST_TICK_S = 0.5  # of a loop that is alive
+SHARES_OF_WATCHDOG = 4  # notifications per watchdog period
+OLDEST_TICK_S = 0.5  # age of the last tick up to which a loop is alive
 
 
 @contextmanager
 def telling_service_manager(loop: ControlLoop) -> Iterator[None]:
-    """Keep the service manager informed, from a thread of its own, as long as the context lasts."""
+    """Notify the service manager from a separate thread while the context is open."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         yield
@@ -29,16 +29,16 @@ def telling_service_manager(loop: ControlLoop) -> Iterator[None]:
     period_s = min(STATUS_EVERY_S, watchdog_us * 1e-6 / SHARES_OF_WATCHDOG or STATUS_EVERY_S)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.setblocking(False)
-        if address.startswith("@"):  # an abstract name
+        if address.startswith("@"):  # abstract socket name
             address = "\0" + address[1:]
 
         def tell(*lines: str) -> None:
-            with suppress(OSError):  # whatever becomes of it, the robot goes on
+            with suppress(OSError):  # a failure must not stop the robot
                 manager.sendto("\n".join(lines).encode(), address)
 
         def go_on() -> None:
             while not ended.wait(period_s):
-                alive = time.perf_counter() - loop.heartbeat_s < OLDEST_TICK_S  # infinite before the first
+                alive = time.perf_counter() - loop.heartbeat_s < OLDEST_TICK_S
                 tell(_status(loop), *["WATCHDOG=1"] * alive)
 
         ended = threading.Event()

@@ -1,4 +1,4 @@
-"""Who steers a run: a fixed command, a mission, or an operator."""
+"""Steering of a run: by a fixed command, a mission or an operator."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,25 +23,25 @@ DEFAULT_COMMAND, DEFAULT_S = (0.5, 0.0, 0.0), 10.0
 
 
 class Steered(NamedTuple):
-    """How a run is steered."""
+    """Steering of a run."""
 
     source: CommandSource
-    duration_s: float  # of walking, at most
-    figures: Callable[[], dict[str, Any]]  # what a report says of it
-    line: Callable[[], str] = str  # for the live state
-    about: tuple[str, ...] = ()  # for the operator, before the run
-    realtime: bool = False  # a person steers
-    odometry: bool = False  # it needs the pose
-    attach: "Callable[[ControlLoop], None]" = lambda _: None  # tells pages whose timing to show
-    feed: Path | None = None  # socket at which it expects the run's telemetry
-    failed: Callable[[], bool] = bool  # whether it did not reach what it was for
+    duration_s: float  # longest walking time
+    figures: Callable[[], dict[str, Any]]  # entries for the report
+    line: Callable[[], str] = str  # line for the live state
+    about: tuple[str, ...] = ()  # lines for the operator before the run
+    realtime: bool = False  # an operator steers
+    odometry: bool = False  # the source needs the pose
+    attach: "Callable[[ControlLoop], None]" = lambda _: None  # gives pages the loop whose timing they show
+    feed: Path | None = None  # socket at which the source expects the run's telemetry
+    failed: Callable[[], bool] = bool  # whether the source missed its goal
 
 
 def mission_policies(by: str | None, loaded: Sequence[Policy], robot: Robot) -> dict[str, Policy]:
-    """Policies that a mission names beside those that are loaded, by spec.
+    """Policies in a mission that are not loaded yet, by spec.
 
     Raises:
-        UserError: the file is no mission, or names a policy that there is not.
+        UserError: the file is not a mission, or names an unknown policy.
     """
     from footfall.operate.sources import is_mission
 
@@ -62,18 +62,18 @@ def steered(
     robot: Robot,
     inbox: "Inbox | None" = None,
 ) -> Iterator[Steered]:
-    """Open what steers a run.
+    """Open the command source of a run.
 
     Args:
-        by: a source's name or a mission's file; None for a fixed command.
-        command: the fixed command (3,).
-        duration_s: the longest time to walk; by default ten seconds, or a day where a source ends the run.
-        policies: those of the run by spec, the first one first.
-        robot: on which they run.
-        inbox: to which a cockpit writes: it steers where nothing else does; None without a cockpit.
+        by: name of a source, or the file of a mission; None for a fixed command.
+        command: fixed command (3,).
+        duration_s: longest walking time; default ten seconds, or one day if the source ends the run.
+        policies: policies of the run by spec, starting with the first to run.
+        robot: robot of the run.
+        inbox: inbox of a cockpit, which steers if nothing else does; None without a cockpit.
 
     Raises:
-        UserError: there is no such source, or it cannot be opened; a step of a mission cannot be done.
+        UserError: there is no such source, it cannot be opened, or a step of the mission is impossible.
     """
     longest_s = duration_s or LONGEST_S
     if by is None and command is None and inbox is not None:

@@ -17,7 +17,7 @@ from footfall.envs.config import NamedTermConfig, ObservationConfig
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.terms import critic
 from footfall.policies.contract import Term
-from footfall.policies.observation import TERMS, Inputs, frame, reading_term, term_size
+from footfall.policies.observation import TERMS, Inputs, reading_term, step_values, term_size
 from footfall.robots import kinds
 from footfall.robots.description import load_robot
 from footfall.robots.readings import READINGS, Noise, Sensed, read, reading
@@ -85,7 +85,7 @@ class TestReading:
         upright = np.array([1.0, 0.0, 0.0, 0.0])
         sensed = Sensed(np.zeros(3), np.zeros(3), upright, np.zeros(12), np.zeros(12), torque)
         inputs = Inputs(read(sensed), np.zeros(12), np.zeros(3), np.zeros(1))
-        np.testing.assert_allclose(frame(inputs, env.contract)[:12], 0.1 * torque)
+        np.testing.assert_allclose(step_values(inputs, env.contract)[:12], 0.1 * torque)
 
     def test_it_has_noise_and_a_mirror_image_of_its_own(self) -> None:
         env = LocomotionEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))

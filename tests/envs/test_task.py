@@ -23,7 +23,7 @@ from footfall.envs.config import (
 from footfall.envs.make import made_from, make_environment
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.policies.contract import Contract
-from footfall.policies.observation import frame_size, observation_size
+from footfall.policies.observation import observation_size, size_per_step
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 
@@ -166,7 +166,7 @@ def test_an_observation_term_is_trained_and_deployed_by_its_name(own_module: Pat
     sys.modules.pop("own_terms")
     own_module.unlink()
     with pytest.raises(UserError, match="no module 'own_terms'"):
-        frame_size(contract)
+        size_per_step(contract)
 
 
 def test_terms_of_every_kind_come_from_a_users_module() -> None:

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.balance import Balance
-from footfall.policies.controllers.solver import BoundedSolver, Programme
+from footfall.policies.controllers.solver import BoundedSolver, QuadraticProgram
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.footwork import Phase
 from footfall.policies.controllers.whole_body.control import UNSOLVED
@@ -65,7 +65,7 @@ class Missing(BoundedSolver):
         super().__init__()
         self._ticks, self._count = ticks, 0
 
-    def solve(self, problem: Programme) -> np.ndarray | None:
+    def solve(self, problem: QuadraticProgram) -> np.ndarray | None:
         self._count += 1
         return None if 100 < self._count <= 100 + self._ticks else super().solve(problem)
 

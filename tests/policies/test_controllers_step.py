@@ -201,7 +201,7 @@ class TestShift:
         self, policy: Step, capture: tuple[float, float], walk: bool, bears: int | None
     ) -> None:
         policy.footwork.elapsed_s = 0.3
-        policy.footwork.consider_a_step(moment(), capture_at(*capture), walk)
+        policy.footwork.maybe_shift(moment(), capture_at(*capture), walk)
         if bears is None:
             assert policy.footwork.phase is Phase.STAND
             return
@@ -249,7 +249,7 @@ class TestShift:
         capture = np.zeros(3)
         inwards = -short if bears == LEFT else short
         capture[:2] = policy.footwork.shifted(moment()) + world(ahead, inwards)
-        policy.footwork.consider_lifting(moment(), capture)
+        policy.footwork.maybe_lift(moment(), capture)
         assert policy.footwork.phase is (Phase.STEP if lifts else Phase.SHIFT)
 
     def test_the_pressure_moves_the_weight(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -164,7 +164,7 @@ class TestCycle:
             waits_s = (0.6 - clock - offsets) % 1.0 * timing.period_s
             carried = [foot.carried(velocity) for foot in cycle.each_foot]
             worst.append(max(np.array(carried) + np.hypot(*velocity[:2]) * waits_s))
-        cycle.begin_anew(timing, offsets, velocity)
+        cycle.change_gait(timing, offsets, velocity)
         assert cycle.clock == np.argmin(worst) / 24
 
     def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:

@@ -162,7 +162,7 @@ def test_a_place_in_the_cycle_is_within_it(side: str, place: float) -> None:
 
 def test_feet_of_which_no_robot_has_so_many_have_no_gaits(go1: Robot) -> None:
     seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
-    with pytest.raises(UserError, match="no gait 'trot' for the 7 feet of 'go1': none"):
+    with pytest.raises(UserError, match="no gait 'trot' for 7 feet of robot 'go1': there are none"):
         find_gait("trot", seven)
 
 

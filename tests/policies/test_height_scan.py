@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from footfall.common.errors import UserError
 from footfall.policies.contract import Contract, Term
 from footfall.policies.height_scan import HeightScan, common_height_scan
-from footfall.policies.observation import Inputs, frame, term_kind, term_size
+from footfall.policies.observation import Inputs, step_values, term_kind, term_size
 
 SCAN = HeightScan(forward_m=(-0.2, 0.4), leftward_m=0.2, spacing_m=0.1)
 SETTINGS = {"forward_m": [-0.2, 0.4], "leftward_m": 0.2, "spacing_m": 0.1}
@@ -23,7 +23,7 @@ def seeing(contract: Contract) -> Contract:
 
 
 def seen(contract: Contract, heights: np.ndarray | None) -> np.ndarray:
-    return frame(Inputs({}, np.zeros(12), np.zeros(3), np.zeros(1), heights), contract)
+    return step_values(Inputs({}, np.zeros(12), np.zeros(3), np.zeros(1), heights), contract)
 
 
 def test_points_lie_from_back_to_front_and_from_right_to_left() -> None:
@@ -70,8 +70,8 @@ def test_a_lost_scan_reads_as_zeros(seeing: Contract, nothing: np.ndarray | None
 def test_numpy_and_jax_agree(seeing: Contract) -> None:
     heights = np.random.default_rng(0).normal(size=(4, SCAN.size)).astype(np.float32)
     heights[1, :9] = np.nan
-    ours = frame(Inputs({}, *np.zeros((3, 4, 3), np.float32), heights), seeing)
-    theirs = frame(Inputs({}, *jnp.zeros((3, 4, 3)), jnp.asarray(heights)), seeing)
+    ours = step_values(Inputs({}, *np.zeros((3, 4, 3), np.float32), heights), seeing)
+    theirs = step_values(Inputs({}, *jnp.zeros((3, 4, 3)), jnp.asarray(heights)), seeing)
     assert ours.dtype == np.float32
     np.testing.assert_allclose(ours, theirs, rtol=1e-5)
 

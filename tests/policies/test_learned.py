@@ -167,10 +167,10 @@ class TestFile:
     @pytest.mark.parametrize(
         ("inputs", "outputs", "complaint"),
         [
-            ([("x", 0), ("y", 3)], [("a", 0)], "its input should be one vector of 110"),
-            ([("x", 1)], [("a", 0)], "its input should be one vector of 110"),
-            ([("x", 0)], [("a", 0), ("b", 0)], "its output should be one vector of 12"),
-            ([("x", 0)], [("a", 1)], "its output should be one vector of 12"),
+            ([("x", 0), ("y", 3)], [("a", 0)], "its input must be one vector of 110"),
+            ([("x", 1)], [("a", 0)], "its input must be one vector of 110"),
+            ([("x", 0)], [("a", 0), ("b", 0)], "its output must be one vector of 12"),
+            ([("x", 0)], [("a", 1)], "its output must be one vector of 12"),
         ],
     )
     def test_a_network_of_other_sizes_than_its_contracts_is_refused(
@@ -193,12 +193,12 @@ class TestFile:
             LearnedPolicy(tmp_path / "text.onnx", go1)
         assert "\n" not in str(caught.value)
         bare = write_network(onnx, tmp_path / "bare.onnx", np.zeros((3, 12), np.float32), None)
-        with pytest.raises(UserError, match=r"bare.onnx carries no footfall contract"):
+        with pytest.raises(UserError, match=r"bare.onnx has no footfall contract"):
             LearnedPolicy(bare, go1)
 
     @pytest.mark.parametrize(
         ("takes", "answers", "expected"),
-        [("DOUBLE", "DOUBLE", "does not run: .*double"), ("FLOAT", "DOUBLE", "answers float64")],
+        [("DOUBLE", "DOUBLE", "does not run: .*double"), ("FLOAT", "DOUBLE", "returns float64")],
     )
     def test_a_network_of_other_numbers_is_refused(
         self, tmp_path: Path, contract: Contract, go1: Robot, takes: str, answers: str, expected: str
@@ -225,7 +225,7 @@ class TestFile:
     def test_one_bad_number(self, tmp_path: Path, contract: Contract, go1: Robot, number: float) -> None:
         weights = np.zeros((observation_size(contract), 12), np.float32)
         weights[5, 7] = number
-        with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
+        with pytest.raises(UserError, match=r"p.onnx: its network returns NaN or infinity"):
             LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
 
     def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:

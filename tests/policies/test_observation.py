@@ -14,13 +14,13 @@ from footfall.policies.contract import Contract, Term
 from footfall.policies.observation import (
     TERMS,
     Inputs,
-    frame,
-    frame_size,
     history_length,
     moving,
     observation,
     observation_size,
-    push_frame,
+    push_history,
+    size_per_step,
+    step_values,
     term_size,
 )
 
@@ -40,10 +40,10 @@ def history(inputs: list[Inputs], contract: Contract, xp) -> object:
     """The observation after these inputs, in either array library."""
     frames = None
     for each in inputs:
-        newest = frame(jax.tree.map(xp.asarray, each), contract)
+        newest = step_values(jax.tree.map(xp.asarray, each), contract)
         if frames is None:
             frames = xp.stack([newest] * history_length(contract), axis=-2)
-        frames = push_frame(frames, newest)
+        frames = push_history(frames, newest)
     return observation(frames, contract)
 
 
@@ -61,8 +61,8 @@ def test_numpy_and_jax_agree_with_history(contract: Contract, shape: tuple[int, 
 @pytest.mark.parametrize("name", TERMS)
 def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str) -> None:
     inputs = random_inputs(np.random.default_rng(3))
-    plain = frame(inputs, replace(contract, observation=(Term(name),)))
-    scaled = frame(inputs, replace(contract, observation=(Term(name, 2.0),)))
+    plain = step_values(inputs, replace(contract, observation=(Term(name),)))
+    scaled = step_values(inputs, replace(contract, observation=(Term(name, 2.0),)))
     assert plain.shape == (term_size(Term(name), contract),)
     np.testing.assert_array_equal(scaled, 2.0 * plain)
 
@@ -73,11 +73,11 @@ def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contrac
     at_rest = inputs._replace(
         readings=inputs.readings | {"joint_position": np.array(contract.default_pose_rad)}
     )
-    np.testing.assert_array_equal(frame(at_rest, seen), np.zeros(12))
+    np.testing.assert_array_equal(step_values(at_rest, seen), np.zeros(12))
 
 
 def test_sizes_add_up(contract: Contract) -> None:
-    assert frame_size(contract) == 3 + 3 + 3 + 12 + 12 + 12 + 2
+    assert size_per_step(contract) == 3 + 3 + 3 + 12 + 12 + 12 + 2
     assert observation_size(contract) == 2 * 3 + 3 + 3 + 3 * 12 + 3 * 12 + 2 * 12 + 2
     assert history_length(contract) == 3
 
@@ -116,7 +116,7 @@ class TestObservation:
         moments = [self.inputs(contract, scale) for scale in (1.0, 2.0, 3.0)]
         frames = np.zeros((history_length(contract), 12 + 2 + 3))
         for moment in moments:
-            frames = push_frame(frames, frame(moment, contract))
+            frames = push_history(frames, step_values(moment, contract))
         angle = 2 * np.pi * 0.45
         expected = np.concatenate(
             [
@@ -132,9 +132,9 @@ class TestObservation:
         contract = replace(contract, observation=(Term("clock"),))
         moment = self.inputs(contract, 2.0)
         angle = 2 * np.pi * 0.3
-        np.testing.assert_allclose(frame(moment, contract), [np.sin(angle), np.cos(angle)])
+        np.testing.assert_allclose(step_values(moment, contract), [np.sin(angle), np.cos(angle)])
         still = moment._replace(command=np.array([0.0, 0.05, 0.0]))
-        np.testing.assert_array_equal(frame(still, contract), [0.0, 0.0])
+        np.testing.assert_array_equal(step_values(still, contract), [0.0, 0.0])
 
     @pytest.mark.parametrize(
         ("command", "expected"),

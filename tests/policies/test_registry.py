@@ -170,17 +170,17 @@ class TestLearned:
 
 class TestWhatIsNoPolicy:
     def test_nothing_named(self, go1: Robot) -> None:
-        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, ")
+        assert refusal("", go1).startswith("the policy's name is empty: give one of stand, trot, ")
 
     def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
         assert refusal(str(tmp_path), go1) == (
-            f"no policy in {tmp_path}: it is not a run folder, which 'footfall train' makes"
+            f"no policy in {tmp_path}: it is not a run folder of 'footfall train'"
         )
 
     def test_a_run_without_a_checkpoint_goes_on(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "run.yaml").touch()
         (tmp_path / "checkpoints").mkdir()
-        assert f"go on with 'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
+        assert f"continue it with 'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
 
     def test_a_run_with_a_checkpoint_can_be_exported(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "run.yaml").touch()

@@ -22,7 +22,7 @@ from footfall.policies.controllers.whole_body.control import (
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, standing
-from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
+from footfall.policies.controllers.whole_body.problem import Contact, QuadraticPrograms, Wanted, Weights
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
@@ -88,15 +88,15 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
     most = changes.get("most_force", np.full(body.points, 1e4))
     torque = changes.get("most_torque", robot.motor.peak_torque)
     weights = changes.get("weights", CONFIG.weights)
-    programmes = Programmes(
+    programs = QuadraticPrograms(
         body.foot_of_point,
         len(robot.joint_names),
         body.total_mass,
         weights,
         changes.get("contact", CONFIG.contact),
     )
-    programme, meaning = programmes.build(dynamics, wanted, most, -torque, torque)
-    x = BoundedSolver().solve(programme)
+    program, meaning = programs.build(dynamics, wanted, most, -torque, torque)
+    x = BoundedSolver().solve(program)
     assert x is not None
     force = np.zeros((body.points, 3))
     force[meaning.standing] = x[: 3 * len(meaning.standing)].reshape(-1, 3)

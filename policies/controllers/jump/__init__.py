@@ -1,4 +1,4 @@
-"""A jump ahead on command: crouch, push, flight with drawn-up feet, a landing on compliant legs."""
+"""Jump on command: crouch, push, flight with tucked feet, landing on compliant legs."""
 
 from footfall.policies.controllers.jump.controller import Jump
 

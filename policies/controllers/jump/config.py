@@ -10,7 +10,7 @@ from footfall.policies.controllers.whole_body.feedback import Feedback
 
 @dataclass(frozen=True)
 class JointGains:
-    """Impedance of all joints about a moving target."""
+    """Impedance of all joints around a moving target."""
 
     kp: float  # N m/rad
     kd: float  # N m s/rad
@@ -22,14 +22,14 @@ class JointGains:
 
 @dataclass(frozen=True)
 class Leap:
-    """What a jump shall reach, and how it leaves the ground. Heights are the base's above the ground."""
+    """Goal of a jump, and how the robot leaves the ground. Heights are the base's above the ground."""
 
-    rise_m: float  # of the base at the top, above its height in stance
-    ahead_m: float  # from stance to stance
-    crouch_m: float  # height
-    crouch_s: float  # how long it takes to crouch
-    back_m: float  # of the base while it crouches, behind its place above the feet
-    take_off_m: float  # height with which the feet leave the ground
+    rise_m: float  # rise of the base at the apex, above its height in stance
+    ahead_m: float  # distance from stance to stance
+    crouch_m: float  # height of the base in the crouch
+    crouch_s: float  # duration of the crouching
+    back_m: float  # shift of the base in the crouch, backward
+    take_off_m: float  # height of the base at take-off
 
     def __post_init__(self) -> None:
         require_positive(self, "rise_m", "crouch_m", "crouch_s", "take_off_m")
@@ -40,11 +40,11 @@ class Leap:
 
 @dataclass(frozen=True)
 class Push:
-    """How the planned motion is followed while the feet stand."""
+    """Control of the planned motion while the feet stand."""
 
     centre: Feedback
     attitude: Feedback
-    most_force_n: float  # upward, of each foot
+    most_force_n: float  # largest upward force of a foot
 
     def __post_init__(self) -> None:
         require_positive(self, "most_force_n")
@@ -52,12 +52,12 @@ class Push:
 
 @dataclass(frozen=True)
 class Landing:
-    """Where the feet are when they touch down, and how the legs take the fall."""
+    """Positions of the feet at touch-down, and compliance of the legs."""
 
-    height_m: float  # of the base
-    feet_ahead_m: float  # of the feet's middle from the base's place above it in stance
+    height_m: float  # height of the base at touch-down
+    feet_ahead_m: float  # shift of the feet's middle at touch-down, forward, relative to the stance
     gains: JointGains
-    lasts_s: float  # from the expected touch-down until the stance takes over
+    lasts_s: float  # from the expected touch-down until the stance controller takes over
 
     def __post_init__(self) -> None:
         require_positive(self, "height_m", "lasts_s")
@@ -69,12 +69,12 @@ class JumpConfig:
 
     leap: Leap
     push: Push
-    tuck_m: float  # how far the feet are drawn up in the middle of the flight
+    tuck_m: float  # lift of the feet relative to the base in mid-flight
     air: JointGains
     landing: Landing
-    settle_s: float  # stance between two jumps, and before the first one
-    plan: MpcConfig  # of the stance
-    whole_body: WholeBodyConfig  # of the push
+    settle_s: float  # time in stance between two jumps, and before the first one
+    plan: MpcConfig  # controller for the stance
+    whole_body: WholeBodyConfig  # controller for the push
 
     def __post_init__(self) -> None:
         require_positive(self, "settle_s")

@@ -1,8 +1,9 @@
-"""Jumps ahead while a forward command lasts, and stands before and after that.
+"""Jumps forward during a forward command; stands before and after.
 
-The model-predictive controller stands, and steps where a landing was too fast to stop. Whole-body control
-moves the base along the planned crouch and push, within friction and the motors' torques. In the air the
-joints follow the feet's planned way, level whatever the base's attitude is. Soft joints take the landing.
+The model-predictive controller stands, and steps if the landing was too fast to stop. Whole-body control
+moves the base along the planned crouch and push, within friction and torque limits. In flight the joints
+follow the planned path of the feet, which stays level whatever the attitude of the base. Compliant joints
+absorb the landing.
 """
 
 import numpy as np
@@ -25,7 +26,7 @@ _STILL = np.zeros(3)
 
 
 class Jump:
-    """Stands; a forward command makes it jump, again and again while it lasts."""
+    """Stands. A forward command makes it jump, repeatedly while the command lasts."""
 
     name = "jump"
     needs_estimate = True
@@ -76,12 +77,12 @@ class Jump:
         return np.full(self._legs.count, 0.0 if 0.0 <= flown_s < self._plan.flight_s else 1.0)
 
     def _begin(self) -> None:
-        self._time_s: float | None = None  # since the crouch began; None while it stands
-        self._stood_s = 0.0  # time of the policy when the present stance began
+        self._time_s: float | None = None  # since the start of the crouch; None in stance
+        self._stood_s = 0.0  # policy time at which the current stance began
         self._yaw, self._height = 0.0, self._config.plan.stance.height_m
 
     def _asked(self, inputs: PolicyInput) -> bool:
-        """Whether the command asks for a jump, and the robot has stood long enough on all feet."""
+        """Whether the command asks for a jump and the robot has stood long enough on all feet."""
         plan = self._stand.stance()
         if plan is None or plan.min() < 1.0:
             self._stood_s = inputs.time_s
@@ -101,7 +102,7 @@ class Jump:
         self._control.reset()
 
     def _push(self, inputs: PolicyInput, time_s: float) -> JointCommand:
-        """The base along its planned way, the feet where they stand."""
+        """Command that moves the base along its planned path while the feet stand."""
         config, body, sensed = self._config.push, self._control.body, inputs.sensed
         dynamics = observed(body, inputs)
         rotation = rotation_matrix(sensed.quaternion)
@@ -129,7 +130,7 @@ class Jump:
         return self._control.command(dynamics, position, rates, goal, self._most_force)
 
     def _fly(self, inputs: PolicyInput, flown_s: float, gains: JointGains) -> JointCommand:
-        """The feet along their planned way, level."""
+        """Command that moves the feet along their planned path, level."""
         legs, sensed = self._legs, inputs.sensed
         way, velocity = self._plan.feet(flown_s)
         level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level

@@ -1,4 +1,4 @@
-"""The planned motion of a jump: of the base until the feet leave the ground, and of the feet after that."""
+"""Planned motion of a jump: of the base until take-off, of the feet afterwards."""
 
 import math
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from footfall.policies.controllers.jump.config import JumpConfig
 
 
 class Aim(NamedTuple):
-    """Where the base shall be: each (2,), ahead of its place in stance and above the ground."""
+    """Target of the base: each (2,), forward from its position in stance and above the ground."""
 
     place: np.ndarray  # m
     velocity: np.ndarray  # m/s
@@ -19,13 +19,13 @@ class Aim(NamedTuple):
 
 
 class LeapPlan:
-    """Times and speeds of a jump. Times count from the beginning of the crouch.
+    """Times and speeds of a jump. Times count from the start of the crouch.
 
-    The push is an even acceleration from rest: it needs the least force for its way.
+    The push is a constant acceleration from rest: it needs the smallest peak force for its length.
 
     Attributes:
-        take_off_s: when the feet leave the ground.
-        flight_s: how long the feet are in the air.
+        take_off_s: time of take-off.
+        flight_s: duration of the flight.
     """
 
     def __init__(self, config: JumpConfig) -> None:
@@ -46,7 +46,7 @@ class LeapPlan:
         self._touch_down = np.array([landing.feet_ahead_m, 0.0, -landing.height_m])
 
     def base(self, time_s: float, from_m: float) -> Aim:
-        """The base's motion until take-off; it begins at a height of `from_m` above its feet."""
+        """Motion of the base until take-off, from an initial height `from_m` above its feet."""
         if time_s < self._crouch_s:
             share = time_s / self._crouch_s
             along, high = swing_curve(share).along, np.array([0.0, from_m])
@@ -61,7 +61,7 @@ class LeapPlan:
         return Aim(self._low + 0.5 * push_s * gained, gained, self._acceleration)
 
     def feet(self, flown_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Way (3,) m and velocity (3,) m/s of all feet from the base's place, x ahead, z up."""
+        """Position (3,) m and velocity (3,) m/s of all feet relative to the base, x forward, z up."""
         share = min(max(flown_s / self.flight_s, 0.0), 1.0)
         curve, way = swing_curve(share), self._touch_down - self._lift_off
         up = np.array([0.0, 0.0, self._tuck_m])

@@ -1,4 +1,4 @@
-"""The base as model-predictive control sees it, and its place by dead reckoning."""
+"""State of the base for model-predictive control, with a position by dead reckoning."""
 
 import math
 from typing import NamedTuple
@@ -13,9 +13,9 @@ from footfall.policies.policy import PolicyInput
 
 
 class Base(NamedTuple):
-    """The base as the controller sees it. World: where it was reset, z = 0 on the ground."""
+    """State of the base. World frame: origin where the base was at reset, z = 0 on the ground."""
 
-    place: complex  # m, of the base's origin: x + i y
+    place: complex  # m, position of the base's origin: x + i y
     height: float  # m
     velocity: np.ndarray  # (3,) m/s, world
     rotation: np.ndarray  # (3, 3) body to world
@@ -26,21 +26,21 @@ class Base(NamedTuple):
 
     @property
     def speed(self) -> complex:
-        """The velocity's horizontal part, m/s."""
+        """Horizontal velocity, m/s."""
         x, y, _ = self.velocity.tolist()
         return complex(x, y)
 
     @property
     def position(self) -> np.ndarray:
-        """Of the base's origin, (3,) m, world."""
+        """Position of the base's origin, (3,) m, world."""
         return np.array([self.place.real, self.place.imag, self.height])
 
 
 class BaseFollower:
-    """Follows the base by odometry. Its place is dead reckoning, good for the length of a step.
+    """Integrates odometry. Dead reckoning is accurate enough for the duration of one step.
 
     Args:
-        foot_radius: m, mean of the feet.
+        foot_radius: m, mean over the feet.
     """
 
     def __init__(self, foot_radius: float) -> None:
@@ -48,7 +48,7 @@ class BaseFollower:
         self.place = 0j  # m, x + i y
 
     def reset(self) -> None:
-        """Place the origin of the world under the base."""
+        """Move the origin of the world below the base."""
         self.place = 0j
 
     def height(self, inputs: PolicyInput) -> float:
@@ -56,7 +56,7 @@ class BaseFollower:
         return inputs.base_height + self._radius
 
     def follow(self, inputs: PolicyInput, dt_s: float) -> Base:
-        """The base's state after a time step."""
+        """State of the base after a time step."""
         rotation = rotation_matrix(inputs.sensed.quaternion)
         velocity = rotation.dot(inputs.base_velocity)
         x, y, _ = velocity.tolist()
@@ -67,22 +67,22 @@ class BaseFollower:
 
 
 class Disturbance:
-    """Notices a base that has to step although the command is to stand, as after a push."""
+    """Detects that the base has to step although the command is zero, e.g. after a push."""
 
     def __init__(self, config: Restart) -> None:
         self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Forget earlier disturbances."""
+        """Clear earlier disturbances."""
         self._left_s = 0.0
 
     def present(self, base: Base, walking: bool, off_m: float, dt_s: float) -> bool:
-        """Whether the base is too fast, tilted or off its feet, or has been within `calm_s`.
+        """Whether the base is, or was within `calm_s`, too fast, too tilted or too far from its feet.
 
         Args:
-            base: its state.
-            walking: whether the robot steps; its capture point may then be where it likes.
+            base: state of the base.
+            walking: whether the robot steps; the capture point is then not checked.
             off_m: distance of the capture point from the middle of the feet, m.
             dt_s: time since the last call.
         """
@@ -97,12 +97,12 @@ class Disturbance:
 
 
 def capture_offset_m(base: Base, centre_of_mass: np.ndarray, feet: np.ndarray) -> float:
-    """Horizontal distance of the capture point from the middle of all feet, m.
+    """Horizontal distance from the middle of all feet to the capture point, m.
 
     Args:
-        base: its state.
+        base: state of the base.
         centre_of_mass: (3,) m, in the base's frame.
-        feet: (feet, 3) m, likewise.
+        feet: (feet, 3) m, in the base's frame.
     """
     ahead, left, up = (base.rotation @ (centre_of_mass - feet.mean(axis=0))).tolist()
     x, y, _ = base.velocity.tolist()
@@ -113,13 +113,13 @@ def capture_offset_m(base: Base, centre_of_mass: np.ndarray, feet: np.ndarray) -
 def body_state(
     base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray, legs_turn: np.ndarray
 ) -> BodyState:
-    """State of the centre of mass in the heading frame on the ground below the base.
+    """State of the centre of mass in the heading frame, whose origin is on the ground below the base.
 
     Args:
-        base: its state.
+        base: state of the base.
         centre_of_mass: (3,) m, in the base's frame.
         to_heading: (3, 3), from the heading frame to the world.
-        legs_turn: (3,) rad/s, base frame, by which the whole robot turns faster than its base.
+        legs_turn: (3,) rad/s, base frame, angular velocity of the whole robot minus that of the base.
     """
     centre = base.rotation @ centre_of_mass
     rate = base.rotation @ base.gyro

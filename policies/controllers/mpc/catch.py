@@ -1,4 +1,4 @@
-"""Where a biped's swinging foot lands: where it catches the falling body."""
+"""Foothold of a biped's swing foot that catches the falling body."""
 
 import cmath
 import math
@@ -25,22 +25,22 @@ def catching_foothold(
     gait: GaitTiming,
     config: CatchConfig,
 ) -> complex:
-    """Touch-down point of a foot on the ground, world frame, m.
+    """Touch-down position of a foot on the ground, world frame, m.
 
-    The capture point moves away from the standing foot, p, until touch-down, and shall then be as far from
-    the new foot as in a steady gait (`nominal_step`): what decides all later steps.
+    The capture point moves away from the stance foot, p, until touch-down. It shall then have the same
+    distance from the new foot as in a steady gait (`nominal_step`): this decides all later steps.
 
     Args:
-        base: its state.
+        base: state of the base.
         centre: (3,) m, centre of mass, base frame.
-        stand: (3,) m, middle of the standing foot, base frame.
-        pressure: m, centre of pressure from the middle of the standing foot, world, x + i y.
-        side: +1.0 where the left foot swings, -1.0 where the right one does.
-        wanted: velocity, m/s, world, x + i y.
-        yaw_rate: commanded, rad/s.
-        left_s: time to touch-down.
-        gait: its timing.
-        config: of the steady gait, and what a step may be.
+        stand: (3,) m, middle of the stance foot, base frame.
+        pressure: m, centre of pressure relative to the middle of the stance foot, world, x + i y.
+        side: +1.0 if the left foot swings, -1.0 if the right foot swings.
+        wanted: wanted velocity, m/s, world, x + i y.
+        yaw_rate: commanded yaw rate, rad/s.
+        left_s: time until touch-down.
+        gait: timing of the gait.
+        config: parameters of the steady gait, and limits of a step.
     """
     heading = cmath.rect(1.0, base.yaw)
     arm = base.rotation @ centre

@@ -1,4 +1,4 @@
-"""Settings of the MPC controller, one dataclass per part."""
+"""Settings of the MPC controller, one dataclass for each part."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Horizon:
-    """How far ahead the quadratic programme looks, and how often it is solved."""
+    """Length of the prediction horizon, and how often the quadratic program is solved."""
 
     steps: int
     step_s: float
@@ -31,9 +31,9 @@ class Weights:
     position: Triple  # per m^2
     angular_rate: Triple  # per (rad/s)^2
     velocity: Triple  # per (m/s)^2
-    force: float  # per N^2, about an even share of the weight; above 0, so that there is one best plan
-    force_change: float = 0.0  # per N^2, from step to step, and from what the foot pressed with before
-    moment: float = 1.0e-3  # per (N m)^2, of soles
+    force: float  # per N^2, deviation from an equal share of the weight; > 0, so that the optimum is unique
+    force_change: float = 0.0  # per N^2, change between steps, and from the force applied before
+    moment: float = 1.0e-3  # per (N m)^2, moments on soles
 
     def __post_init__(self) -> None:
         require_positive(self, "force", "moment")
@@ -42,14 +42,14 @@ class Weights:
 
 @dataclass(frozen=True)
 class Contact:
-    """What a foot may press with."""
+    """Limits of a foot's force and moment."""
 
-    friction: float  # coefficient that the controller counts on
-    most_force_n: float  # upward
-    slipping_friction: float = 0.12  # counted on while feet slip
-    slip_m_s: float = 0.08  # of a standing foot against the others, from which on it slips
-    careful_s: float = 4.0  # how long after that
-    # Of a sole, in which its centre of pressure may be; 0: feet are points. Only `mpc-wbc` controls it.
+    friction: float  # friction coefficient that planned forces may use
+    most_force_n: float  # largest upward force
+    slipping_friction: float = 0.12  # replaces `friction` while feet slip
+    slip_m_s: float = 0.08  # velocity of a stance foot relative to the others, above which it slips
+    careful_s: float = 4.0  # how long `slipping_friction` applies after a slip
+    # Share of a sole in which its centre of pressure may be; 0: point feet. Only `mpc-wbc` controls it.
     sole_share: float = 0.0
 
     def __post_init__(self) -> None:
@@ -60,13 +60,13 @@ class Contact:
 
 @dataclass(frozen=True)
 class StanceConfig:
-    """Where the base is held, and the legs that hold it."""
+    """Height of the base, positions of the feet and damping in stance."""
 
-    height_m: float  # base above the ground
-    outward_m: float  # of each foot, from its place in the default pose away from the middle
-    shift_m: float  # of all feet, forward
-    kd: float  # N m s/rad, about the joint velocities of the commanded motion
-    most_position_lead_m: float  # farthest that the position reference runs ahead of the body
+    height_m: float  # height of the base above the ground
+    outward_m: float  # shift of each foot from its position in the default pose, outward
+    shift_m: float  # shift of all feet, forward
+    kd: float  # N m s/rad, relative to the joint velocities of the commanded motion
+    most_position_lead_m: float  # largest distance of the position reference ahead of the body
     most_yaw_lead_rad: float
 
     def __post_init__(self) -> None:
@@ -76,11 +76,11 @@ class StanceConfig:
 
 @dataclass(frozen=True)
 class SwingConfig:
-    """How feet fly."""
+    """Swing trajectories and their impedance."""
 
     height_m: float
-    depth_m: float  # how far below the ground a swing aims, to touch down firmly
-    kp: float  # N m/rad, of the joints' impedance around the trajectory
+    depth_m: float  # depth below the ground at which a swing ends, for a firm touch-down
+    kp: float  # N m/rad, impedance of the joints around the trajectory
     kd: float  # N m s/rad
 
     def __post_init__(self) -> None:
@@ -89,11 +89,11 @@ class SwingConfig:
 
 @dataclass(frozen=True)
 class CatchConfig:
-    """Where a biped's foot lands, from the middle of the other one."""
+    """Landing position of a biped's foot, relative to the middle of the other foot."""
 
-    apart_m: float  # sideways, of a steady gait
-    ahead_m: Range  # least and most
-    sideways_m: Range  # the same, to the foot's own side
+    apart_m: float  # lateral distance of the feet in a steady gait
+    ahead_m: Range  # minimum and maximum
+    sideways_m: Range  # minimum and maximum, towards the foot's own side
 
     def __post_init__(self) -> None:
         require_positive(self, "apart_m")
@@ -102,11 +102,11 @@ class CatchConfig:
 
 @dataclass(frozen=True)
 class FootholdConfig:
-    """Where feet land (see `policies/controllers/mpc/footholds.py`)."""
+    """Footholds (see `policies/controllers/mpc/footholds.py`)."""
 
     capture_gain_s: float
     most_step_m: float
-    catch: CatchConfig | None = None  # for two feet, instead of what is above
+    catch: CatchConfig | None = None  # for two feet; replaces the settings above
 
     def __post_init__(self) -> None:
         require_not_negative(self, "capture_gain_s", "most_step_m")
@@ -114,13 +114,13 @@ class FootholdConfig:
 
 @dataclass(frozen=True)
 class Restart:
-    """When a robot takes steps although the command is to stand."""
+    """Conditions for stepping although the command is zero."""
 
-    start_speed_m_s: float  # of the base, above which it begins to step
-    stop_speed_m_s: float  # below which it stands again
+    start_speed_m_s: float  # speed of the base above which it starts to step
+    stop_speed_m_s: float  # speed of the base below which it stands again
     start_tilt_rad: float
-    calm_s: float  # how long it must have been calm
-    most_off_m: float = 1.0  # of the capture point from the middle of the feet that stand, before it steps
+    calm_s: float  # time without disturbance before it stands again
+    most_off_m: float = 1.0  # largest distance of the capture point from the middle of the standing feet
 
     def __post_init__(self) -> None:
         require_not_negative(self, "start_speed_m_s", "stop_speed_m_s", "start_tilt_rad", "calm_s")
@@ -129,7 +129,7 @@ class Restart:
 
 @dataclass(frozen=True)
 class MpcConfig:
-    """Everything about `Mpc` that depends on the robot."""
+    """Settings of `Mpc` that depend on the robot."""
 
     rate_hz: float
     gait: GaitConfig
@@ -141,12 +141,12 @@ class MpcConfig:
     swing: SwingConfig
     foothold: FootholdConfig
     restart: Restart
-    friction_compensation: float  # share of the gearbox friction that is fed forward
-    settle_s: float  # time to move from the height found at reset to the stance, before any step
-    gaits: tuple[str, ...] = ()  # that it can change to while it walks, its own among them
-    most_attitude_rad: float = 0.1  # largest roll and pitch that can be asked for
-    slope: SlopeConfig | None = None  # None: ground counts as level
-    legs_turn_base: bool = False  # swinging legs turn the base the other way: matters where no foot stands
+    friction_compensation: float  # share of the gearbox friction that is compensated by feed-forward
+    settle_s: float  # duration of the move from the height at reset to the stance, before any step
+    gaits: tuple[str, ...] = ()  # gaits that it can change to while walking, including its own
+    most_attitude_rad: float = 0.1  # largest roll and pitch of the live settings
+    slope: SlopeConfig | None = None  # None: the ground is assumed to be level
+    legs_turn_base: bool = False  # swinging legs turn the base: relevant in gaits with a flight phase
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "settle_s")

@@ -1,7 +1,7 @@
-"""The MPC controller: forces for the feet that stand, trajectories for those that swing.
+"""The MPC controller: forces for stance feet, trajectories for swing feet.
 
-At the joint rate it follows the base by odometry, steps its clock and turns forces and swing trajectories
-into joint commands; at `solve_hz` it plans the forces anew.
+At the joint rate it integrates odometry, advances its clock and turns forces and swing trajectories into
+joint commands. At `solve_hz` it computes new forces.
 """
 
 import time
@@ -50,10 +50,10 @@ class Mpc:
     """Convex model-predictive control with Raibert footholds and swing impedance.
 
     Attributes:
-        wrenches: planned for each foot, world.
+        wrenches: planned wrench of each foot, world.
         stands: planned contact of each foot, (feet,) boolean.
-        solve_ms: time of each build and solve.
-        late: number of solves that fell back.
+        solve_ms: duration of each build and solve.
+        late: number of solves that failed, so that the previous forces were kept.
     """
 
     name = "mpc"
@@ -65,7 +65,7 @@ class Mpc:
         self.rate_hz = config.rate_hz
         self._robot, self._legs = robot, robot.legs
         if config.foothold.catch is not None and self._legs.count != 2:
-            raise UserError(f"robot '{robot.name}' cannot use foothold.catch: it needs two feet")
+            raise UserError(f"robot '{robot.name}' cannot use foothold.catch: the robot must have two feet")
         self._body = nominal_body(robot)
         sole = config.contact.sole_share
         levers = sole_levers(robot, sole) if sole else None
@@ -94,12 +94,12 @@ class Mpc:
 
     @property
     def force(self) -> np.ndarray:
-        """Planned for each foot, (feet, 3) N, world."""
+        """Planned force on each foot, (feet, 3) N, world."""
         return self.wrenches.force
 
     @property
     def late(self) -> int:
-        """Solves that daqp did not finish within its iterations."""
+        """Number of solves that daqp did not finish within its iteration limit."""
         return self._solver.fallbacks
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -138,7 +138,7 @@ class Mpc:
         self._live.want(values)
 
     def take_up(self, gait: str) -> None:
-        """See `Steerable`. The feet in the air land first."""
+        """See `Steerable`. Feet in the air land first."""
         self._live.gait = gait
 
     def act(self, inputs: PolicyInput) -> JointCommand:
@@ -182,9 +182,8 @@ class Mpc:
         return command
 
     def _turn_of_legs(self, inputs: PolicyInput) -> np.ndarray:
-        """Rate (3,) rad/s, base frame, that the legs' motion adds to the turn of the robot as a whole.
-
-        What swings forward in flight turns the base backwards: nothing else holds the robot.
+        """Angular velocity (3,) rad/s, base frame, that the legs' motion adds to that of the whole robot.
+        A leg that swings forward in flight turns the base backward, because no external force acts.
         """
         if not self._config.legs_turn_base:
             return np.zeros(3)
@@ -193,7 +192,8 @@ class Mpc:
         return self._body.inverse_inertia @ momentum
 
     def _acceleration(self, base: Base, pose: LegPose) -> np.ndarray:
-        """Of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2, world."""
+        """Acceleration of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2,
+        world."""
         body = self._body
         wrenches = self.wrenches.dot(base.rotation)
         turn = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
@@ -203,7 +203,7 @@ class Mpc:
         return both.dot(self.slope.axes.T).ravel()
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
-        """Joint commands for the planned forces and the motion of swinging feet (`SwingFeet.motion`)."""
+        """Joint commands for the planned forces and the motion of the swing feet (`SwingFeet.motion`)."""
         up = base.rotation[2]
         wanted = self.reference.velocity
         velocity = np.array([wanted.real, wanted.imag, 0.0])
@@ -244,7 +244,7 @@ class Mpc:
         self.clock.advance(dt_s, settled and walk and not self._live.gait)
 
     def _plan(self, base: Base, feet: np.ndarray) -> None:
-        """Solve for the feet's forces; where that fails, keep the last ones of the feet that still stand."""
+        """Solve for the feet's forces; if that fails, keep the previous forces of the feet in stance."""
         began = time.perf_counter()
         contacts = self.clock.planned_stance(self.reference.middle_of_step)
         contacts[0] = self.stands

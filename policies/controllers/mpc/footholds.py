@@ -1,4 +1,4 @@
-"""Where swinging feet should land. Horizontal vectors are complex numbers, x + i y: turning is a product."""
+"""Footholds of swing feet. Horizontal vectors are complex numbers x + i y: a rotation is a product."""
 
 import cmath
 from functools import cache
@@ -21,25 +21,25 @@ def foothold(
     stance_s: float,
     config: FootholdConfig,
 ) -> complex:
-    """Touch-down point of a foot on the ground, world frame, m.
+    """Touch-down position of a foot on the ground, world frame, m.
 
     Raibert's symmetric step with a capture-point and a centrifugal term (Bledt et al. 2018, eq. 11):
 
-        place under the body at touch-down + v T_stance / 2 + k (v - v_wanted) + (z/g) v x w / 2
+        position under the body at touch-down + v T_stance / 2 + k (v - v_wanted) + (z/g) v x w / 2
 
-    The feedback gain k acts on both axes alike: it is a time, not scaled by any control period.
+    The feedback gain k is the same for both axes. It is a time and does not depend on the control period.
 
     Args:
-        place: m, of the foot in the nominal stance from the base, heading frame.
-        base: m, base origin, world.
-        height_m: z, of the base above the ground.
-        velocity: v, m/s, of the base, world.
-        wanted_velocity: m/s, commanded, world.
+        place: m, position of the foot in the nominal stance relative to the base, heading frame.
+        base: m, position of the base's origin, world.
+        height_m: z, height of the base above the ground.
+        velocity: v, m/s, velocity of the base, world.
+        wanted_velocity: m/s, commanded velocity, world.
         yaw: heading, rad.
-        yaw_rate: w, commanded, rad/s.
-        swing_left_s: time to touch-down.
-        stance_s: time that the foot will stand.
-        config: gain, and the farthest that a foot may land from its place under the body.
+        yaw_rate: w, commanded yaw rate, rad/s.
+        swing_left_s: time until touch-down.
+        stance_s: duration of the next stance.
+        config: gain, and largest distance of a foothold from the nominal position under the body.
     """
     arm = place * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
@@ -57,16 +57,16 @@ def contact_points(
     centre: np.ndarray,
     yaw: np.ndarray,
 ) -> np.ndarray:
-    """Where each foot stands during each step of the horizon, from the centre of mass then.
+    """Position of each foot during each step of the horizon, relative to the centre of mass at that step.
 
-    A foot that stands now stays where it is, one that swings lands on its target, and one that has lifted off
-    and landed once more by then is at its place under the body.
+    A foot in stance stays where it is. A foot in swing lands on its target. A foot that lifts off and lands
+    once more is then at its nominal position under the body.
 
     Args:
-        contacts: (steps, legs) boolean; the first step is now.
-        feet: (legs, 3) present points of contact, heading frame.
+        contacts: (steps, legs) boolean; the first step is the current one.
+        feet: (legs, 3) present contact points, heading frame.
         targets: (legs, 3) touch-down points, heading frame.
-        places: (legs, 3) feet of the nominal stance from the base, heading frame.
+        places: (legs, 3) nominal positions of the feet relative to the base, heading frame.
         centre: (steps, 3) path of the centre of mass, heading frame, z above the ground.
         yaw: (steps,) heading along the path, rad.
 
@@ -85,7 +85,8 @@ def contact_points(
 
 @cache
 def _later(contacts: bytes, legs: int) -> np.ndarray:
-    """Which feet (steps, legs) have left the place of their first stance, of booleans as bytes."""
+    """Feet (steps, legs) that have left the position of their first stance; the contacts are given as
+    bytes."""
     stands = np.frombuffer(contacts, dtype=bool).reshape(-1, legs)
     changes = np.cumsum(stands[1:] != stands[:-1], axis=0)
     return np.concatenate([np.zeros((1, legs), dtype=bool), changes > np.where(stands[0], 0, 1)])

@@ -1,4 +1,4 @@
-"""The friction coefficient that planned forces may use: less while feet slip."""
+"""Friction coefficient that planned forces may use: smaller while feet slip."""
 
 import math
 
@@ -9,15 +9,15 @@ from footfall.policies.controllers.mpc.config import Contact
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.readings import Sensed
 
-_FRICTION_STEP = 0.05  # few values on slopes, since each has programmes of its own
-_FILTER_S = 0.03  # time constant of the slip, so that a touch-down does not count
+_FRICTION_STEP = 0.05  # few values on slopes, because the solver caches programs for each
+_FILTER_S = 0.03  # time constant of the slip velocity, so that a touch-down does not count as slip
 
 
 class Grip:
-    """Counts on less friction while feet slip, and for a time after that.
+    """Reduces the friction coefficient while feet slip, and for some time afterwards.
 
-    Seen from the base, all stance feet move with the same velocity. Differences between their velocities are
-    slip, whatever the base does: no estimate of its velocity is needed.
+    Relative to the base, all stance feet have the same velocity. Differences between their velocities are
+    slip, whatever the base does: no estimate of the base's velocity is needed.
     """
 
     def __init__(self, legs: Legs, config: Contact) -> None:
@@ -25,14 +25,15 @@ class Grip:
         self.reset()
 
     def reset(self) -> None:
-        """Begin on ground that holds."""
+        """Start without slip."""
         self._slip_m_s = self._careful_s = 0.0
 
     def friction(self, gradient: float) -> float:
-        """Friction coefficient for planned forces on ground of a gradient (rise over run, not negative).
+        """Friction coefficient for planned forces on ground of a given gradient (rise over run, not
+        negative).
 
-        A slope holds no robot that counts on less friction than its gradient: slipping or not, what planned
-        forces may use beyond that is at least the coefficient of slipping feet.
+        With less friction than its gradient, a slope holds no robot. So the coefficient is at least the
+        gradient plus the coefficient of slipping feet.
         """
         config = self._config
         friction = config.friction if self._careful_s <= 0.0 else config.slipping_friction
@@ -45,10 +46,10 @@ class Grip:
         """Update the slip from the feet's velocities.
 
         Args:
-            sensed: readings.
-            pose: kinematics at their joint positions.
-            up: (3,) vertical, base frame.
-            stance: (legs,) planned contact in [0, 1]; only feet with 1 count.
+            sensed: readings of this tick.
+            pose: kinematics at these joint positions.
+            up: (3,) vertical direction, base frame.
+            stance: (legs,) planned contact in [0, 1]; only feet with 1 are used.
             dt_s: time since the last call.
         """
         self._careful_s -= dt_s

@@ -1,4 +1,4 @@
-"""From planned forces and swing trajectories to joint commands."""
+"""Joint commands from planned forces and swing trajectories."""
 
 from typing import NamedTuple
 
@@ -13,32 +13,33 @@ from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import RigidBody
 from footfall.robots.targets import within
 
-_INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own inertia
+_INERTIA_SHARE = 0.5  # share of the peak torque available for the leg's own inertia
 
 
 class _Stance(NamedTuple):
-    """What depends on which legs stand, and on nothing else. Whole arrays: to broadcast takes longer."""
+    """Arrays that depend only on which legs are in stance. Full size, because broadcasting takes longer."""
 
-    swinging: np.ndarray | slice  # (k,) the others
-    contact: np.ndarray  # (legs, 3, m) 1 of those that stand, else 0
+    swinging: np.ndarray | slice  # (k,) legs in swing
+    contact: np.ndarray  # (legs, 3, m) 1 for legs in stance, else 0
     kp: np.ndarray  # (legs, m) N m/rad
     kd: np.ndarray  # (legs, m) N m s/rad
 
 
 class LegControl:
-    """Joint commands of legs that stand and legs that swing.
+    """Joint commands of stance legs and swing legs.
 
-    A leg that stands is a source of force: its motors' stiffness is zero, and a little damping about the
-    joint velocities of the commanded motion keeps it quiet. A leg that swings is an impedance around its
-    trajectory: the motors' own PD, with the torque that the leg's inertia needs fed forward. In both, the
-    friction of the gearboxes at the wanted speed is fed forward.
+    A stance leg is a force source: its motors' stiffness is zero, and a small damping relative to the joint
+    velocities of the commanded motion suppresses vibration. A swing leg is an impedance around its
+    trajectory: the
+    motors' PD, with the torque for the leg's inertia fed forward. For both, gearbox friction at the wanted
+    speed is fed forward.
     """
 
     def __init__(self, robot: Robot, legs: Legs, body: RigidBody, config: MpcConfig) -> None:
         self._legs, self._body = legs, body
         self._friction = legs.gather(robot.motor.friction) * config.friction_compensation
         self._friction_speed = legs.gather(robot.motor.friction_speed)
-        # Lowest and highest, each as wide as what they limit: to negate, and to broadcast, takes longer.
+        # Lower and upper limits at full size: negating and broadcasting take longer.
         self._speeds = _about_zero(legs.gather(robot.motor.no_load_speed))
         self._inertia_torques = _about_zero(_INERTIA_SHARE * legs.gather(robot.motor.peak_torque))
         self._one = np.ones((legs.count, legs.hinges))
@@ -59,20 +60,20 @@ class LegControl:
         swinging: list[int],
         swing: np.ndarray,
     ) -> JointCommand:
-        """The command of one joint tick. All vectors are in the base frame.
+        """Command of one tick. All vectors are in the base frame.
 
         Args:
             joint_position: (n,) rad, measured.
             pose: kinematics at this position.
-            force: (legs, 3) N, of the ground on the feet; zero of those that swing.
-            velocity: (3,) m/s, commanded, of the base.
-            turn: (3,) rad/s, commanded.
-            up: (3,) vertical.
-            swinging: the k legs that do not stand.
+            force: (legs, 3) N, of the ground on the feet; zero for swing legs.
+            velocity: (3,) m/s, commanded velocity of the base.
+            turn: (3,) rad/s, commanded angular velocity of the base.
+            up: (3,) vertical direction.
+            swinging: the k legs in swing.
             swing: (k, 3, 3) position, velocity and acceleration of their feet, relative to the base.
         """
         legs, stance = self._legs, self._stance(swinging)
-        # A standing foot rolls: it is the point on the ground that stands still and carries the force.
+        # A stance foot rolls: the point on the ground stands still and carries the force.
         jacobian = pose.jacobian + stance.contact * legs.rolling_offset(pose.axes, up)
         wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
         wanted[:, :, 0] = pose.foot.dot(skew(turn)) - velocity

@@ -1,4 +1,4 @@
-"""Live settings of model-predictive control: what is asked for, approached at a bounded rate."""
+"""Live settings of model-predictive control, approached at a bounded rate."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from footfall.policies.controllers.mpc.swing_feet import SwingFeet
 from footfall.policies.live_settings import Applied, Span, approached, shared
 from footfall.robots.description import Robot
 
-_RATES = {  # of each setting, its unit in a second
+_RATES = {  # largest change of each setting per second, in its unit
     "step_period_s": 0.1,
     "step_height_m": 0.05,
     "body_height_m": 0.05,
@@ -21,7 +21,7 @@ _RATES = {  # of each setting, its unit in a second
 
 
 class LiveMpc:
-    """Values on their way to what is asked for, and the gait that comes."""
+    """Values that approach the wanted ones, and the next gait."""
 
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
@@ -35,25 +35,25 @@ class LiveMpc:
         self.reset()
 
     def reset(self) -> None:
-        """The controller's own settings and gait."""
+        """Return to the controller's own settings and gait."""
         self._now = {name: span.default for name, span in self.spans.items()}
         self._wanted = dict(self._now)
         self._moves = False
-        self.gait = ""  # to take up once all feet stand; empty for none
+        self.gait = ""  # gait to change to once all feet stand; empty for none
         self._present = self._config.gait.name
 
     @property
     def applied(self) -> Applied:
-        """The gait and the values that act now."""
+        """Gait and values that act now."""
         return Applied(self._present, self._now)
 
     def want(self, values: Mapping[str, float]) -> None:
-        """Approach these values."""
+        """Set the values to approach."""
         self._wanted |= values
         self._moves = True
 
     def advance(self, clock: StepClock, reference: Reference, feet: SwingFeet, dt_s: float) -> None:
-        """Bring the values nearer, and hand them on."""
+        """Move the values towards the wanted ones, and apply them."""
         if not self._moves:
             return
         now = {
@@ -66,7 +66,7 @@ class LiveMpc:
         reference.attitude = np.array([now["roll_rad"], now["pitch_rad"]])
 
     def take_up(self, clock: StepClock) -> None:
-        """Begin the gait that was asked for; all feet stand."""
+        """Change to the wanted gait; all feet stand."""
         new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
         clock.take_up(new.timing, new.offsets)
         self._present, self.gait = self.gait, ""

@@ -1,21 +1,20 @@
-"""From the state of a rigid body and its coming contacts to a quadratic programme over the feet's forces.
+"""Quadratic program over the feet's forces, from the state of a rigid body and its contact schedule.
 
 The model is that of Di Carlo et al. 2018 ("Dynamic locomotion in the MIT Cheetah 3 through convex
-model-predictive control", eqs. 15-17), written in the heading frame (world turned by the present yaw), where
+model-predictive control", eqs. 15-17), written in the heading frame (world rotated by the present yaw), where
 for small roll and pitch
 
     d attitude = rate,   d rate = I^-1 sum r x f,   d position = velocity,   d velocity = g + sum f / m.
 
-Its A is nilpotent (A^2 = 0 but for gravity, which is integrated by hand), so the exact discretisation
-has a closed form: a force f held during step j changes rates after step k >= j by dt, and attitude and
-position by dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are
-the forces of feet in contact. With a weight per state, the Hessian is a few products of small matrices.
+Its A is nilpotent (A^2 = 0 except for gravity, which is integrated separately), so the exact discretisation
+has a closed form: a force f during step j changes rates after step k >= j by dt, and attitude and position by
+dt^2 (k - j + 1/2), times its acceleration. The program is condensed: its only variables are the forces of
+feet in contact. With one weight per state, the Hessian is a few products of small matrices.
 
-A sole presses with a moment m about its middle, too, which adds I^-1 m to the angular acceleration. Its
-centre of pressure stays within it where |m| <= lever * upward force; friction bounds the moment about z.
-
-The forces' changes that cost are those of every foot, which presses with nothing while it swings: also the
-load that a foot takes up as it lands and gives up before it is lifted.
+A sole also exerts a moment m about its middle, which adds I^-1 m to the angular acceleration. Its centre of
+pressure stays within the sole if |m| <= lever * upward force; friction bounds the moment about z.
+The cost of force changes covers every foot, whose force is zero in swing. So it also covers the load that a
+foot takes up after landing and gives up before lift-off.
 """
 
 from typing import NamedTuple
@@ -28,8 +27,8 @@ from footfall.policies.controllers.mpc.wrenches import Wrenches
 from footfall.robots.rigid_body import RigidBody
 
 _DOWN = np.array([0.0, 0.0, -GRAVITY_M_S2])
-_AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first
-_FORCE_AXES = [5, 3, 4]  # the same of the last three of six
+_AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp expects variables with simple bounds first
+_FORCE_AXES = [5, 3, 4]  # the same for the last three of six
 
 
 class BodyState(NamedTuple):
@@ -40,9 +39,9 @@ class BodyState(NamedTuple):
 
 
 class ForceProblem(NamedTuple):
-    """minimise x' H x / 2 + g' x, subject to 0 <= x[:n] <= most and rows x <= 0.
+    """minimise x' H x / 2 + g' x, subject to 0 <= x[:n] <= upper[:n] and rows x <= 0.
 
-    Each of the n feet in contact over all steps has k variables: 3 for a point, 6 for a sole.
+    Each of the n contacts (foot, step) has k variables: 3 for a point, 6 for a sole.
     """
 
     hessian: np.ndarray  # (k n, k n)
@@ -50,8 +49,8 @@ class ForceProblem(NamedTuple):
     rows: np.ndarray  # (r n, k n): friction pyramids (r = 4), then limits of moments (6 more)
     upper: np.ndarray  # (n + r n,), bounds of the n upward forces, then of the rows
     lower: np.ndarray  # (n + r n,)
-    step: np.ndarray  # (n,) when
-    leg: np.ndarray  # (n,) which foot
+    step: np.ndarray  # (n,) step of each contact
+    leg: np.ndarray  # (n,) foot of each contact
 
 
 class _Pattern(NamedTuple):
@@ -59,24 +58,24 @@ class _Pattern(NamedTuple):
 
     step: np.ndarray
     leg: np.ndarray
-    now: int  # how many of the n are the first step's; they come first
-    second: np.ndarray  # (k n, k n) weight shared by two forces through attitude and position
-    first: np.ndarray  # (k n, k n) the same through the rates
-    linear: np.ndarray  # (k n, k n) Hessian of the translation, of the forces themselves and of their changes
-    even_pull: np.ndarray  # (n,) gradient towards the upward forces that share the weight evenly
+    now: int  # number of contacts in the first step; they come first
+    second: np.ndarray  # (k n, k n) coupling of two forces through attitude and position
+    first: np.ndarray  # (k n, k n) coupling of two forces through the rates
+    linear: np.ndarray  # (k n, k n) Hessian of the translation, of the forces and of their changes
+    even_pull: np.ndarray  # (n,) gradient towards equal upward forces that carry the weight
     rows: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
 
 
 class ForceProblems:
-    """Builds the quadratic programmes of one robot.
+    """Builds the quadratic programs of one robot.
 
     Args:
-        body: its mass and inertia.
+        body: mass and inertia.
         horizon, weights, contact: settings.
-        levers: (legs, 3) m, largest moment of each sole per upward force, about x, y and, per coefficient of
-            friction, z; None of feet that are points.
+        levers: (legs, 3) m, largest moment of each sole per upward force, about x, y and (per friction
+            coefficient) z; None for point feet.
     """
 
     def __init__(
@@ -91,19 +90,19 @@ class ForceProblems:
         self._body, self._weights, self._contact = body, weights, contact
         self._levers, self._variables = levers, 3 if levers is None else 6
         self._turning = _turning(body.inverse_inertia)
-        late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # of state k after force j
+        late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # steps from force j to state k
         self._second = np.where(late >= 0, dt_s**2 * (late + 0.5), 0.0)
         self._first = np.where(late >= 0, dt_s, 0.0)
         self._weight_pose = np.array([*weights.attitude, *weights.position])
         self._weight_rate = np.array([*weights.angular_rate, *weights.velocity])
-        # Of the poses after all steps, then of the rates: what state, rate and gravity make of them without
-        # any force, their weights, and what forces make of them.
+        # Rows: poses after all steps, then rates. Columns of `_free`: effect of state, rate and gravity
+        # without any force. `_weight`: their weights. `_by_force`: effect of forces.
         times, one, none = dt_s * np.arange(1, steps + 1), np.ones(steps), np.zeros(steps)
         self._free = np.array([[one, times, times**2 / 2], [none, one, times]]).transpose(0, 2, 1)
         self._free = self._free.reshape(2 * steps, 3)
         self._by_force = np.concatenate([self._second, self._first]).T
         self._weight = np.repeat([self._weight_pose, self._weight_rate], steps, axis=0)
-        difference = np.eye(steps) - np.eye(steps, k=-1)  # of a force from the step before
+        difference = np.eye(steps) - np.eye(steps, k=-1)  # change of a force from the previous step
         self._change = weights.force_change * difference.T @ difference
         self._patterns: dict[tuple[bytes, float], _Pattern] = {}
 
@@ -117,15 +116,15 @@ class ForceProblems:
         friction: float | None = None,
         gravity: np.ndarray = _DOWN,
     ) -> ForceProblem:
-        """The programme for one moment.
+        """Quadratic program for the present state.
 
         Args:
-            state: now.
-            reference: wanted after each step.
+            state: present state.
+            reference: wanted state after each step.
             contacts: (steps, legs) boolean, feet in stance during each step.
-            feet: (steps, legs, 3) m, points of contact from the centre of mass, heading frame.
-            before: (legs, 3) N, forces that were applied last, heading frame; of feet that swung 0.
-            friction: coefficient that the forces count on; None: the settings'.
+            feet: (steps, legs, 3) m, contact points relative to the centre of mass, heading frame.
+            before: (legs, 3) N, forces applied last, heading frame; 0 for feet in swing.
+            friction: coefficient that the forces may use; None: that of the settings.
             gravity: (3,) m/s^2, heading frame, whose z axis is the ground's normal.
         """
         pattern = self._pattern(contacts, friction or self._contact.friction)
@@ -142,7 +141,7 @@ class ForceProblems:
         hessian += by_rate
         hessian += pattern.linear
 
-        # Where the body would be without any force, against where it should be.
+        # State without any force, minus the reference.
         deviation = self._free.dot(np.array([state.pose, state.rate, [0.0, 0.0, 0.0, *gravity.tolist()]]))
         deviation -= np.concatenate(reference)
         pull = self._by_force.dot(self._weight * deviation)  # (steps, 6)
@@ -163,7 +162,7 @@ class ForceProblems:
         )
 
     def wrenches(self, solution: np.ndarray, problem: ForceProblem, legs: int) -> Wrenches:
-        """What the feet are pressed with in the first step, heading frame, from a solution (k n,)."""
+        """Wrenches of the feet in the first step, heading frame, from a solution (k n,)."""
         force, moment = np.zeros((2, legs, 3))
         now = np.count_nonzero(problem.step == 0)
         parts = solution.reshape(self._variables, -1)[:, :now]
@@ -191,7 +190,7 @@ class ForceProblems:
             block = slice(axis * n, (axis + 1) * n)
             shared = self._weight_pose[state] * second + self._weight_rate[state] * first
             linear[block, block] += shared / self._body.mass**2
-        # Of the variables other than the upward force: how many times that each may be at most.
+        # For each variable except the upward force: its largest ratio to the upward force.
         ratios = [np.full(n, friction)] * 2
         if self._levers is not None:
             ratios += list((self._levers[leg] * [1.0, 1.0, friction]).T)
@@ -212,7 +211,7 @@ class ForceProblems:
 
 
 def _pyramids(ratios: list[np.ndarray]) -> np.ndarray:
-    """Rows (2 r n, (1 + r) n) that hold each of r variables within a ratio (n,) of the upward force."""
+    """Rows (2 r n, (1 + r) n) that keep each of r variables within a ratio (n,) of the upward force."""
     size = len(ratios[0])
     rows = np.zeros((len(ratios), 2, size, 1 + len(ratios), size))
     for variable, ratio in enumerate(ratios):
@@ -222,11 +221,10 @@ def _pyramids(ratios: list[np.ndarray]) -> np.ndarray:
 
 
 def _turning(inverse_inertia: np.ndarray) -> np.ndarray:
-    """Angular acceleration by force as a matrix (9, 3) that waits for the force's arm (3,).
-
-    Its rows are acceleration's axis (3,) by the force's (3, sorted z, x, y).
+    """Matrix (9, 3) whose product with a force's arm (3,) gives the angular acceleration per force.
+    The 9 rows are: axis of the acceleration (3), by axis of the force (3, sorted z, x, y).
     """
-    torque = np.zeros((3, 3, 3))  # by torque's axis, force's axis, arm's axis: the cross product
+    torque = np.zeros((3, 3, 3))  # axis of torque, of force, of arm: the cross product
     for axis in range(3):
         x, y = (axis + 1) % 3, (axis + 2) % 3
         torque[axis, y, x], torque[axis, x, y] = 1.0, -1.0

@@ -1,4 +1,4 @@
-"""The motion that model-predictive control aims at: a pose that leads the base, and its continuation."""
+"""Reference motion for model-predictive control: a pose ahead of the base, and its continuation."""
 
 import cmath
 
@@ -9,14 +9,14 @@ from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.problem import BodyState
 
-_DECAY_S = 0.2  # time constant with which the body is expected to lose surplus speed
+_DECAY_S = 0.2  # time constant with which the body is expected to lose excess speed
 
 
 class Reference:
-    """A reference pose that moves at the commanded velocity, within a bounded lead over the base.
+    """A reference pose that moves at the commanded velocity, at a bounded distance from the base.
 
     Args:
-        config: of the controller.
+        config: settings of the controller.
         centre_of_mass: (3,) m, in the base's frame.
     """
 
@@ -39,7 +39,7 @@ class Reference:
         self.attitude = np.zeros(2)  # roll and pitch, rad
 
     def advance(self, base: Base, command: np.ndarray, dt_s: float) -> None:
-        """Move at the command (3,): forward m/s, leftward m/s, yaw rad/s."""
+        """Move by the command (3,): forward m/s, leftward m/s, yaw rad/s."""
         stance = self._stance
         forward, leftward, yaw_rate = command.tolist()
         self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
@@ -53,7 +53,7 @@ class Reference:
         self.height += min(1.0, dt_s / self._settle_s) * climb
 
     def over_horizon(self, base: Base, command: np.ndarray) -> BodyState:
-        """The commanded motion after each step of the horizon, (steps, 6) each, in the heading frame."""
+        """Commanded motion after each step of the horizon, (steps, 6) each, in the heading frame."""
         forward, leftward, yaw_rate = command.tolist()
         later = self._end_of_step
         yaw = wrap_angle(self.yaw - base.yaw) + yaw_rate * later
@@ -72,7 +72,8 @@ class Reference:
         return BodyState(pose, rate)
 
     def path(self, state: BodyState, reference: BodyState) -> np.ndarray:
-        """Centre of mass (steps, 3), m, in the middle of each step; its speed decays to the reference's."""
+        """Centre of mass (steps, 3), m, in the middle of each step; its velocity decays to the
+        reference's."""
         (x, y, z), (forward, leftward, _) = state.pose[3:].tolist(), state.rate[3:].tolist()
         wanted_x, wanted_y, _ = reference.rate[0, 3:].tolist()
         rows = [[x, y, z], [wanted_x, wanted_y, 0.0], [forward - wanted_x, leftward - wanted_y, 0.0]]

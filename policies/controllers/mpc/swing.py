@@ -1,4 +1,4 @@
-"""The path of a foot through the air."""
+"""Path of a foot in swing."""
 
 from footfall.policies.controllers.gait import swing_curve
 
@@ -6,13 +6,13 @@ from footfall.policies.controllers.gait import swing_curve
 def swing_motion(
     progress: float, lift_off: list[float], landing: list[float], swing_s: float, height_m: float
 ) -> list[list[float]]:
-    """Along a cycloid from lift-off to landing, and up and down above that.
+    """Motion along a cycloid from lift-off to landing, lifted in between.
 
     Args:
-        progress: share of the swing that is over, in [0, 1].
-        lift_off, landing: (3,) m, the foot's centre, world frame.
-        swing_s: how long a swing takes.
-        height_m: how high the foot is lifted above the straight way.
+        progress: elapsed share of the swing, in [0, 1].
+        lift_off, landing: (3,) m, centre of the foot, world frame.
+        swing_s: duration of a swing.
+        height_m: lift above the straight line.
 
     Returns:
         Position (3,) m, velocity (3,) m/s and acceleration (3,) m/s^2 of the foot's centre.

@@ -1,4 +1,4 @@
-"""Feet that swing: from where they lifted off to their footholds, as seen from the moving base."""
+"""Swing feet: from lift-off to their footholds, relative to the moving base."""
 
 import math
 
@@ -21,8 +21,8 @@ class SwingFeet:
     """Start and end of each foot's swing.
 
     Args:
-        config: of the controller.
-        places: (feet, 3) m, below the hips, in the base's frame.
+        config: settings of the controller.
+        places: (feet, 3) m, nominal positions of the feet, base frame.
         foot_radius: (feet,) m.
         centre: (3,) m, centre of mass in the base's frame.
     """
@@ -33,22 +33,22 @@ class SwingFeet:
         self._swing, self._foothold, self._catch = config.swing, config.foothold, config.foothold.catch
         self.places, self._centre = places, centre
         self._ahead = (places[:, 0] + 1j * places[:, 1]).tolist()
-        self._touch_down = np.zeros((len(places), 3))  # of the feet's centres, from the ground
+        self._touch_down = np.zeros((len(places), 3))  # centre of each foot above the ground at touch-down
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
         self.height_m = config.swing.height_m
-        self.shift = 0j  # m, of all places, heading frame, x + i y
+        self.shift = 0j  # m, shift of all nominal positions, heading frame, x + i y
         self.reset()
 
     def reset(self) -> None:
-        """Forget the swings of an earlier episode."""
+        """Start a new episode."""
         count = len(self.places)
         self.lift_off = np.zeros((count, 3))  # m, world
         self.target = np.zeros((count, 3))  # m, world, on the ground
-        self._seen_from: tuple[list[int], Base | None] = [], None  # feet that swing, and the base
+        self._seen_from: tuple[list[int], Base | None] = [], None  # feet in swing, and the base
 
     @property
     def shifted_places(self) -> np.ndarray:
-        """Where feet of a steady stance are, (feet, 3) m, heading frame."""
+        """Positions of the feet in a steady stance, (feet, 3) m, heading frame."""
         return self.places + np.array([self.shift.real, self.shift.imag, 0.0])
 
     def aim(
@@ -65,14 +65,14 @@ class SwingFeet:
         """Set the foothold of a leg.
 
         Args:
-            leg: its index.
-            progress: share of the swing that is over, in [0, 1].
-            base: its state.
-            pose: of the legs.
-            wrenches: planned for the feet, world.
+            leg: index of the leg.
+            progress: elapsed share of the swing, in [0, 1].
+            base: state of the base.
+            pose: kinematics of the legs.
+            wrenches: planned wrenches of the feet, world.
             wanted: velocity of the reference, m/s, world, x + i y.
-            yaw_rate: commanded, rad/s.
-            gait: its timing.
+            yaw_rate: commanded yaw rate, rad/s.
+            gait: timing of the gait.
         """
         left_s = (1.0 - progress) * gait.swing_s
         if self._catch is None:
@@ -104,10 +104,10 @@ class SwingFeet:
         self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
 
     def footholds(self, axes: np.ndarray) -> np.ndarray:
-        """Footholds of swinging feet from the base, heading frame, (feet, 3) m; NaN for the others.
+        """Footholds of swing feet relative to the base, heading frame, (feet, 3) m; NaN for the others.
 
         Args:
-            axes: (3, 3) of the frame in which the feet are followed, to the world.
+            axes: (3, 3) rotation to the world from the frame in which the feet are followed.
         """
         places = np.full_like(self.target, np.nan)
         swinging, base = self._seen_from
@@ -117,7 +117,7 @@ class SwingFeet:
         return places
 
     def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:
-        """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
+        """Motion of swing feet relative to the moving base, (k, 3, 3): see `LegControl.command`."""
         self._seen_from = swinging, base
         if not swinging:
             return _NO_SWING

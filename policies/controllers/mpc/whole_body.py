@@ -1,9 +1,9 @@
-"""The MPC's plan, carried out by whole-body control.
+"""The MPC's plan, executed by whole-body control.
 
-The planned forces define the motion of the whole body: its linear and angular acceleration. From
-these and the desired accelerations of the swing feet, a quadratic programme on the robot's whole dynamics
-works out the joints' torques at each tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via
-whole-body impulse control and model predictive control", with weights instead of null spaces).
+The planned forces define the linear and angular acceleration of the whole body. From these and the wanted
+accelerations of the swing feet, a quadratic program on the full dynamics computes the joint torques at each
+tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via whole-body impulse control and model
+predictive control", with weights instead of null spaces).
 """
 
 import math
@@ -32,14 +32,14 @@ class MpcWholeBodyConfig:
     """Settings of `MpcWholeBody`."""
 
     plan: MpcConfig  # its stance.kd, swing.kp, swing.kd and friction_compensation are not used
-    swing: Feedback  # about the trajectories of the swing feet
-    posture: Feedback  # of the joints, about the default pose
+    swing: Feedback  # feedback on the trajectories of the swing feet
+    posture: Feedback  # feedback of the joints on the default pose
     whole_body: WholeBodyConfig
-    sole: Feedback | None = None  # of soles that swing, about level and the base's heading; None: points
+    sole: Feedback | None = None  # feedback of swing soles on level and the base's heading; None: point feet
 
 
 class MpcWholeBody(Mpc):
-    """Plans as `Mpc` does, and moves the joints by whole-body control."""
+    """Plans like `Mpc`, and moves the joints by whole-body control."""
 
     name = "mpc-wbc"
 
@@ -78,9 +78,8 @@ class MpcWholeBody(Mpc):
     def _foot_accelerations(
         self, dynamics: Dynamics, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
     ) -> np.ndarray:
-        """Desired accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet.
-
-        Soles are kept level and turned as the base is.
+        """Wanted accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet.
+        Soles stay level and keep the heading of the base.
         """
         feet, swinging = np.zeros((self._legs.count, 6)), self._swinging
         if swinging:
@@ -96,6 +95,6 @@ class MpcWholeBody(Mpc):
 
 
 def _from_level(rotation: np.ndarray, yaw: float) -> np.ndarray:
-    """Small rotation vectors (k, 3), world, of soles (k, 3, 3) from level ones that head at a yaw."""
+    """Small rotation vectors (k, 3), world, from level soles with the base's yaw to soles (k, 3, 3)."""
     askew = [wrap_angle(math.atan2(sole[1, 0], sole[0, 0]) - yaw) for sole in rotation]
     return np.column_stack([-rotation[:, 1, 2], rotation[:, 0, 2], askew])

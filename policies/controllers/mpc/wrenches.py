@@ -1,4 +1,4 @@
-"""What the ground presses feet with: a force on a point, and a moment besides on a sole."""
+"""Wrench of the ground on each foot: a force, and a moment for a sole."""
 
 from typing import NamedTuple
 
@@ -8,38 +8,38 @@ from footfall.robots.description import Robot
 
 
 class Wrenches(NamedTuple):
-    """What the ground presses each foot with, at the middle of its contact."""
+    """Wrench of the ground on each foot, at the middle of its contact."""
 
     force: np.ndarray  # (legs, 3) N
-    moment: np.ndarray  # (legs, 3) N m; 0 for feet that are points
+    moment: np.ndarray  # (legs, 3) N m; 0 for point feet
 
     def dot(self, matrix: np.ndarray) -> "Wrenches":
-        """The same in another frame: each vector times a matrix (3, 3)."""
+        """The same wrenches in another frame: each vector times a matrix (3, 3)."""
         return Wrenches(self.force.dot(matrix), self.moment.dot(matrix))
 
     def pressure(self, leg: int) -> complex:
-        """Centre of pressure of a foot from its middle, m, x + i y; 0 where nothing presses."""
+        """Centre of pressure of a foot relative to its middle, m, x + i y; 0 without force."""
         x, y, _ = self.moment[leg].tolist()
         up = float(self.force[leg, 2])
         return complex(-y, x) / up if up > 0.0 else 0j
 
     def about(self, arms: np.ndarray) -> np.ndarray:
-        """Moment of all (3,), N m, about a point from which arms (legs, 3), m, lead to the feet."""
+        """Total moment (3,), N m, about a point, with arms (legs, 3), m, from that point to the feet."""
         return moment(arms, self.force) + self.moment.sum(axis=0)
 
 
 def moment(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Sum of the cross products of arms with forces, each (k, 3): (3,)."""
+    """Sum of the cross products of arms and forces, each (k, 3): (3,)."""
     products = arms.T @ forces
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = products.tolist()
     return np.array([yz - zy, zx - xz, xy - yx])
 
 
 def sole_levers(robot: Robot, share: float) -> np.ndarray:
-    """Largest moments of soles per upward force, about x and y, and about z per coefficient of friction.
+    """Largest moments of soles per upward force, about x and y, and about z per friction coefficient.
 
-    The centre of pressure may be away from the middle by a share of half the sole's mean width and length.
-    About z, friction acts on average as far from the middle as the corners are, times that share.
+    The centre of pressure may leave the middle by a share of half the sole's mean width and length.
+    About z, friction acts at the mean distance of the corners, times that share.
 
     Returns:
         (legs, 3) m.

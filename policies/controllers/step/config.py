@@ -11,11 +11,11 @@ from footfall.policies.controllers.whole_body.feedback import Feedback
 
 @dataclass(frozen=True)
 class Gait:
-    """The steady gait, and how far the next step may differ from it."""
+    """Steady gait, and limits and costs of deviations from it."""
 
     step_s: float  # from touch-down to touch-down
-    double_support_s: float  # of it, both feet bearing
-    apart_m: float  # middle to middle of the feet, sideways
+    double_support_s: float  # duration of the double support at the start of a step
+    apart_m: float  # lateral distance between the middles of the feet
     limits: StepLimits
     weights: StepWeights
 
@@ -31,7 +31,7 @@ class SwingConfig:
     """Motion of the swing foot."""
 
     lift_m: float
-    depth_m: float  # depth below the ground at which a landing foot aims
+    depth_m: float  # depth below the ground at which a swing ends
     place: Feedback
     attitude: Feedback
 
@@ -42,12 +42,12 @@ class SwingConfig:
 
 @dataclass(frozen=True)
 class Pressure:
-    """How the centre of pressure steers the capture point."""
+    """Steering of the capture point by the centre of pressure."""
 
     gain: float  # per distance of the capture point from its reference
-    half_length_m: float  # how far it may move from the middle of a single foot, forward
-    half_width_m: float  # and sideways
-    most_lead_m: float  # and from the middle of both feet
+    half_length_m: float  # largest forward distance from the middle of a single foot
+    half_width_m: float  # ... sideways
+    most_lead_m: float  # ... and from the middle of both feet
 
     def __post_init__(self) -> None:
         require_positive(self, "half_length_m", "half_width_m", "most_lead_m")
@@ -56,12 +56,12 @@ class Pressure:
 
 @dataclass(frozen=True)
 class Start:
-    """When a standing robot begins to step, and how."""
+    """Conditions and timing of the first step."""
 
-    capture_m: float  # a capture point further than this from the middle of the feet calls for a step
-    near_m: float  # lateral distance to the standing foot at which the other foot is lifted
-    most_s: float  # the foot is lifted after this time at the latest
-    urgent_m: float  # a capture point this far ahead or behind does not wait for that
+    capture_m: float  # distance of the capture point from the middle of the feet that triggers a step
+    near_m: float  # lateral distance of the capture point to the stance foot at lift-off of the other foot
+    most_s: float  # longest shift before lift-off
+    urgent_m: float  # distance of the capture point ahead or behind that ends the shift at once
 
     def __post_init__(self) -> None:
         require_positive(self, "capture_m", "near_m", "most_s", "urgent_m")
@@ -77,13 +77,13 @@ class StepConfig:
     swing: SwingConfig
     pressure: Pressure
     start: Start
-    lower_m: float  # of the centre of mass, against the default pose: so that no knee has to stretch
+    lower_m: float  # lowering of the centre of mass below the default pose, so that no knee is stretched
     height: Feedback
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # of a foot, evenly shared by its points, as a share of the weight
-    settle_s: float  # time to reach the height
+    most_force: float  # limit of a foot, shared equally by its points; share of the weight
+    settle_s: float  # time until the height is reached
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The step controller: a falling body above the footwork of two legs, by whole-body control."""
+"""Footstep controller for bipeds, by whole-body control."""
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from footfall.robots.description import Robot
 
 
 class Step:
-    """Walks on two feet by placing them where they catch the falling body."""
+    """Walks on two feet: each foothold catches the falling body."""
 
     name = "step"
     needs_estimate = True
     contract = None
 
     def __init__(self, robot: Robot, config: StepConfig | None = None) -> None:
-        """Raises UserError for a robot that has not one left and one right foot."""
+        """Raises UserError unless the robot has one left and one right foot."""
         self._config = config = config or controller_settings(robot, self.name, StepConfig)
         self.rate_hz = config.rate_hz
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / config.rate_hz)
@@ -31,7 +31,7 @@ class Step:
         rest = standing(body, robot)
         if body.feet != 2 or not rest.foot[:, 1].min() < 0.0 < rest.foot[:, 1].max():
             raise UserError(
-                f"robot '{robot.name}' cannot be walked by 'step': it needs a left and a right foot"
+                f"robot '{robot.name}' cannot be walked by 'step': it must have a left and a right foot"
             )
         self._default = robot.default_pose
         self.com_height_m = float((rest.centre - rest.middle)[2]) - config.lower_m

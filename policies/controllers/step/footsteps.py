@@ -1,10 +1,10 @@
-"""Where and when the next foot lands: step place and time from the capture point.
+"""Position and time of the next touch-down, from the capture point.
 
-With the centre of pressure at rest at p, the capture point x moves along x(t) = p + (x - p) exp(w t). The
-foot lands at u after a time T, and the capture point is then b away from it: u + b = p + (x - p) k, with
-k = exp(w T). A gait of period T has its own u, k and b; the next step comes as near to these as it can, b
-first, for it decides all later steps. (Khadiv et al. 2020, "Walking control based on step timing
-adaptation".) Horizontal vectors (2,) in the heading frame, m, from the middle of the standing foot.
+With a constant centre of pressure p, the capture point x moves along x(t) = p + (x - p) exp(w t). The foot
+lands at u after a time T. The capture point's offset from it is then b: u + b = p + (x - p) k, with k = exp(w
+T). A gait of period T has nominal u, k and b. The next step minimises the weighted deviations; b has the
+largest weight, because it decides all later steps. (Khadiv et al. 2020, "Walking control based on step timing
+adaptation".) Horizontal vectors (2,) are in the heading frame, m, relative to the middle of the stance foot.
 """
 
 import math
@@ -21,13 +21,13 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class StepLimits:
-    """Where a foot can land from the other one, and when."""
+    """Limits of a step's position relative to the other foot, and of its time."""
 
     ahead_m: Range
-    apart_m: Range  # to the swinging foot's own side
-    time_s: Range  # since the step before
-    least_swing_s: float  # a foot in the air cannot land sooner than this from now
-    speed_m_s: float  # nor sooner than its way takes at this mean speed
+    apart_m: Range  # towards the swing foot's own side
+    time_s: Range  # since the previous touch-down
+    least_swing_s: float  # shortest time from now to a touch-down
+    speed_m_s: float  # largest mean speed of the foot until touch-down
 
     def __post_init__(self) -> None:
         require_ordered(self, "ahead_m", "apart_m", "time_s")
@@ -36,11 +36,11 @@ class StepLimits:
 
 @dataclass(frozen=True)
 class StepWeights:
-    """Cost of squared differences from the nominal step."""
+    """Cost of squared deviations from the nominal step."""
 
     place: float  # per m^2
-    time: float  # of exp(w T)
-    offset: float  # of the capture point from the foot, per m^2
+    time: float  # per unit of exp(w T)
+    offset: float  # offset of the capture point from the foot, per m^2
 
     def __post_init__(self) -> None:
         require_positive(self, "place", "time", "offset")
@@ -49,36 +49,36 @@ class StepWeights:
 class NominalStep(NamedTuple):
     """A step of a steady gait."""
 
-    place: np.ndarray  # (2,) where the foot lands
+    place: np.ndarray  # (2,) position of touch-down
     time_s: float
-    offset: np.ndarray  # (2,) of the capture point from it
-    lag: float  # what double support adds to the offset, per length of the step (see `nominal_step`)
+    offset: np.ndarray  # (2,) offset of the capture point from the touch-down
+    lag: float  # increase of the offset due to double support, per length of the step (see `nominal_step`)
 
 
 class NextStep(NamedTuple):
-    """What was decided."""
+    """Position and time of the next touch-down."""
 
     place: np.ndarray  # (2,)
-    remaining_s: float  # until the foot lands
+    remaining_s: float  # until touch-down
 
 
 def nominal_step(
     velocity: np.ndarray, side: float, apart_m: float, time_s: float, double_support_s: float, rate: float
 ) -> NominalStep:
-    """The step of a gait at a steady velocity.
+    """Step of a gait at a steady velocity.
 
-    While both feet bear, at the beginning of a step, the centre of pressure moves evenly from the old foot
-    to the new one, by the last step's L. For the capture point at the end of the step that is as if it had
-    begun by k L nearer to the new foot, k = 1 - (1 - exp(-w d)) / (w d): x(T) = exp(w T) (b + k L). A steady
-    gait has the same L and b ahead in each step, and sideways the opposite ones.
+    In double support, at the start of a step, the centre of pressure moves uniformly from the old foot to the
+    new one, by the previous step's L. At the end of the step the capture point is as if it had started k L
+    closer to the new foot, k = 1 - (1 - exp(-w d)) / (w d): x(T) = exp(w T) (b + k L). In a steady gait, the
+    forward parts of L and b are the same in each step; the lateral parts change their sign.
 
     Args:
         velocity: (2,) m/s, heading frame.
-        side: +1.0 where the left foot swings, -1.0 where the right one does.
-        apart_m: between the feet, sideways.
-        time_s: of each step.
-        double_support_s: d, in which both bear.
-        rate: w of the pendulum, 1/s.
+        side: +1.0 if the left foot swings, -1.0 if the right foot swings.
+        apart_m: lateral distance of the feet.
+        time_s: duration of each step.
+        double_support_s: d, duration of the double support.
+        rate: w of the inverted pendulum, 1/s.
     """
     growth = math.exp(rate * time_s)
     both = rate * double_support_s
@@ -99,25 +99,25 @@ def next_step(
     limits: StepLimits,
     weights: StepWeights,
 ) -> NextStep:
-    """Place and time of the next touch-down: a least-squares problem of three bounded unknowns.
+    """Position and time of the next touch-down: least squares with three bounded unknowns.
 
     Args:
-        capture: (2,) the capture point now.
-        pressure: (2,) the centre of pressure until the foot lands.
-        elapsed_s: since the step before.
-        way_m: that the foot still has before it.
-        side: +1.0 where the left foot swings, -1.0 where the right one does.
-        rate: w of the pendulum, 1/s.
-        nominal: the step to come near to.
-        limits: of place and time.
-        weights: of the differences.
+        capture: (2,) present capture point.
+        pressure: (2,) centre of pressure until touch-down.
+        elapsed_s: time since the previous touch-down.
+        way_m: remaining distance of the foot.
+        side: +1.0 if the left foot swings, -1.0 if the right foot swings.
+        rate: w of the inverted pendulum, 1/s.
+        nominal: step of the steady gait.
+        limits: limits of position and time.
+        weights: weights of the deviations.
     """
     growth = math.exp(rate * (nominal.time_s - elapsed_s))
     soonest = max(limits.time_s[0] - elapsed_s, limits.least_swing_s, way_m / limits.speed_m_s)
     latest = max(limits.time_s[1] - elapsed_s, soonest)
     apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
-    # In (place, growth): the offset is pressure + (capture - pressure) growth - place. What counts for the
-    # steps after it is offset + lag place: a long step needs less of an offset.
+    # In (position, growth): the offset is pressure + (capture - pressure) growth - position. The steps
+    # afterwards depend on offset + lag * position: a long step needs a smaller offset.
     away, held = capture - pressure, 1.0 - nominal.lag
     missed = np.array([[-held, 0.0, away[0]], [0.0, -held, away[1]]])
     aim = nominal.offset + nominal.lag * nominal.place - pressure
@@ -140,9 +140,9 @@ def next_step(
 def capture_after(
     capture: np.ndarray, pressure: np.ndarray, pressure_rate: np.ndarray, time_s: float, rate: float
 ) -> np.ndarray:
-    """The capture point after a time in which the centre of pressure moves evenly, (2,) m.
+    """Capture point (2,), m, after a time in which the centre of pressure moves uniformly.
 
-    The solution of dx/dt = w (x - p - r t).
+    Solution of dx/dt = w (x - p - r t).
     """
     lead = pressure_rate / rate
     return pressure + pressure_rate * time_s + lead + (capture - pressure - lead) * math.exp(rate * time_s)

@@ -1,4 +1,4 @@
-"""The footwork of two legs: which foot bears, which swings, and where the ground is pressed."""
+"""Footwork of two legs: stance foot, swing foot and centre of pressure."""
 
 import math
 from enum import Enum
@@ -12,35 +12,35 @@ from footfall.policies.controllers.step.footsteps import NominalStep, capture_af
 from footfall.policies.controllers.step.swing import Swing, yaw_of
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 
-UNLOADED = 0.02  # share of a foot's force that remains when a foot is about to leave the ground
+UNLOADED = 0.02  # share of its largest force at which a foot counts as unloaded, before lift-off
 
 
 class Phase(Enum):
-    """What the feet do."""
+    """Phase of the footwork."""
 
-    STAND = "stand"  # both bear
-    SHIFT = "shift"  # both bear, the weight moves onto one
-    STEP = "step"  # one bears, the other swings, after a while in which both bear
+    STAND = "stand"  # double support
+    SHIFT = "shift"  # double support, the weight moves onto one foot
+    STEP = "step"  # double support at first, then one foot swings
 
 
 class Footwork:
-    """Stands, shifts the weight and steps. Feet are indices into `side`; places are in the world's axes.
+    """Stands, shifts the weight and steps. Feet are indices into `side`; positions are in world axes.
 
     Args:
-        config: of the controller.
+        config: settings of the controller.
         side: (2,) +1 for the left foot, -1 for the right one.
-        fall_rate: of the inverted pendulum, 1/s.
+        fall_rate: rate w of the inverted pendulum, 1/s.
 
     Attributes:
-        phase: STAND, SHIFT or STEP, since `elapsed_s`.
-        bears, swings: the stance foot, or the next one; and the other foot.
-        load: (2,) share of its largest force that each foot may press with.
-        place: (2,) m, of the next foothold from the bearing foot.
-        yaw: rad, of the bearing foot when the step began.
+        phase: STAND, SHIFT or STEP, which has lasted `elapsed_s`.
+        bears, swings: the stance foot (or the next one) and the other foot.
+        load: (2,) share of its largest force that each foot may use.
+        place: (2,) m, next foothold relative to the stance foot.
+        yaw: rad, yaw of the stance foot at the start of the step.
         lands_after_s: duration of the step.
-        swing: trajectory of the swinging foot; None before it leaves the ground.
+        swing: trajectory of the swing foot; None before lift-off.
         steps: number of steps since the reset.
-        foothold: (3,) m, of the swinging foot, from the base along the world's axes; None if none swings.
+        foothold: (3,) m, foothold of the swing foot relative to the base, world axes; None without a swing.
     """
 
     def __init__(self, config: StepConfig, side: np.ndarray, fall_rate: float) -> None:
@@ -50,7 +50,7 @@ class Footwork:
         self.reset()
 
     def reset(self) -> None:
-        """Stand on both feet."""
+        """Start in double support."""
         self.command.reset()
         self.phase, self.elapsed_s = Phase.STAND, 0.0
         self.bears, self.swings = 0, 1
@@ -64,12 +64,12 @@ class Footwork:
     def advance(
         self, dynamics: Dynamics, command: np.ndarray, settled: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Let a time step pass.
+        """Advance by one tick.
 
         Args:
-            dynamics: of the robot now.
+            dynamics: present dynamics of the robot.
             command: (3,) forward m/s, leftward m/s, yaw rad/s.
-            settled: whether commands are followed yet.
+            settled: whether commands are followed already.
 
         Returns:
             Centre of pressure (2,) m, world, and accelerations of the feet (2, 6), world.
@@ -79,9 +79,9 @@ class Footwork:
         self.elapsed_s += self.dt_s
         capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate  # its height has no meaning
         if self.phase is Phase.STAND and settled:
-            self.consider_a_step(dynamics, capture, self.command.wants_walk(command))
+            self.maybe_shift(dynamics, capture, self.command.wants_walk(command))
         if self.phase is Phase.SHIFT:
-            self.consider_lifting(dynamics, capture)
+            self.maybe_lift(dynamics, capture)
         if self.phase is Phase.STEP and self.elapsed_s >= self.lands_after_s:
             self.land(dynamics, self.command.wants_walk(command))
         feet = np.zeros((2, 6))
@@ -95,25 +95,25 @@ class Footwork:
                 pressure, feet[self.swings] = self.step(dynamics, capture)
         return pressure, feet
 
-    def consider_a_step(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
-        """Begin to shift the weight, to walk or because the capture point is far from the middle."""
+    def maybe_shift(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
+        """Start to shift the weight, for a walk or because the capture point is far from the middle."""
         middle = dynamics.middle
         away = capture[:2] - middle[:2]
         if walk or math.hypot(away[0], away[1]) > self._config.start.capture_m:
             across = dynamics.foot[0] - dynamics.foot[1]
-            self.bears = 0 if away @ across[:2] > 0 else 1  # the foot that the body leans on
+            self.bears = 0 if away @ across[:2] > 0 else 1  # foot towards which the body leans
             self.swings = 1 - self.bears
             self.phase, self.elapsed_s = Phase.SHIFT, 0.0
 
     def both_press(self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """The centre of pressure (2,) that brings the capture point to a goal (2,)."""
+        """Centre of pressure (2,) that moves the capture point to a goal (2,)."""
         pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
         middle = dynamics.middle[:2]
         lead = pressure - middle
         return middle + lead * min(1.0, self._config.pressure.most_lead_m / max(math.hypot(*lead), 1e-9))
 
     def shifted(self, dynamics: Dynamics) -> np.ndarray:
-        """Where the capture point is in a steady gait when the other foot leaves the ground, (2,)."""
+        """Capture point (2,) of a steady gait at lift-off of the other foot."""
         gait, nominal = self._config.gait, self.nominal(self.side[self.swings])
         begins = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
         to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2]
@@ -122,8 +122,8 @@ class Footwork:
         goal_along[0] = 0.0
         return dynamics.middle[:2] + to_world @ goal_along
 
-    def consider_lifting(self, dynamics: Dynamics, capture: np.ndarray) -> None:
-        """Begin a step once the weight is near the bearing foot, or the robot falls forward or back."""
+    def maybe_lift(self, dynamics: Dynamics, capture: np.ndarray) -> None:
+        """Start a step once the weight is near the stance foot, or the robot falls forward or backward."""
         start = self._config.start
         to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2].T
         missing = to_heading @ (capture[:2] - self.shifted(dynamics))
@@ -133,18 +133,18 @@ class Footwork:
             self.lift(dynamics, shifted=True)
 
     def lift(self, dynamics: Dynamics, shifted: bool) -> None:
-        """Begin a step: the swinging foot leaves the ground once it bears no more."""
+        """Start a step: the swing foot leaves the ground once it is unloaded."""
         self.phase, self.swing = Phase.STEP, None
-        # After a shift the weight is on the standing foot already.
+        # After a shift the weight is already on the stance foot.
         self.elapsed_s = self._config.gait.double_support_s if shifted else 0.0
         self.lands_after_s = self._config.gait.step_s
         self.yaw = yaw_of(dynamics.foot_rotation[self.bears])
-        # Foothold of the other foot, from this one, along the world's axes.
+        # Foothold of the swing foot relative to the stance foot, in world axes.
         self.place = self.to_world() @ self.nominal(self.side[self.swings]).place
         self.steps += 1
 
     def land(self, dynamics: Dynamics, walk: bool) -> None:
-        """End a step: stand if the command is to stand and the robot is calm, else begin the next one."""
+        """End a step: stand if the command is zero and the robot is calm, else start the next step."""
         config = self._config
         self.bears, self.swings = self.swings, self.bears
         between = dynamics.foot[self.bears] - dynamics.foot[self.swings]
@@ -158,20 +158,20 @@ class Footwork:
             self.phase, self.elapsed_s, self.load, self.swing = Phase.STAND, 0.0, np.ones(2), None
 
     def nominal(self, side: float) -> NominalStep:
-        """The step of a steady gait at the present command, of the foot on this side."""
+        """Step of a steady gait at the present command, for the foot on this side."""
         gait, velocity = self._config.gait, self.command.value[:2]
         return nominal_step(velocity, side, gait.apart_m, gait.step_s, gait.double_support_s, self.fall_rate)
 
     def turn(self) -> float:
-        """Yaw of a step at the present command, rad."""
+        """Yaw per step at the present command, rad."""
         return float(self.command.value[2]) * self._config.gait.step_s
 
     def to_world(self) -> np.ndarray:
-        """From the heading frame of the present step to the world, (2, 2)."""
+        """Rotation from the heading frame of the present step to the world, (2, 2)."""
         return heading_matrix(self.yaw + 0.5 * self.turn())[:2, :2]
 
     def step(self, dynamics: Dynamics, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The centre of pressure (2,), and the acceleration (6,) of the foot that swings."""
+        """Centre of pressure (2,), and acceleration (6,) of the swing foot."""
         gait, rate = self._config.gait, self.fall_rate
         to_world = self.to_world()
         stand, swing = dynamics.foot[self.bears], dynamics.foot[self.swings]
@@ -208,10 +208,9 @@ class Footwork:
     def steer(
         self, capture: np.ndarray, nominal: NominalStep, remaining_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The centre of pressure (2,) now, and the one that comes to the same if held until the foot lands.
-
-        It drives the capture point to where it is in the nominal step, as far as the sole reaches. What it
-        cannot make good, the step has to.
+        """Present centre of pressure (2,), and the constant one with the same effect until touch-down.
+        It moves the capture point to its position in the nominal step, within the sole. The rest is corrected
+        by the step.
         """
         config = self._config.pressure
         most = np.array([config.half_length_m, config.half_width_m])
@@ -221,7 +220,7 @@ class Footwork:
         return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
 
     def fly(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
-        """The acceleration (6,) of the swinging foot towards its place."""
+        """Acceleration (6,) of the swing foot towards its foothold."""
         config, foot = self._config.swing, self.swings
         rotation = dynamics.foot_rotation[foot]
         here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)

@@ -1,25 +1,25 @@
-"""How a foot flies: least jerk towards a place that may still change, and a lift."""
+"""Trajectory of a swing foot: minimum jerk towards a foothold that may change, and a lift."""
 
 import math
 
 import numpy as np
 
-_LEVEL = [0, 1, 3]  # where x, y and yaw stand in what is returned
+_LEVEL = [0, 1, 3]  # columns of x, y and yaw in the result
 
 
 class Swing:
-    """The reference of a swinging foot: x, y and yaw at least jerk, and the height over the way done.
+    """Reference of a swing foot: x, y and yaw with minimum jerk, and a height by progress.
 
-    From where it is, a motion of least jerk that comes to rest at a goal in a time s begins with the jerk
-    60 d / s^3 - 36 v / s^2 - 9 a / s, d the way left (Flash and Hogan 1985). Taken anew at each tick it needs
-    no plan to be mended when the goal moves.
+    A minimum-jerk motion that comes to rest at its goal after a time s starts with the jerk
+    60 d / s^3 - 36 v / s^2 - 9 a / s, d being the remaining distance (Flash and Hogan 1985). It is evaluated
+    anew at each tick, so that a change of the goal needs no new plan.
 
     Args:
-        place: (2,) m, of the foot.
-        height: m, of the foot above the standing one.
+        place: (2,) m, position of the foot.
+        height: m, height above the stance foot.
         yaw: rad.
-        lift_m: highest above the ground.
-        depth_m: how far below the ground the foot aims, so that it surely lands.
+        lift_m: largest height above the ground.
+        depth_m: depth below the ground at the end of the swing, for a reliable contact.
     """
 
     def __init__(self, place: np.ndarray, height: float, yaw: float, lift_m: float, depth_m: float) -> None:
@@ -30,16 +30,16 @@ class Swing:
 
     @property
     def yaw(self) -> float:
-        """rad, of the reference; it goes on past half a circle."""
+        """Yaw of the reference, rad, unwrapped."""
         return float(self._motion[0, 2])
 
     def advance(self, goal: np.ndarray, remaining_s: float, dt_s: float) -> np.ndarray:
-        """Move on for a tick.
+        """Advance by one tick.
 
         Args:
             goal: (3,) x, y in m and yaw in rad.
-            remaining_s: until the foot lands.
-            dt_s: of the tick.
+            remaining_s: time until touch-down.
+            dt_s: duration of the tick.
 
         Returns:
             (3, 4): position, velocity and acceleration of x, y, height and yaw.
@@ -68,5 +68,5 @@ class Swing:
 
 
 def yaw_of(rotation: np.ndarray) -> float:
-    """Heading of a matrix (3, 3), rad."""
+    """Heading of a rotation matrix (3, 3), rad."""
     return math.atan2(rotation[1, 0], rotation[0, 0])

@@ -1,4 +1,4 @@
-"""Walking in any named gait, by position control of the joints."""
+"""Walking in any named gait, by joint position control."""
 
 from footfall.policies.controllers.walk.controller import Walk
 

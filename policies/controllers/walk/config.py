@@ -1,4 +1,4 @@
-"""Settings of `Walk`, one dataclass per part."""
+"""Settings of `Walk`, one dataclass for each part."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from footfall.policies.controllers.slope import SlopeConfig
 
 @dataclass(frozen=True)
 class StrideConfig:
-    """Size of a step. Every field can be changed while the robot walks."""
+    """Dimensions of a step. Every field can be changed while the robot walks."""
 
-    height_m: float  # of the foot at mid-swing
-    length_m: float  # longest way of a foot backwards in one stance, which bounds the speed
-    body_height_m: float  # base above the ground
+    height_m: float  # height of the foot at mid-swing
+    length_m: float  # longest travel of a foot relative to the body in one stance, which limits the speed
+    body_height_m: float  # height of the base above the ground
 
     def __post_init__(self) -> None:
         require_positive(self, "length_m", "body_height_m")
@@ -23,11 +23,11 @@ class StrideConfig:
 
 @dataclass(frozen=True)
 class StanceConfig:
-    """Places of the feet at mid-stance."""
+    """Positions of the feet at mid-stance."""
 
-    outward_m: float = 0.0  # offset of each foot from its place in the default pose, away from the middle
-    shift_m: float = 0.0  # forward offset of all feet
-    sway: float = 0.0  # how far the body presses towards the middle of the feet that stand, as a share
+    outward_m: float = 0.0  # shift of each foot from its position in the default pose, outward
+    shift_m: float = 0.0  # forward shift of all feet
+    sway: float = 0.0  # sway of the centre of pressure towards the middle of the stance feet, as a share
 
     def __post_init__(self) -> None:
         require_not_negative(self, "sway")
@@ -35,15 +35,15 @@ class StanceConfig:
 
 @dataclass(frozen=True)
 class LevellingConfig:
-    """How the legs turn a tilted base back."""
+    """How the legs correct a tilted base."""
 
-    gain: float  # share of the measured tilt that the legs counter
+    gain: float  # share of the measured tilt that the legs correct
     rate_gain_s: float
-    filter_s: float  # time constant: the feet's velocity must not carry the gyro's noise
+    filter_s: float  # time constant that keeps the gyro's noise out of the feet's velocity
     most_rad: float  # largest correction
-    body_rate_m_s: float  # how fast the body's height changes
-    most_attitude_rad: float = 0.15  # largest roll and pitch that can be asked for
-    attitude_rate_rad_s: float = 0.3  # how fast they are approached
+    body_rate_m_s: float  # rate of change of the body's height
+    most_attitude_rad: float = 0.15  # largest roll and pitch of the live settings
+    attitude_rate_rad_s: float = 0.3  # rate of change of roll and pitch
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gain", "rate_gain_s", "most_rad", "most_attitude_rad")
@@ -52,10 +52,10 @@ class LevellingConfig:
 
 @dataclass(frozen=True)
 class HeadingConfig:
-    """How the walk keeps to the heading that the commanded yaw rate leads to, by the IMU."""
+    """Correction of the heading, which integrates the commanded yaw rate, by the IMU."""
 
-    gain: float  # 1/s, of the heading error; 0 disables the correction
-    most_rad: float  # clamp of the heading error: a turn by a push beyond it is not corrected
+    gain: float  # 1/s, correction per heading error; 0 disables it
+    most_rad: float  # clamp of the heading error: a larger turn, by a push, is not corrected
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gain", "most_rad")
@@ -63,15 +63,15 @@ class HeadingConfig:
 
 @dataclass(frozen=True)
 class TouchDownConfig:
-    """When a foot counts as on the ground before or after its time."""
+    """Detection of a touch-down earlier or later than planned."""
 
-    # Two thresholds of a foot's force by the motors' torques, as shares of the weight per leg. A stance foot
-    # below the first has found no ground. A swing foot above the second has touched down.
+    # Two thresholds of a foot's force, estimated from motor torques, as shares of the weight per leg. Below
+    # the first, a stance foot has no contact. Above the second, a swing foot has touched down.
     force_share: tuple[float, float]
-    filter_s: float  # time constant of that force
+    filter_s: float  # time constant of the force
     inertia_doubt: float  # share by which the joints' inertia may exceed the description's
-    from_progress: float  # progress of the swing from which forces count
-    probe_m: float  # how far a foot that finds no ground at its time is lowered
+    from_progress: float  # progress of the swing from which forces are checked
+    probe_m: float  # largest lowering of a stance foot without contact
     probe_m_s: float  # speed of that lowering
 
     def __post_init__(self) -> None:
@@ -83,11 +83,11 @@ class TouchDownConfig:
 
 @dataclass(frozen=True)
 class LimitsConfig:
-    """Limits of the walk, which slows down to keep them."""
+    """Limits of the walk. The walk slows down to satisfy them."""
 
-    rate_share: float  # of the robot's joint rate limit that the gait may use
-    margin_m: float | None = None  # least static stability margin; None: every gait is dynamic
-    dynamic_swing_s: float = 0.0  # a gait with swings up to this long is dynamic: it needs no margin
+    rate_share: float  # usable share of the robot's joint rate limit
+    margin_m: float | None = None  # smallest static stability margin; None: every gait is dynamic
+    dynamic_swing_s: float = 0.0  # a gait with swings up to this long is dynamic: the margin does not apply
 
     def __post_init__(self) -> None:
         require_between(self, 0.05, 1.0, "rate_share")
@@ -96,7 +96,7 @@ class LimitsConfig:
 
 @dataclass(frozen=True)
 class WalkConfig:
-    """Everything about `Walk` that depends on the robot."""
+    """Settings of `Walk` that depend on the robot."""
 
     rate_hz: float
     gait: GaitConfig
@@ -107,12 +107,12 @@ class WalkConfig:
     limits: LimitsConfig
     kp: float  # N m/rad
     kd: float  # N m s/rad
-    weight_n: float  # carried by the legs in stance, as feed-forward torque
-    settle_s: float  # time to move from the pose found at reset to the stance
+    weight_n: float  # weight carried by the stance legs, as feed-forward torque
+    settle_s: float  # duration of the move from the pose at reset to the stance
     stance: StanceConfig = StanceConfig()
-    touch_down: TouchDownConfig | None = None  # None: the gait clock alone decides
-    gaits: tuple[str, ...] | None = None  # beside its own, that it can change to; None: all of the robot
-    slope: SlopeConfig | None = None  # None: ground counts as level
+    touch_down: TouchDownConfig | None = None  # None: only the gait clock decides
+    gaits: tuple[str, ...] | None = None  # gaits to change to, besides its own; None: all of the robot
+    slope: SlopeConfig | None = None  # None: the ground is assumed to be level
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")

@@ -1,4 +1,4 @@
-"""The gait generator as a controller: any named gait, on any robot whose feet it fits."""
+"""The gait generator as a controller: any named gait, on any robot with suitable feet."""
 
 from collections.abc import Mapping
 
@@ -22,17 +22,17 @@ from footfall.robots.rigid_body import nominal_body
 
 
 class Walk:
-    """Position control of all joints: feet that stand carry the body at the commanded velocity.
+    """Position control of all joints: stance feet move the body at the commanded velocity.
 
-    `change` asks for another gait or other steps while it walks. `notes` says once for each gait how limits
-    changed what was asked for.
+    `change` sets another gait or other steps while walking. `notes` has one line per gait whose command was
+    reduced by limits.
     """
 
     needs_estimate = False
     contract = None
 
     def __init__(self, robot: Robot, name: str, config: WalkConfig | None = None) -> None:
-        """`name` is that of the controller, whose settings are used where none are given."""
+        """`name` is the controller's name; its settings are the default."""
         self.name = name
         self._config = config = config or controller_settings(robot, name, WalkConfig)
         self.rate_hz, self._legs = config.rate_hz, robot.legs
@@ -53,13 +53,14 @@ class Walk:
             self._touch_down.reset(inputs.sensed)
 
     def change(self, gait: GaitConfig | None = None, step: StrideConfig | None = None) -> None:
-        """Ask for another gait, or other steps, without a jump in a joint's target.
+        """Set another gait or other steps, without a jump in a joint's target.
 
-        A gait begins when all feet stand: those in the air land first. A step's height holds from the next
-        lift-off, its length and the body's height are approached.
+        A gait starts when all feet are in stance: feet in the air land first. A step's height applies from
+            the next
+        lift-off; its length and the body's height change gradually.
 
         Raises:
-            UserError: there is no such gait for this robot.
+            UserError: the robot has no such gait.
         """
         if gait is not None:
             self._settings.want(gait)
@@ -79,7 +80,7 @@ class Walk:
         return applied(settings.gait.name, period_s, settings.step, self.stepping.height_m, attitude)
 
     def set_live(self, values: Mapping[str, float]) -> None:
-        """See `Steerable` and `change`. The period and the attitude are approached."""
+        """See `Steerable` and `change`. Period and attitude change gradually."""
         self.change(step=changed_step(self._settings.step, values))
         if "step_period_s" in values:
             self._settings.want_period(values["step_period_s"])
@@ -87,7 +88,7 @@ class Walk:
         self._levelling.wanted = np.array([values.get(name, now) for name, now in named])
 
     def take_up(self, gait: str) -> None:
-        """See `Steerable`. The gait begins with its own period."""
+        """See `Steerable`. The gait starts with its own period."""
         self.change(self._settings.find(gait))
 
     def act(self, inputs: PolicyInput) -> JointCommand:

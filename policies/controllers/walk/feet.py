@@ -1,4 +1,4 @@
-"""Where the feet are in the course of a gait, and when they lift off and touch down."""
+"""Positions of the feet during a gait, with lift-off and touch-down."""
 
 import math
 from collections.abc import Sequence
@@ -12,16 +12,16 @@ _CLOCKS = np.arange(24) / 24
 
 
 class FootCycle:
-    """Feet that stand go with the ground, feet that swing fly over it to where their next stance begins.
+    """Stance feet move with the ground. Swing feet fly over it to the start of their next stance.
 
-    Places are those of the tips in the level body's frame, z = 0 on the ground. A swing leads from the point
-    that was left to the one that is aimed at, and both go with the ground: so place and velocity are
-    continuous at lift-off and at touch-down, also while the velocity changes.
+    Positions are those of the tips in the level body's frame, z = 0 on the ground. A swing leads from the
+    lift-off point to the target. Both points move with the ground, so position and velocity are continuous at
+    lift-off and at touch-down, even while the velocity changes.
 
     Args:
-        footing: where feet stand.
-        timing: of the gait.
-        offsets: (feet,) place of each foot in the cycle.
+        footing: positions of stance feet.
+        timing: timing of the gait.
+        offsets: (feet,) phase offset of each foot.
     """
 
     def __init__(self, footing: Footing, timing: GaitTiming, offsets: np.ndarray) -> None:
@@ -32,20 +32,21 @@ class FootCycle:
         self.reset()
 
     def reset(self) -> None:
-        """All feet in their places on the ground, the clock at 0."""
+        """Place all feet at mid-stance, with the clock at 0."""
         self.clock = 0.0
         for foot in self.each_foot:
             foot.reset()
 
     def begin(self, timing: GaitTiming, offsets: np.ndarray) -> None:
-        """Another gait, for feet that all stand. One that would be in the air waits for its next swing."""
+        """Change the gait while all feet are in stance. A foot that would be in swing waits for its next
+        swing."""
         self.timing, self._offsets = timing, offsets.tolist()
 
-    def begin_anew(self, timing: GaitTiming, offsets: np.ndarray, velocity: list[float]) -> None:
-        """Another gait while the body goes on, for feet that all stand.
+    def change_gait(self, timing: GaitTiming, offsets: np.ndarray, velocity: list[float]) -> None:
+        """Change the gait while the body moves and all feet are in stance.
 
-        The clock is set to where the feet that have been carried farthest lift off first, so that none is
-        carried farther than need be until it does.
+        The clock is set so that the feet with the largest travel lift off first. This minimises the largest
+        travel.
         """
         self.begin(timing, offsets)
         speed = math.hypot(*velocity[:2])
@@ -54,36 +55,36 @@ class FootCycle:
         self.clock = float(_CLOCKS[np.argmin((carried + speed * waits_s).max(axis=1))])
 
     def carried(self, velocity: list[float]) -> float:
-        """How far a body of a velocity has carried those feet that stand out of their places at most, m."""
+        """Largest displacement of a stance foot from mid-stance, along the body's motion, m."""
         return max((foot.carried(velocity) for foot in self.each_foot if not foot.swings), default=0.0)
 
     @property
     def offsets(self) -> np.ndarray:
-        """Place of each foot in the cycle, (feet,)."""
+        """Phase offset of each foot, (feet,)."""
         return np.array(self._offsets)
 
     @property
     def feet(self) -> np.ndarray:
-        """Where the feet are, (feet, 3) m."""
+        """Positions of the feet, (feet, 3) m."""
         return np.array([(foot.x, foot.y, foot.z) for foot in self.each_foot])
 
     @property
     def swings(self) -> np.ndarray:
-        """Which feet swing, boolean (feet,)."""
+        """Feet in swing, boolean (feet,)."""
         return np.array([foot.swings for foot in self.each_foot])
 
     @property
     def flies(self) -> bool:
-        """Whether any foot swings."""
+        """Whether any foot is in swing."""
         return any(foot.swings for foot in self.each_foot)
 
     @property
     def progress(self) -> np.ndarray:
-        """How far each swing has come, (feet,), in [0, 1]; 0 in stance."""
+        """Progress of each swing, (feet,), in [0, 1]; 0 in stance."""
         return np.array([foot.progress for foot in self.each_foot])
 
     def footholds(self, body: tuple[float, float], height_m: float) -> np.ndarray:
-        """Where feet that swing land, (feet, 3) m, from a base above `body`, m; NaN for the others."""
+        """Footholds of swing feet, (feet, 3) m, relative to a base above `body`, m; NaN for the others."""
         x, y = body
         return np.array(
             [
@@ -93,11 +94,11 @@ class FootCycle:
         )
 
     def phases(self) -> np.ndarray:
-        """Place of each foot in its cycle, (feet,), in [0, 1)."""
+        """Phase of each foot in its cycle, (feet,), in [0, 1)."""
         return np.array(self._phases())
 
     def stance(self) -> np.ndarray:
-        """Trust in each foot's contact, (feet,): 0 while it swings, 1 while it waits to swing."""
+        """Trust in each foot's contact, (feet,): 0 in swing, 1 while the foot waits to swing."""
         duty = self.timing.duty
         return np.array(
             [
@@ -106,20 +107,20 @@ class FootCycle:
             ]
         )
 
-    def astray(self, by_m: float) -> list[bool]:
-        """Which feet are farther than this from the middle of their stance."""
+    def far_from_mid_stance(self, by_m: float) -> list[bool]:
+        """Feet farther than this from mid-stance."""
         return [math.hypot(foot.x - foot.place_x, foot.y - foot.place_y) > by_m for foot in self.each_foot]
 
     def advance(
         self, velocity: list[float], dt_s: float, step_height_m: float, lift_off: Sequence[bool]
     ) -> None:
-        """Let time pass.
+        """Advance by `dt_s`.
 
         Args:
             velocity: forward m/s, leftward m/s, yaw rad/s of the body.
-            dt_s: how long.
-            step_height_m: of swings that begin now.
-            lift_off: of each foot, whether it may lift off; those in the air land in any case.
+            dt_s: time step.
+            step_height_m: height of swings that start now.
+            lift_off: for each foot, whether it may lift off; feet in the air land in any case.
         """
         timing, duty = self.timing, self.timing.duty
         phases = self._phases()
@@ -135,14 +136,15 @@ class FootCycle:
                 foot.stand(velocity, dt_s)
 
     def touch_down(self, feet: np.ndarray, height: np.ndarray) -> None:
-        """Feet that have met the ground before their time stand on it.
+        """End the swing of feet that have touched down early.
 
-        How high it is there those that stand tell. Where the body tips, a foot in the air meets ground that
-        is no higher: it goes on to the height of the others, and so rights the body.
+        The height of the ground is measured relative to the stance feet. If the body tips, a swing foot meets
+        ground that
+        is not higher: it then moves on to the height of the others, and thereby levels the body.
 
         Args:
-            feet: (feet,) boolean, those that have.
-            height: (feet,) m, of all tips along the vertical, from wherever.
+            feet: (feet,) boolean, feet that have touched down.
+            height: (feet,) m, heights of all tips above any common reference.
         """
         if not np.count_nonzero(feet):
             return
@@ -154,7 +156,7 @@ class FootCycle:
                 foot.land(ground_m)
 
     def lower(self, feet: Sequence[bool], by_m: float, least_m: float) -> None:
-        """Lower those feet that stand, not below a height."""
+        """Lower stance feet, to a minimum height."""
         for foot, lowers in zip(self.each_foot, feet, strict=True):
             if lowers:
                 foot.lower(by_m, least_m)
@@ -167,7 +169,7 @@ class FootCycle:
 def steady_cycle(
     footing: Footing, timing: GaitTiming, velocity: np.ndarray, step_height_m: float, progress: np.ndarray
 ) -> np.ndarray:
-    """Feet (k, feet, 3) of a steady walk at k points of each foot's own swing, progress in [0, 1]."""
+    """Feet (k, feet, 3) of a steady walk at k progress values in [0, 1] of each foot's own swing."""
     passing = footing.passing(velocity, footing.places[:, :2])
     share, along = blend(progress)[:, None, None], progress[:, None, None]
     whole = timing.stance_s + timing.swing_s
@@ -180,7 +182,7 @@ def steady_cycle(
 def stances(
     footing: Footing, timing: GaitTiming, offsets: np.ndarray, velocity: np.ndarray, clocks: np.ndarray
 ) -> list[list[tuple[float, float]]]:
-    """Points on which a steady walk stands at each of k times of the gait's clock."""
+    """Positions of the stance feet of a steady walk at each of k phases of the gait's clock."""
     places = footing.places[:, :2]
     passing = footing.passing(velocity, places)
     found = []

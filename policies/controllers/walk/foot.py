@@ -1,4 +1,4 @@
-"""One foot in the course of a gait, and how the body passes over feet that stand."""
+"""One foot during a gait, and the motion of the body over stance feet."""
 
 import math
 from typing import Any, NamedTuple, TypeVar
@@ -15,20 +15,21 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def blend(s: Number) -> Number:
-    """A quintic from 0 to 1 over s in [0, 1], at rest and without acceleration at both ends."""
+    """Quintic from 0 to 1 over s in [0, 1], with zero velocity and acceleration at both ends."""
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 
 def lift(s: float) -> float:
-    """Height over a swing: from 0 up to 1 at s = 1/2 and back, at rest at both ends."""
+    """Height during a swing: from 0 to 1 at s = 1/2 and back, at rest at both ends."""
     return 0.5 * (1.0 - math.cos(2.0 * math.pi * s))
 
 
 def passing(rolling: Any, velocity: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Velocity (x, y) of the body over tips at x, y, m/s: `rolling` times (v + yaw rate x place).
+    """Velocity (x, y) of the body over tips at x, y, m/s: `rolling` times (v + yaw rate x position).
 
-    For one foot in floats, `rolling` as nested lists (2, 2), or for arrays of feet, `rolling` (feet, 2, 2).
-    Floats are several times as fast for the few feet of a robot.
+    For one foot in floats, with `rolling` as nested lists (2, 2), or for arrays of feet, with `rolling`
+    (feet, 2, 2).
+    For few feet, floats are several times faster.
     """
     forward, leftward, yaw = velocity
     over_x, over_y = forward - yaw * y, leftward + yaw * x
@@ -37,13 +38,14 @@ def passing(rolling: Any, velocity: Any, x: Any, y: Any) -> tuple[Any, Any]:
 
 
 class Footing(NamedTuple):
-    """Where the tips of standing feet are, and how the body passes over them.
+    """Positions of the tips at mid-stance, and the motion of the body over them.
 
-    A round foot rolls: its lowest point stands still, not its centre, so the body goes faster than the tip
-    goes back. `rolling` turns the body's velocity over a foot into that of the tip.
+    A round foot rolls: its lowest point stands still, not its centre, so the body is faster than the tip
+        relative
+    to the body. `rolling` maps the body's velocity over a foot to the tip's.
     """
 
-    places: np.ndarray  # (feet, 3) m, in the middle of each stance, z = 0 on the ground
+    places: np.ndarray  # (feet, 3) m, positions at mid-stance, z = 0 on the ground
     rolling: np.ndarray  # (feet, 2, 2)
 
     def passing(self, velocity: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -57,12 +59,13 @@ class Footing(NamedTuple):
 
 
 def rolling_of(legs: Legs, tips: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """`Footing.rolling` (feet, 2, 2) of limbs whose tips (feet, 3), m, base frame, stand under a level base.
+    """`Footing.rolling` (feet, 2, 2) of limbs with tips at (feet, 3), m, below a level base.
 
     Args:
-        legs: whose inverse kinematics say how the links turn while the tips go with the ground.
-        tips: in the middle of each stance.
-        pose: (n,) rad, of joints outside the limbs.
+        legs: legs whose inverse kinematics gives the rotation of the links while the tips move with the
+            ground.
+        tips: positions at mid-stance, base frame.
+        pose: (n,) rad, for joints outside the limbs.
     """
     step = _NUDGE_M * np.eye(3)[:2]
     rates = np.stack([legs.solve(tips + by) - legs.solve(tips - by) for by in step], axis=-1) / (2 * _NUDGE_M)
@@ -72,11 +75,11 @@ def rolling_of(legs: Legs, tips: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 class Foot:
-    """One foot, in floats: for the few numbers of a foot they take a fraction of NumPy's time.
+    """One foot, in Python floats, which take a fraction of NumPy's time for so few numbers.
 
     Args:
-        place: (x, y) m, of the tip in the middle of its stance.
-        rolling: of `Footing`, (2, 2).
+        place: (x, y) m, position of the tip at mid-stance.
+        rolling: matrix (2, 2) of `Footing`.
     """
 
     def __init__(self, place: list[float], rolling: list[list[float]]) -> None:
@@ -85,39 +88,39 @@ class Foot:
         self.reset()
 
     def reset(self) -> None:
-        """On the ground, in its place."""
+        """Place the foot on the ground at mid-stance."""
         self.x, self.y, self.z = self.place_x, self.place_y, 0.0
         self.swings, self.progress = False, 0.0
-        self.lands = self.x, self.y  # where it lands, while it swings
+        self.lands = self.x, self.y  # foothold during a swing
         self._left, self._height = (self.x, self.y, self.z), 0.0
 
     def lift_off(self, height_m: float) -> None:
-        """Begin a swing."""
+        """Start a swing."""
         self.swings, self._height = True, height_m
         self._left = self.x, self.y, self.z
 
     def carried(self, velocity: list[float]) -> float:
-        """How far a body of a velocity has carried it out of its place, along its way over the ground, m."""
+        """Displacement from mid-stance, along the motion of a body with this velocity, m."""
         over_x, over_y = self._passing(velocity, self.x, self.y)
         along = (self.place_x - self.x) * over_x + (self.place_y - self.y) * over_y
         return along / max(math.hypot(over_x, over_y), 1e-9)
 
     def land(self, ground_m: float) -> None:
-        """End its swing on ground of a height, no lower than planned and no higher than the swing."""
+        """End the swing on ground at `ground_m`, limited to between the plan and the top of the swing."""
         self.z = min(max(ground_m, 0.0), max(self._height, self.z))
         self.swings, self.progress = False, 0.0
 
     def stand(self, velocity: list[float], dt_s: float) -> None:
-        """Go with the ground under a body of a velocity (m/s, m/s, rad/s)."""
+        """Move with the ground under a body with this velocity (m/s, m/s, rad/s)."""
         over_x, over_y = self._passing(velocity, self.x, self.y)
         self.x -= dt_s * over_x
         self.y -= dt_s * over_y
 
     def fly(self, velocity: list[float], dt_s: float, progress: float, timing: GaitTiming) -> None:
-        """Be on the way from the point that was left to where the next stance begins, progress in [0, 1].
+        """Move from the lift-off point towards the start of the next stance, progress in [0, 1].
 
-        The point that was left goes with the ground, and so does the other one: hence it is farther ahead by
-        what is left of the swing.
+        Both points move with the ground. So the target is farther ahead, by the body's motion during the rest
+        of the swing.
         """
         self.progress = progress
         left_x, left_y, left_z = self._left
@@ -135,7 +138,7 @@ class Foot:
         self.z = (1.0 - share) * left_z + self._height * lift(progress)
 
     def lower(self, by_m: float, least_m: float) -> None:
-        """Lower a foot that stands, not below a height."""
+        """Lower a stance foot, to a minimum height."""
         if not self.swings:
             self.z = min(self.z, max(self.z - by_m, least_m))
 

@@ -1,4 +1,4 @@
-"""How hard the ground pushes each foot up, and the torques that push back."""
+"""Upward force of the ground on each foot, and the torques that carry the weight."""
 
 import numpy as np
 
@@ -12,35 +12,36 @@ from footfall.robots.momentum import MomentumObserver, outside_torque, upward_fo
 from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import RigidBody
 
-_UP = np.array([0.0, 0.0, 1.0])  # of the base, which is nearly level
+_UP = np.array([0.0, 0.0, 1.0])  # base frame, which is nearly level
 
 
 class TouchDown:
-    """Feet that meet the ground early stand; feet that should stand and do not are lowered a little."""
+    """Ends a swing at an early contact, and lowers stance feet without contact."""
 
     def __init__(self, robot: Robot, body: RigidBody, config: TouchDownConfig) -> None:
         self._config = config
         self._force = GroundForce(robot, body, config.filter_s, config.inertia_doubt)
 
     def reset(self, sensed: Sensed) -> None:
-        """Begin with joints that nothing accelerates."""
+        """Start with joints without acceleration."""
         self._force.reset(sensed)
 
     def sense(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
-        """Take in one set of readings (see `GroundForce.update`); returns the share of each foot, (feet,)."""
+        """Update with one set of readings (see `GroundForce.update`); returns the share of each foot,
+        (feet,)."""
         return self._force.update(sensed, jacobian, dt_s)
 
     def apply(
         self, cycle: FootCycle, pushed: np.ndarray, tips: np.ndarray, up: tuple[float, ...], dt_s: float
     ) -> None:
-        """Let feet of a gait stand, or lower them.
+        """End swings or lower stance feet, according to the forces.
 
         Args:
-            cycle: the feet.
-            pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
+            cycle: feet of the gait.
+            pushed: (feet,) upward force on each foot, as a share of the weight per leg.
             tips: (feet, 3) m, base frame.
             up: (3,) the ground's normal, base frame.
-            dt_s: how long feet that find no ground are lowered.
+            dt_s: time step of the lowering.
         """
         config = self._config
         least, enough = config.force_share
@@ -55,19 +56,23 @@ class TouchDown:
 
 
 class GroundForce:
-    """Upward force of the ground on each foot, as a share of an even part of the robot's weight.
+    """Upward force of the ground on each foot, as a share of the weight per leg.
 
-    By the momentum observer, less the gearboxes' friction. Geared motors weigh more in a swing than the
-    ground pushes: the hexapod's take 30 N at the foot, an even part of its weight is 5 N. So all of it is of
-    readings that were taken together: the commanded acceleration, which legs follow some 10 ms later, is off
-    by more than a share. And as nobody knows M to the percent, a part of the force that makes a foot fall
-    faster than it would by itself is left out.
+    Estimated by a momentum observer, minus the gearboxes' friction. With geared motors, the inertial force of
+    a swing
+    exceeds the contact force: 30 N at a foot of the hexapod, whose weight per leg is 5 N. So the estimate
+        uses only
+    readings of the same time: the commanded acceleration, which legs follow some 10 ms later, is wrong by
+        more than
+    one share. M is not known to the percent, so a part of the inertial force is left out: the part that
+    accelerates a foot downward.
 
     Args:
-        robot: whose legs and gearboxes.
-        body: mass and legs' inertia.
-        filter_s: time constant of both stages of the filter: the first one differentiates the momentum, the
-            second one takes out what that makes of the joint velocities' noise.
+        robot: robot with these legs and gearboxes.
+        body: mass and inertia of the legs.
+        filter_s: time constant of both filter stages: the first differentiates the momentum, the second
+            smooths
+        the noise of the joint velocities in the derivative.
         inertia_doubt: share by which M may be too small.
     """
 
@@ -78,18 +83,18 @@ class GroundForce:
         self._even_force = GRAVITY_M_S2 * body.mass / robot.legs.count
 
     def reset(self, sensed: Sensed) -> None:
-        """Begin with joints that nothing accelerates."""
+        """Start with joints without acceleration."""
         outside = self._outside(sensed)
         self._observer.reset(outside, self._legs.gather(sensed.joint_velocity))
         self._smooth = np.stack([outside, np.zeros_like(outside)], axis=-1)
 
     def update(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
-        """Take in one set of readings; returns the share of each foot, (feet,), negative where it is pulled.
+        """Update with one set of readings; returns the share of each foot, (feet,), negative if pulled down.
 
         Args:
-            sensed: the readings.
+            sensed: readings of this tick.
             jacobian: (feet, 3, m) of the tips, base frame.
-            dt_s: time since the readings before.
+            dt_s: time since the previous readings.
         """
         rates = self._legs.gather(sensed.joint_velocity)
         share = dt_s / (self._filter_s + dt_s)
@@ -99,18 +104,18 @@ class GroundForce:
         return force / self._even_force
 
     def _outside(self, sensed: Sensed) -> np.ndarray:
-        """Torque that holds each joint and comes neither from its motor nor its gearbox, N m, (legs, m)."""
+        """Torque on each joint that comes neither from its motor nor its gearbox, N m, (legs, m)."""
         own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
         return outside_torque(self._legs, sensed, own)
 
 
 def weight_torque(legs: Legs, jacobian: np.ndarray, stands: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Joint torques (legs, m), N m, of feet that share a force evenly.
+    """Joint torques (legs, m), N m, of stance feet that share a force equally.
 
     Args:
-        legs: whose.
+        legs: kinematics of the legs.
         jacobian: (feet, 3, m) of the tips, base frame.
-        stands: (feet,) boolean, those that do.
+        stands: (feet,) boolean, feet in stance.
         weight: (3,) N, upward, base frame.
     """
     share = stands / max(1, int(np.count_nonzero(stands)))

@@ -1,4 +1,4 @@
-"""From the places of the tips to a command of all joints."""
+"""Command of all joints from the positions of the tips."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from footfall.robots.description import Robot
 
 
 class JointTargets:
-    """Inverse kinematics within the robot's rate limit, from the pose found at a reset to the walk's own."""
+    """Inverse kinematics within the robot's rate limit, starting at the pose found at reset."""
 
     def __init__(self, robot: Robot, config: WalkConfig) -> None:
         self._legs, self._default = robot.legs, robot.default_pose
@@ -23,16 +23,16 @@ class JointTargets:
         self._start = self._previous = position
 
     def command(self, tips: np.ndarray, share: float, torque: np.ndarray) -> JointCommand:
-        """The command of a tick.
+        """Command of one tick.
 
         Args:
             tips: (legs, 3) m, base frame.
-            share: of the way from the first positions to those of the tips, 0 to 1.
+            share: share of the way from the first positions to those of the tips, 0 to 1.
             torque: (legs, m) N m, feed-forward.
         """
         goal = self._legs.scatter(self._legs.solve(tips), self._default)
         wanted = self._start + share * (goal - self._start)
-        # Steps of a steady walk keep to the limit by their tempo; those from one gait to another may not.
+        # The tempo of a steady walk keeps its targets within this limit; a change of gait may exceed it.
         before, most = self._previous, self._most_step_rad
         self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
         velocity = (position - before) / self._dt_s

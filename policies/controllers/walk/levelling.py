@@ -1,4 +1,4 @@
-"""How the legs turn the base to a wanted roll and pitch, level as a rule."""
+"""Roll and pitch of the base by the length of the legs."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from footfall.policies.policy import PolicyInput
 
 
 class Levelling:
-    """Moves the feet up and down against the base's tilt, and towards the wanted one."""
+    """Moves the feet up and down to correct the base's tilt and to reach the wanted attitude."""
 
     def __init__(self, config: LevellingConfig) -> None:
         self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Level, and no tilt measured."""
+        """Start level, with zero tilt."""
         self._tilt = np.zeros(2)
         self.attitude = np.zeros(2)  # roll and pitch that the legs aim at now, rad
         self.wanted = np.zeros(2)  # roll and pitch, rad; approached slowly
 
     def apply(self, feet: np.ndarray, inputs: PolicyInput, dt_s: float) -> np.ndarray:
-        """Feet (legs, 3) m, base frame, for a base that turns to the wanted attitude."""
+        """Feet (legs, 3) m, base frame, that turn the base to the wanted attitude."""
         config = self._config
         if self.attitude.tolist() != self.wanted.tolist():
             most = config.attitude_rate_rad_s * dt_s

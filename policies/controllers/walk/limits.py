@@ -1,4 +1,4 @@
-"""Whether a steady walk keeps to the joints' rate limit, the legs' reach and the static stability margin."""
+"""Check of a steady walk: joint rate limit, reach of the legs and static stability margin."""
 
 from typing import NamedTuple
 
@@ -13,9 +13,9 @@ from footfall.robots.description import Robot
 from footfall.robots.support import support_margin
 
 _PROGRESS = np.linspace(0.0, 1.0, 13)
-_CLOCKS = (np.arange(24) + 0.5) / 24  # between those at which feet of common duties come and go
-_SAMPLED = 1.05  # the peak rate over that of the chords between samples
-_MISSED_M = 0.003  # farthest that a foot may be from where it should be
+_CLOCKS = (np.arange(24) + 0.5) / 24  # between the phases at which feet lift off or touch down
+_SAMPLED = 1.05  # peak rate relative to that between samples
+_MISSED_M = 0.003  # largest position error of a foot that counts as reached
 _STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 
 
@@ -28,24 +28,24 @@ class SteadyWalk(NamedTuple):
     velocity: np.ndarray  # (3,)
     step_height_m: float
     sway: SwayPlan
-    below_m: np.ndarray  # (feet,) m, from the base's origin down to a tip that stands
+    below_m: np.ndarray  # (feet,) m, depth of a tip in stance below the base's origin
 
 
 class Pace(NamedTuple):
-    """What is left of a wanted walk."""
+    """How much a wanted walk has to be reduced."""
 
     stride: float = 1.0  # share of the commanded velocity
-    tempo: float = 1.0  # share of the speed at which all of it runs
-    reason: str = ""  # why either is below 1
+    tempo: float = 1.0  # share of the normal speed of time
+    reason: str = ""  # reason if either is below 1
 
 
 class WalkLimits:
-    """Finds the pace at which a walk keeps to what the robot can do.
+    """Finds a pace at which a walk satisfies the robot's limits.
 
     Args:
-        robot: whose kinematics and joint rate limit count.
-        centre: (2,) m, of mass, from the base's origin.
-        limits: what else counts.
+        robot: robot with its kinematics and joint rate limit.
+        centre: (2,) m, centre of mass relative to the base's origin.
+        limits: further limits.
     """
 
     def __init__(self, robot: Robot, centre: np.ndarray, limits: LimitsConfig) -> None:
@@ -53,9 +53,9 @@ class WalkLimits:
         self._most_rate = limits.rate_share * robot.description.target_rate_rad_s
 
     def pace(self, walk: SteadyWalk) -> Pace:
-        """The pace of a steady walk: strides as long as reach and margin allow, then as fast as joints can.
+        """Pace of a steady walk: the longest strides within reach and margin, then the fastest tempo.
 
-        Time runs slower, not along another path: joint rates fall with the tempo.
+        The tempo scales time, not the path: joint rates fall with the tempo.
         """
         why = ""
         for stride in _STRIDES:
@@ -77,11 +77,11 @@ class WalkLimits:
         return Pace(stride, tempo, why)
 
     def _fault(self, walk: SteadyWalk) -> tuple[str, float]:
-        """Why a walk cannot be had at any tempo, if so, and its peak joint rate, rad/s."""
+        """Why a walk is impossible at any tempo (empty if possible), and its peak joint rate, rad/s."""
         feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
         feet[:, :, 2] -= walk.below_m
         duty = walk.timing.duty
-        clocks = duty + (1.0 - duty) * _PROGRESS[:, None] - walk.offsets  # at these points of each swing
+        clocks = duty + (1.0 - duty) * _PROGRESS[:, None] - walk.offsets  # phases at these points
         feet[:, :, :2] -= sine_at(walk.sway.body, clocks)
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])

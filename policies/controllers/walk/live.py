@@ -16,7 +16,7 @@ ATTITUDE = ("roll_rad", "pitch_rad")
 
 
 def live_settings(config: WalkConfig, period_s: float) -> dict[str, Span]:
-    """The settings that a walk has, about those in its configuration and its gait's own period."""
+    """Spans of the live settings, around the configuration's values and the gait's own period."""
     most = config.levelling.most_attitude_rad
     step = {name: getattr(config.step, field) for name, field in _STEP.items()}
     spans = shared({"step_period_s": period_s, **step})
@@ -24,22 +24,22 @@ def live_settings(config: WalkConfig, period_s: float) -> dict[str, Span]:
 
 
 def changed_step(step: StrideConfig, values: Mapping[str, float]) -> StrideConfig:
-    """A stride with the values that are its own."""
+    """A stride with the given values that belong to it."""
     return replace(step, **{field: values[name] for name, field in _STEP.items() if name in values})
 
 
-@lru_cache(maxsize=4)  # a run asks at each step, and the answer seldom changes
+@lru_cache(maxsize=4)  # called at each step, and the arguments rarely change
 def applied(
     gait: str, period_s: float, step: StrideConfig, body_height_m: float, attitude: tuple[float, ...]
 ) -> Applied:
-    """What a walk steps with now. The height of a step holds from the next lift-off on."""
+    """Gait and values that the walk uses now. A step's height applies from the next lift-off."""
     values = {name: getattr(step, field) for name, field in _STEP.items()}
     now = {"step_period_s": period_s, **values, "body_height_m": body_height_m}
     return Applied(gait, now | dict(zip(ATTITUDE, attitude, strict=True)))
 
 
 def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
-    """The gaits that a walk can take up, as in the robot's settings; one without has the walk's period."""
+    """Gaits available to a walk, with the robot's settings; a gait without settings has the walk's period."""
     own = config.gait
     settings = {
         name: section["gait"]
@@ -54,30 +54,30 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
 
 
 class WalkSettings:
-    """The gait and the step of a walk: those that hold, and the gait that was asked for."""
+    """Present gait and step of a walk, and the wanted gait."""
 
     def __init__(self, robot: Robot, config: WalkConfig) -> None:
         self._robot, self._config = robot, config
         self._gaits = all_gaits(robot, config)
-        self.names = tuple(self._gaits)  # of the gaits
+        self.names = tuple(self._gaits)  # names of the gaits
         self.reset()
 
     def reset(self) -> None:
-        """Those of the configuration."""
+        """Return to the configuration's values."""
         self.step, self.gait = self._config.step, self._config.gait
         self.wanted_gait = self.gait
 
     def find(self, name: str) -> GaitConfig:
-        """A gait by its name, with its own period."""
+        """Gait by name, with its own period."""
         return self._gaits[name]
 
     def want(self, gait: GaitConfig) -> None:
-        """Ask for a gait; raises UserError if the robot has no such gait."""
+        """Set the wanted gait; raises UserError if the robot has no such gait."""
         gait.clock(self._robot)
         self.wanted_gait = gait
 
     def want_period(self, period_s: float) -> None:
-        """Ask for a period, within its span, of the gait that is wanted."""
+        """Set the period of the wanted gait, clamped to its span."""
         same, span = self.wanted_gait == self.gait, self.spans["step_period_s"]
         period_s = min(max(period_s, span.lowest), span.highest)
         self.wanted_gait = replace(self.wanted_gait, period_s=period_s)
@@ -85,16 +85,16 @@ class WalkSettings:
 
     @property
     def spans(self) -> dict[str, Span]:
-        """The live settings that can be changed, about the wanted gait's own period."""
+        """Spans of the live settings, around the wanted gait's own period."""
         wanted = self.wanted_gait
         return live_settings(self._config, self._gaits.get(wanted.name, wanted).period_s)
 
     @property
     def changes_gait(self) -> bool:
-        """Whether another gait is wanted than the one that holds."""
+        """Whether the wanted gait differs from the present one."""
         return self.wanted_gait != self.gait
 
-    def take_up_gait(self) -> StepClock:
-        """The wanted gait holds from now on; returns its clock."""
+    def change_gait(self) -> StepClock:
+        """Make the wanted gait the present one; returns its clock."""
         self.gait = self.wanted_gait
         return self.gait.clock(self._robot)

@@ -1,1 +1,1 @@
-"""Whole-body control: joint torques from wanted accelerations, by a weighted quadratic programme."""
+"""Whole-body control: joint torques from wanted accelerations, by a weighted quadratic program."""

@@ -1,4 +1,4 @@
-"""From wanted accelerations to joint commands, and what happens when there is no solution."""
+"""Joint commands from wanted accelerations, and the fallback without a solution."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, WholeBody
-from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
+from footfall.policies.controllers.whole_body.problem import Contact, QuadraticPrograms, Wanted, Weights
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
@@ -17,12 +17,12 @@ UNSOLVED = "whole-body control had ticks without a solution: its last torques fa
 
 @dataclass(frozen=True)
 class JointFeedback:
-    """How the motors hold on to the accelerations that were solved for, between and beside the torques."""
+    """Motor feedback on the integrated accelerations, in addition to the torques."""
 
-    kp: float  # N m/rad, about the integrated acceleration
-    kd: float  # N m s/rad, the same
-    memory_s: float  # after which the integrals have let go of the past
-    friction_compensation: float  # share of the gearbox friction
+    kp: float  # N m/rad, on the integrated position
+    kd: float  # N m s/rad, on the integrated velocity
+    memory_s: float  # time constant with which the integrals return to the measurement
+    friction_compensation: float  # share of the gearbox friction that is compensated
 
     def __post_init__(self) -> None:
         require_positive(self, "memory_s")
@@ -32,11 +32,11 @@ class JointFeedback:
 
 @dataclass(frozen=True)
 class NoSolutionConfig:
-    """What is done in ticks without a solution: the last torques fade, the joints are damped."""
+    """Fallback in ticks without a solution: the last torques fade, the joints are damped."""
 
-    fade_s: float  # time constant
+    fade_s: float  # time constant of the torques
     kd: float  # N m s/rad
-    most_s: float  # without a solution, before the controller gives up
+    most_s: float  # time without a solution after which the controller raises NoSolutionError
 
     def __post_init__(self) -> None:
         require_positive(self, "fade_s", "kd", "most_s")
@@ -53,16 +53,16 @@ class WholeBodyConfig:
 
 
 class NoSolutionError(RuntimeError):
-    """The quadratic programme had no usable solution for too long."""
+    """The quadratic program had no usable solution for too long."""
 
 
 class WholeBodyControl:
-    """Turns wanted accelerations into joint commands, one quadratic programme a tick.
+    """Turns wanted accelerations into joint commands, by one quadratic program per tick.
 
-    A tick has no solution where the programme has none, or where the solvers do not reach it within their
-    iterations. `unsolved_ticks` counts these and `notes` says that there were any, `fallbacks` counts those
-    in which the second solver was needed. How long a tick takes is not looked at here, lest a simulation in
-    lockstep depend on it: the control loop times each policy's steps against their period.
+    A tick has no solution if the program has none, or if the solvers do not find it within their iterations.
+    `unsolved_ticks` counts such ticks, and `notes` then has a line. `fallbacks` counts the ticks that used
+    the second solver. Computing time is not checked here, so that a simulation in lockstep is reproducible:
+    the control loop measures it against the period.
     """
 
     def __init__(self, robot: Robot, config: WholeBodyConfig, dt_s: float) -> None:
@@ -73,14 +73,14 @@ class WholeBodyControl:
         self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
         self._damping, self._zeros = np.full(n, config.no_solution.kd), np.zeros(n)
         self._anything = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
-        self._programmes = Programmes(
+        self._programs = QuadraticPrograms(
             self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
         )
         self.solver = BoundedSolver(piqp_iterations=30, unfinished=False)
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was before."""
+        """Start a new episode."""
         self._position: np.ndarray | None = None
         self._velocity = self._zeros
         self._torque = self._zeros
@@ -90,7 +90,7 @@ class WholeBodyControl:
 
     @property
     def fallbacks(self) -> int:
-        """Programmes that daqp did not finish within its iterations."""
+        """Number of programs that daqp did not finish within its iteration limit."""
         return self.solver.fallbacks
 
     def command(
@@ -104,18 +104,18 @@ class WholeBodyControl:
         """Joint commands for this tick.
 
         Args:
-            dynamics: of the robot now.
+            dynamics: present dynamics of the robot.
             joint_position: (n,) rad, measured.
             joint_velocity: (n,) rad/s, measured.
-            wanted: accelerations.
-            most_force: (points,) N, upward, that each point of contact may press with; 0: it does not stand.
+            wanted: wanted accelerations.
+            most_force: (points,) N, largest upward force of each contact point; 0: no contact.
 
         Raises:
-            NoSolutionError: for longer than the configuration allows.
+            NoSolutionError: no solution for longer than the settings allow.
         """
         least, most = limit_torque(self._anything, joint_velocity, self._motor)
-        programme, meaning = self._programmes.build(dynamics, wanted, most_force, least, most)
-        solution = self.solver.solve(programme)
+        program, meaning = self._programs.build(dynamics, wanted, most_force, least, most)
+        solution = self.solver.solve(program)
         if solution is None:
             return self._without_solution(joint_position)
         self._unsolved_s = 0.0
@@ -127,7 +127,7 @@ class WholeBodyControl:
         return JointCommand(self._position, self._velocity, self._kp, self._kd, self._torque)
 
     def _integrate(self, acceleration: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
-        """References that follow the solved acceleration, and the measurements in the long run."""
+        """Integrate the solved acceleration into references that slowly return to the measurement."""
         dt_s = self._dt_s
         keep = math.exp(-dt_s / self._config.joints.memory_s)
         if self._position is None:
@@ -137,7 +137,7 @@ class WholeBodyControl:
         self._position = position + keep * (self._position - position) + self._velocity * dt_s
 
     def _friction(self, velocity: np.ndarray) -> np.ndarray:
-        """Torque against the gearbox friction at a wanted velocity (n,), N m."""
+        """Torque that compensates gearbox friction at a wanted velocity (n,), N m."""
         motor = self._motor
         share = self._config.joints.friction_compensation
         developed = np.minimum(np.maximum(velocity / motor.friction_speed, -1.0), 1.0)

@@ -1,7 +1,7 @@
-"""A robot's equations of motion and the Jacobians of its feet, by MuJoCo.
+"""Equations of motion of a robot and the Jacobians of its feet, by MuJoCo.
 
-World axes, the origin at the base's. Degrees of freedom are ordered base first (linear velocity in the
-world, angular velocity in the body), then the joints in the robot's order.
+World axes, with the origin at the base's. Degrees of freedom: the base first (linear velocity in the world,
+angular velocity in the body), then the joints in the robot's order.
 """
 
 from collections.abc import Sequence
@@ -25,59 +25,59 @@ _ONES = np.ones((3, 1))
 
 
 class Motion(NamedTuple):
-    """How the robot stands and moves."""
+    """Orientation, velocity and joint state of the robot."""
 
     quaternion: np.ndarray  # (4,) w x y z, body to world
-    velocity: np.ndarray  # (3,) m/s, of the base's origin, world
+    velocity: np.ndarray  # (3,) m/s, velocity of the base's origin, world
     gyro: np.ndarray  # (3,) rad/s, body frame
     joint_position: np.ndarray  # (n,) rad
     joint_velocity: np.ndarray  # (n,) rad/s
 
 
 class Dynamics(NamedTuple):
-    """mass @ acceleration + bias = torques + jacobian.T @ forces, and where everything is.
+    """mass @ acceleration + bias = torques + jacobian.T @ forces, with positions and Jacobians.
 
-    A drift is the part of an acceleration that is there without any of the degrees of freedom's.
+    A drift is an acceleration for zero accelerations of all degrees of freedom.
     """
 
     velocity: np.ndarray  # (nv,) m/s and rad/s
     mass: np.ndarray  # (nv, nv), reflected inertia included
     bias: np.ndarray  # (nv,) N and N m: gravity, Coriolis and centrifugal forces
-    centre: np.ndarray  # (3,) m, centre of mass from the base's origin
+    centre: np.ndarray  # (3,) m, centre of mass relative to the base's origin
     centre_velocity: np.ndarray  # (3,) m/s
     angular_momentum: np.ndarray  # (3,) kg m^2/s, about the centre of mass
-    point: np.ndarray  # (points, 3) m, of contact: the lowest of each contact geom
+    point: np.ndarray  # (points, 3) m, contact points: the lowest point of each contact geom
     point_jacobian: np.ndarray  # (points, 3, nv)
     point_drift: np.ndarray  # (points, 3) m/s^2
     foot: np.ndarray  # (feet, 3) m, middle of each foot's points
-    middle: np.ndarray  # (3,) m, of the feet
-    foot_rotation: np.ndarray  # (feet, 3, 3) to the world; of a level robot in its default pose: the identity
+    middle: np.ndarray  # (3,) m, middle of the feet
+    foot_rotation: np.ndarray  # (feet, 3, 3) to the world; identity for a level robot in its default pose
     foot_jacobian: np.ndarray  # (feet, 6, nv), linear above angular
     foot_drift: np.ndarray  # (feet, 6) m/s^2 and rad/s^2
     gravity: np.ndarray  # (3,) m/s^2
 
 
 class Soles:
-    """The points that the feet touch the ground with: constants of a model."""
+    """Contact points of the feet: constants of a model."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Sequence[np.ndarray]) -> None:
-        """`geoms`: ids of those that each foot stands on, (k,) each."""
+        """`geoms`: ids of each foot's contact geoms, (k,) each."""
         self.geoms = np.concatenate(geoms)
         self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
-        self.bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]  # of each foot
+        self.bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]  # body of each foot
         self._below = model.geom_size[self.geoms, 0][:, None] * DOWN
         share = np.zeros((len(geoms), len(self.geoms)))
         share[self.foot_of_point, np.arange(len(self.geoms))] = 1.0
         self._middle = share / share.sum(axis=1, keepdims=True)
 
     def places(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
-        """Where the points are, (points, 3) m, and the middle of each foot's, (feet, 3) m."""
+        """Positions of the points, (points, 3) m, and the middle of each foot's points, (feet, 3) m."""
         points = data.geom_xpos.take(self.geoms, axis=0) + self._below
         return points, self._middle.dot(points)
 
 
 class _Written(NamedTuple):
-    """Arrays that MuJoCo writes its results to."""
+    """Arrays to which MuJoCo writes its results."""
 
     mass: np.ndarray  # (nv, nv)
     bias: np.ndarray  # (nv,)
@@ -86,12 +86,12 @@ class _Written(NamedTuple):
 
 
 class WholeBody:
-    """Works out the dynamics of a robot's own model; a plant's true masses are never looked at.
+    """Dynamics of the robot's nominal model; the plant's true masses are not used.
 
-    The arrays that MuJoCo writes to belong to this object: it is for one thread at a time.
+    The arrays to which MuJoCo writes belong to this object: use it in one thread at a time.
 
     Attributes:
-        foot_of_point: (points,) foot of each point of contact.
+        foot_of_point: (points,) foot of each contact point.
         total_mass: kg.
         weight_n: N.
 
@@ -105,7 +105,7 @@ class WholeBody:
         n = len(robot.joint_names)
         if model.nv != BASE + n:
             raise UserError(
-                f"{robot.xml_path}: whole-body control needs a free base and the joints of robot.yaml alone"
+                f"{robot.xml_path}: whole-body control needs a free base and exactly the joints of robot.yaml"
             )
         base = model.body(robot.description.base)
         start, speed = int(model.jnt_qposadr[base.jntadr[0]]), int(model.jnt_dofadr[base.jntadr[0]])
@@ -129,7 +129,7 @@ class WholeBody:
         self._level = data.xmat[soles.bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
 
     def update(self, motion: Motion, gravity: np.ndarray = FREE_FALL) -> Dynamics:
-        """The dynamics in a state of motion. The world may be a frame in which gravity leans."""
+        """Dynamics in a state of motion. The world may be a frame with tilted gravity."""
         model, data, order, soles, written = self._model, self._data, self._order, self._soles, self._written
         model.opt.gravity[:] = gravity
         data.qpos[self._quaternion] = motion.quaternion

@@ -1,4 +1,4 @@
-"""Feedback that controllers on whole-body control share."""
+"""Feedback used by all controllers based on whole-body control."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class Feedback:
-    """A spring and damper: acceleration per deviation, and per rate."""
+    """Spring and damper: acceleration per deviation, and per rate."""
 
     stiffness: float  # 1/s^2
     damping: float  # 1/s
@@ -24,12 +24,12 @@ class Feedback:
         require_not_negative(self, "stiffness", "damping")
 
     def __call__(self, deviation: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """The acceleration that brings a deviation and its rate back to nought."""
+        """Acceleration that reduces a deviation and its rate to zero."""
         return -self.stiffness * deviation - self.damping * rate
 
 
 def observed(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FALL) -> Dynamics:
-    """The dynamics of a robot that moves as observed; gravity (3,) m/s^2, axes of the inputs' attitude."""
+    """Dynamics of a robot with the given inputs; gravity (3,) m/s^2, axes of the inputs' attitude."""
     sensed = inputs.sensed
     velocity = rotation_matrix(sensed.quaternion).dot(inputs.base_velocity)
     return body.update(
@@ -39,22 +39,21 @@ def observed(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FA
 
 
 def standing(body: WholeBody, robot: Robot) -> Dynamics:
-    """The dynamics of a robot at rest, level, in its default pose."""
+    """Dynamics of a robot at rest, level, in its default pose."""
     level, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
     return body.update(Motion(level, still, still, robot.default_pose, np.zeros_like(robot.default_pose)))
 
 
 def pendulum_rate(height_m: float) -> float:
-    """How fast an inverted pendulum of this height falls, w = sqrt(g / height), 1/s."""
+    """Growth rate of an inverted pendulum's fall, w = sqrt(g / height), 1/s."""
     return math.sqrt(GRAVITY_M_S2 / height_m)
 
 
 def base_tilt(quaternion: np.ndarray, dynamics: Dynamics) -> np.ndarray:
-    """How the base is turned from upright, heading as the feet do: a rotation vector (3,), body frame.
-
-    For small angles; the yaw is that of the base from the mean of the feet.
+    """Tilt of the base, and its yaw relative to the feet: a rotation vector (3,), body frame.
+    For small angles; the yaw is relative to the mean heading of the feet.
     """
     rotation = rotation_matrix(quaternion)
     up = rotation[2]
-    forward = dynamics.foot_rotation[:, :, 0].sum(axis=0).dot(rotation)  # the feet's, in the body frame
+    forward = dynamics.foot_rotation[:, :, 0].sum(axis=0).dot(rotation)  # of the feet, body frame
     return np.array([up[1], -up[0], -math.atan2(forward[1], forward[0])])

@@ -1,14 +1,14 @@
-"""From wanted accelerations to a quadratic programme, and from its solution to joint torques.
+"""Quadratic program from wanted accelerations, and joint torques from its solution.
 
-The unknowns are the forces of the standing points, world axes, and the joints' accelerations. The base has no
+The unknowns are the forces at the stance points, world axes, and the joints' accelerations. The base has no
 motor, so the first six equations of motion give its acceleration: with M = [[Mb, Mc], [.., ..]], the points'
 Jacobians J and the bias h, all split into base and joints,
 
     base acceleration = Mb^-1 (Jb' f - hb - Mc joint acceleration)
 
-Put into the others, what remains has no equalities and is never infeasible: no force at all and falling
-freely with motors at rest is always allowed. (After Herzog et al. 2016, "Momentum control with hierarchical
-inverse dynamics on a torque-controlled humanoid", with weights instead of a hierarchy.)
+Substituted into the other equations, this leaves no equality constraints, and the program is always feasible:
+zero forces and free fall with zero torque are allowed. (After Herzog et al. 2016, "Momentum control with
+hierarchical inverse dynamics on a torque-controlled humanoid", with weights instead of a hierarchy.)
 """
 
 import math
@@ -26,28 +26,28 @@ from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
 @dataclass(frozen=True)
 class Weights:
-    """Costs of squared deviations. A weight far above another one acts as a priority."""
+    """Cost of squared deviations. A weight far above another one acts as a priority."""
 
-    contact: float  # of a standing point's acceleration, per (m/s^2)^2
-    centre: float  # of the centre of mass's acceleration, per (m/s^2)^2
-    momentum: float  # of the angular momentum's rate over the mass, per (m^2/s^2)^2
-    attitude: float  # of the base's angular acceleration, per (rad/s^2)^2
-    swing: float  # of a swinging foot's acceleration, per (m/s^2)^2
-    swing_attitude: float  # per (rad/s^2)^2
-    posture: float  # of each joint's acceleration, per (rad/s^2)^2
-    force: float  # of each force, as shares of the weight
+    contact: float  # acceleration of a stance point, per (m/s^2)^2
+    centre: float  # acceleration of the centre of mass, per (m/s^2)^2
+    momentum: float  # rate of the angular momentum divided by the mass, per (m^2/s^2)^2
+    attitude: float  # angular acceleration of the base, per (rad/s^2)^2
+    swing: float  # acceleration of a swing foot, per (m/s^2)^2
+    swing_attitude: float  # angular acceleration of a swing foot, per (rad/s^2)^2
+    posture: float  # acceleration of each joint, per (rad/s^2)^2
+    force: float  # each force, as a share of the weight
 
     def __post_init__(self) -> None:
         require_not_negative(self, "contact", "centre", "momentum", "attitude", "swing", "swing_attitude")
-        require_positive(self, "posture", "force")  # so that there is one best solution
+        require_positive(self, "posture", "force")  # > 0, so that the optimum is unique
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Friction and damping of standing contact points."""
+    """Friction and damping of stance points."""
 
-    friction: float  # coefficient that the controller counts on
-    damping_s: float  # 1/s: a standing point that moves is slowed at this rate
+    friction: float  # friction coefficient that forces may use
+    damping_s: float  # 1/s: rate at which a moving stance point is slowed down
 
     def __post_init__(self) -> None:
         require_positive(self, "friction")
@@ -55,16 +55,16 @@ class Contact:
 
 
 class Wanted(NamedTuple):
-    """Accelerations to come as close to as possible, world axes."""
+    """Wanted accelerations, world axes."""
 
-    centre: np.ndarray  # (3,) m/s^2, of the centre of mass
-    momentum_rate: np.ndarray  # (3,) N m, of the angular momentum about it
-    attitude: np.ndarray  # (3,) rad/s^2, of the base, body frame
-    feet: np.ndarray  # (feet, 6) m/s^2 and rad/s^2; of feet that swing
+    centre: np.ndarray  # (3,) m/s^2, centre of mass
+    momentum_rate: np.ndarray  # (3,) N m, rate of the angular momentum about the centre of mass
+    attitude: np.ndarray  # (3,) rad/s^2, angular acceleration of the base, body frame
+    feet: np.ndarray  # (feet, 6) m/s^2 and rad/s^2; used for swing feet
     joints: np.ndarray  # (n,) rad/s^2
 
 
-class Programme(NamedTuple):
+class QuadraticProgram(NamedTuple):
     """Minimise x' hessian x / 2 + gradient' x with lower <= (x[:k], rows x) <= upper."""
 
     hessian: np.ndarray
@@ -75,9 +75,9 @@ class Programme(NamedTuple):
 
 
 class TorqueMap(NamedTuple):
-    """Maps a solution to accelerations and torques."""
+    """Affine maps from a solution to accelerations and torques."""
 
-    standing: np.ndarray  # (k,) points that may press
+    standing: np.ndarray  # (k,) points in contact
     acceleration: np.ndarray  # (nv, variables)
     acceleration_offset: np.ndarray  # (nv,)
     torque: np.ndarray  # (n, variables)
@@ -85,24 +85,24 @@ class TorqueMap(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """Terms that depend only on which points stand."""
+    """Terms that depend only on which points are in contact."""
 
-    standing: np.ndarray  # (k,) points
-    swinging: np.ndarray  # feet of which no point stands
-    unit: np.ndarray  # (nv, variables) the joints' own accelerations; of the base 0
-    by_forces: np.ndarray  # (6, variables) the momentum's rates, weighted; the angular ones are 0
-    damping: np.ndarray  # (variables,) diagonal of the Hessian that is always there
-    cones: np.ndarray  # (4 k + n, variables) friction cones above the torques, which are 0
-    lower: np.ndarray  # (3 k + 4 k + n,), the torques' 0
-    upper: np.ndarray  # per N that a point may press with; the rest 0
+    standing: np.ndarray  # (k,) points in contact
+    swinging: np.ndarray  # feet without a point in contact
+    unit: np.ndarray  # (nv, variables) rows of the joints' accelerations; base rows are 0
+    by_forces: np.ndarray  # (6, variables) weighted rates of the momentum; the angular rows are 0
+    damping: np.ndarray  # (variables,) constant diagonal of the Hessian
+    cones: np.ndarray  # (4 k + n, variables) friction cones, then rows for the torques, which are 0 here
+    lower: np.ndarray  # (3 k + 4 k + n,), 0 for the torques
+    upper: np.ndarray  # per N of a point's largest force; 0 for the rest
 
 
-class Programmes:
-    """Builds the quadratic programmes of one robot.
+class QuadraticPrograms:
+    """Builds the quadratic programs of one robot.
 
     Args:
-        foot_of_point: (points,) index of the foot of each point of contact.
-        joints: n.
+        foot_of_point: (points,) index of the foot of each contact point.
+        joints: number of joints, n.
         mass: kg, of the whole robot.
         weights: costs.
         contact: friction.
@@ -127,15 +127,15 @@ class Programmes:
         most_force: np.ndarray,
         least_torque: np.ndarray,
         most_torque: np.ndarray,
-    ) -> tuple[Programme, TorqueMap]:
-        """The programme of one tick.
+    ) -> tuple[QuadraticProgram, TorqueMap]:
+        """Quadratic program of one tick.
 
         Args:
-            dynamics: of the robot now.
-            wanted: accelerations.
-            most_force: (points,) N, upward, that each point may press with; 0 where it does not stand.
-            least_torque: (n,) N m, of the motors now.
-            most_torque: (n,) N m.
+            dynamics: present dynamics of the robot.
+            wanted: wanted accelerations.
+            most_force: (points,) N, largest upward force of each point; 0: no contact.
+            least_torque: (n,) N m, present lower limits of the motors.
+            most_torque: (n,) N m, upper limits.
         """
         pattern = self._pattern(most_force > 0.0)
         standing, n, forces = pattern.standing, self._n, 3 * len(pattern.standing)
@@ -169,8 +169,8 @@ class Programmes:
         lower[:forces].reshape(-1, 3)[:] *= most[:, None]
         upper[:forces].reshape(-1, 3)[:] *= most[:, None]
         lower[-n:], upper[-n:] = least_torque - torque_offset, most_torque - torque_offset
-        programme = Programme(hessian, gradient, rows, lower, upper)
-        return programme, TorqueMap(standing, acceleration, offset, torque, torque_offset)
+        program = QuadraticProgram(hessian, gradient, rows, lower, upper)
+        return program, TorqueMap(standing, acceleration, offset, torque, torque_offset)
 
     def _least_squares(
         self,
@@ -181,7 +181,8 @@ class Programmes:
         acceleration: np.ndarray,
         offset: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted least squares: rows of matrix @ variables near aim, each times the root of its weight."""
+        """Weighted least squares for matrix @ variables = aim; each row is multiplied by the root of its
+        weight."""
         forces, contact, attitude = len(jacobian), self._contact_root, self._attitude_root
         swinging = pattern.swinging
         tasks = 6 * len(swinging)
@@ -201,7 +202,7 @@ class Programmes:
             matrix[flying] = (root[:, None] * (feet @ acceleration)).reshape(tasks, -1)
             missing = wanted.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
             aim[flying] = (root * missing).ravel()
-        # The momentum's rates depend on the forces alone.
+        # The momentum's rates depend only on the forces.
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
         matrix[-6:] = pattern.by_forces
         matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
@@ -240,7 +241,7 @@ class Programmes:
 
 
 def _cones(points: int, friction: float) -> np.ndarray:
-    """Four-sided friction cones of points, (4 points, 3 points): rows f <= 0."""
+    """Four-sided friction cones of all points, (4 points, 3 points): rows f <= 0."""
     sides = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     one = np.column_stack([sides, np.full(4, -friction)])
     return np.kron(np.eye(points), one)

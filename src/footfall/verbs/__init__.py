@@ -1,1 +1,1 @@
-"""The commands, one file each. A command imports the room that it needs when it runs, not before."""
+"""The verbs, one file each. A verb imports its rooms only when it runs."""

@@ -22,40 +22,39 @@ if TYPE_CHECKING:
     from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
     from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
 FAILED = 1
-UNEVEN_FROM_M = 0.5  # of the robot's place at first: in simulation, uneven ground begins there
-HANGS = "The robot hangs in a frame, its feet in the air"
-HELD = "Somebody holds the robot up, its feet just on the ground, and lets go once it steps in place"
-GROUND = "The robot lies or stands on the ground, nobody within its reach"
+UNEVEN_FROM_M = 0.5  # distance from the start at which uneven ground begins in simulation
+HANGS = "Does the robot hang in a frame, with its feet in the air"
+HELD = "Does a person hold the robot up, feet just on the ground, and let go once it steps in place"
+GROUND = "Does the robot lie or stand on the ground, with nobody within its reach"
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class BringUpOptions:
-    """Which steps, how strongly, and where."""
+    """Steps, strength and bus."""
 
     robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
-    """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
+    """sim for the simulated robot, or socketcan for the CAN interfaces named in robot.yaml."""
     steps: Names = ()
-    """These steps alone: hold, joints, legs, wiring, stand, shift, walk, uneven."""
+    """Only these steps: hold, joints, legs, wiring, stand, shift, walk, uneven."""
     scale: Annotated[float, Parameter(validator=Number(gte=0.01, lte=1.0))] = 0.5
-    """Share of stiffness, damping and torque that reaches the motors."""
+    """Scale of stiffness, damping and torque in the motors' commands."""
     command: VelocityCommand = (0.2, 0.0, 0.0)
-    """For the policy, in the last two steps."""
+    """Velocity command in the last two steps."""
     config: OptionalPath = None
     """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
     limits: OptionalPath = None
-    """YAML file with what the steps do and what is expected of them (see docs/bring_up.md)."""
+    """YAML file with the motion and the limits of the steps (see docs/bring_up.md)."""
     yes: Yes = False
     json: JsonFile = None
 
 
 def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions()) -> int:
-    """First steps of a robot, each with a measure of its own; exit 1 at the first that fails.
-
-    Its motors are off between two steps.
+    """First steps of a robot, each with its own test; exit 1 at the first failure.
+    The motors are disabled between steps.
     """
     check_outputs(options.json)
     setting, steps = _setting(policy, options), _chosen(options.steps)
@@ -63,7 +62,7 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
     verdicts: list[Verdict] = []
     for step in steps:
         if why := step.skipped_by(robot):
-            print(f"{step.name}: left out, since {why}", flush=True)
+            print(f"{step.name}: skipped, since {why}", flush=True)
             continue
         if options.bus != SIMULATED:
             place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
@@ -96,7 +95,7 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
         load_policy(policy, robot),
         lambda _: command,
         config,
-        # A robot that cannot stand still is held up until the policy has taken over.
+        # A robot that cannot stand still is held up until the policy is in control.
         replace(loop, scale=options.scale, in_place_s=loop.in_place_s + config.slew_s),
         realtime=options.bus != SIMULATED,
         wiring_right=partial(_keep_proof, robot, options.bus),
@@ -104,7 +103,7 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
 
 
 def _keep_proof(robot: "Robot", bus: str, verdicts: "Sequence[WiringVerdict]") -> None:
-    """Keep that a real robot's wiring is right, so that `footfall deploy` need not check it again."""
+    """Record that a real robot's wiring is right, so that `footfall deploy` does not check it again."""
     from footfall.deploy.wiring_check.proof import SIMULATED as SIMULATED_BUSES
     from footfall.deploy.wiring_check.proof import keep_proof
 
@@ -113,7 +112,7 @@ def _keep_proof(robot: "Robot", bus: str, verdicts: "Sequence[WiringVerdict]") -
 
 
 def _chosen(names: tuple[str, ...]) -> "list[Step]":
-    """The steps of these names, in their order; all if none is named."""
+    """Steps with these names, in their order; all steps without names."""
     from footfall.deploy.bring_up.steps import STEPS
 
     known = [step.name for step in STEPS]
@@ -132,7 +131,7 @@ def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
 
 @contextmanager
 def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
-    """The way to the robot; a simulated one is as the step needs it."""
+    """Bus to the robot; a simulated robot starts as the step requires."""
     from footfall.deploy.wiring import wire
 
     robot, wiring = setting.robot, wire(setting.robot)

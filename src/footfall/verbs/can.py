@@ -1,4 +1,4 @@
-"""`footfall can`: a robot on a stand, motor by motor."""
+"""`footfall can`: tests of single motors of a robot on a stand."""
 
 import math
 import time
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from footfall.deploy.wiring import Wiring
     from footfall.robots.description import Robot
 
-can = App(name="can", help="A robot on a stand: find motors on its buses, enable them, set zeros, watch.")
+can = App(name="can", help="A robot on a stand: find, enable, zero and monitor its motors.")
 
 NOT_ALL_WELL = 1
-VIRTUAL = "virtual"  # leads to a simulated robot in this process
+VIRTUAL = "virtual"  # includes a simulated robot in this process
 FRAMES_PER_SECOND = 5
-LOOK_S = 0.5  # for every motor to report its errors: heartbeats come ten times a second
+LOOK_S = 0.5  # time in which every motor reports its errors: heartbeats come ten times per second
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Place:
-    """Which motors, on which interface."""
+    """Motors and interface."""
 
     robot: RobotName = DEFAULT_ROBOT
     bus: str = "socketcan"
-    """Interface that the robot's buses are on, by python-can's name; virtual for a simulated robot."""
+    """python-can interface of the robot's buses; virtual includes a simulated robot."""
 
 
 @can.command
@@ -63,14 +63,14 @@ def scan(*, place: Place = Place()) -> int:
 
 @can.command
 def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeconds = None) -> int:
-    """Show what the motors report while they are off, until Ctrl-C.
+    """Show the reports of disabled motors, until Ctrl-C.
 
     Parameters
     ----------
     joint
-        These joints alone.
+        Only these joints.
     duration
-        End after so many seconds.
+        Time until the end, s.
     """
     with _bench(place, joint) as bench:
         problem = bench.query_settings()
@@ -81,16 +81,16 @@ def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeco
 
 @can.command
 def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0, yes: Yes = False) -> int:
-    """Switch motors on for a moment, without any torque, and off again.
+    """Enable motors for a moment, without torque, and disable them again.
 
     Parameters
     ----------
     joint
-        These joints alone.
+        Only these joints.
     duration
-        How long they stay on, s.
+        Time for which they are enabled, s.
     """
-    confirm("switch the motors on, without torque? The robot must hang or lie: its joints are limp", yes)
+    confirm("enable the motors, without torque? The robot must hang or lie: its joints are limp", yes)
     with _bench(place, joint) as bench:
         problem = bench.query_settings() or bench.enable()
         if not problem:
@@ -102,15 +102,15 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
 
 @can.command
 def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
-    """Make motors that are off and do not move take their present position for zero.
+    """Set the zero position of disabled motors at rest to their present position.
 
     Parameters
     ----------
     joint
-        These joints alone.
+        Only these joints.
     """
     which = ", ".join(joint) if joint else "every joint"
-    confirm(f"take the present position of {which} for zero? What was zero before is lost", yes)
+    confirm(f"set the zero of {which} to the present position? The old zero is lost", yes)
     with _bench(place, joint) as bench:
         problem = bench.query_settings() or bench.settle()
         if not problem:
@@ -121,15 +121,15 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
 
 @can.command
 def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
-    """Clear latched errors of motors that are off; exit 1 if a motor still reports one.
+    """Clear latched errors of disabled motors; exit 1 if a motor still reports an error.
 
     Parameters
     ----------
     joint
-        These joints alone.
+        Only these joints.
     """
     which = ", ".join(joint) if joint else "every joint"
-    confirm(f"clear the errors of {which}? A motor that was kept off by them can be switched on then", yes)
+    confirm(f"clear the errors of {which}? Motors that were kept disabled by them can be enabled then", yes)
     with _bench(place, joint) as bench:
         bench.watch(LOOK_S, lambda: None)
         before = bench.states()
@@ -148,7 +148,7 @@ def _wired(place: Place) -> "tuple[Robot, Wiring]":
 
     robot = load_robot(place.robot)
     wiring = wire(robot)
-    by_driver(wiring)  # refuses motors without a driver
+    by_driver(wiring)  # raises UserError for motors without a driver
     return robot, wiring
 
 
@@ -156,7 +156,7 @@ def _wired(place: Place) -> "tuple[Robot, Wiring]":
 def _opened(
     robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
 ) -> "Iterator[Bus]":
-    """The robot's buses; a virtual interface has a simulated robot on them."""
+    """The robot's buses; a virtual interface includes a simulated robot."""
     from footfall.deploy.interfaces import robots_interfaces
 
     with ExitStack() as resources:
@@ -169,7 +169,7 @@ def _opened(
 
 @contextmanager
 def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
-    """The motors of a robot, or of some of its joints, which are off when the context ends."""
+    """All motors of a robot, or of some joints; they are disabled at the end of the context."""
     import numpy as np
 
     from footfall.deploy.bench import Bench, switched_off_afterwards
@@ -195,7 +195,7 @@ def _verdict(bench: "Bench", problem: str) -> int:
 
 @contextmanager
 def _live(bench: "Bench") -> Iterator[Callable[[], None]]:
-    """A table that is updated on a terminal, and printed once at the end elsewhere."""
+    """Table that is updated on a terminal, or printed once at the end."""
     from rich.console import Console
     from rich.live import Live
 
@@ -247,7 +247,7 @@ def _print_motors(bench: "Bench") -> None:
 
 
 def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    """Columns as wide as their widest cell, also where the output is no terminal."""
+    """Print a table with aligned columns, without terminal codes."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for row in (header, *rows):
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

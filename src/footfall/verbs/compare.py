@@ -11,7 +11,8 @@ from footfall.options import HtmlFile, PolicyName
 
 
 def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: HtmlFile = None) -> int:
-    """Put policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode cannot run."""
+    """Run policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode fails to
+    run."""
     from footfall.evaluate.api import compare_policies
     from footfall.policies.spec import add_settings
 

@@ -12,30 +12,29 @@ from footfall.common.errors import UserError
 from footfall.options import Count, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 
-FELL = 1  # deploy's exit status after a fall: the demo continues and exits with it
+FELL = 1  # exit status of deploy after a fall; the demo continues and exits with it
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class DemoOptions:
-    """Where and how to run the demo."""
+    """Settings of the demo."""
 
     robot: RobotName = DEFAULT_ROBOT
     preset: str = "cpu"
-    """How to train: a preset, or a YAML file of the same form."""
+    """Training preset, by name or YAML file."""
     seed: Seed = 0
     out: OptionalPath = None
-    """Folder for everything that the demo makes (default: runs/demo-TIME)."""
+    """Folder for all files of the demo (default: runs/demo-TIME)."""
     scenarios: Names = ("gentle", "push")
-    """What to compare on."""
+    """Scenarios of the comparison."""
     episodes: Count = 8
-    """Episodes of each scenario."""
+    """Episodes per scenario."""
 
 
 def demo(*, options: DemoOptions = DemoOptions()) -> int:
-    """Train for a few minutes, run the policy over CAN, compare it with the others: ends with a report.
-
-    Exit 1 if the robot fell on the way.
+    """Train for a few minutes, run the policy over CAN, and compare it with other policies in a report.
+    Exit 1 if the robot fell in the run.
     """
     from footfall.evaluate.report.extra import check_display, check_installed
     from footfall.evaluate.scenarios import load_scenarios
@@ -45,14 +44,14 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
 
     robot = load_robot(options.robot)
     load_preset(options.preset, robot)
-    load_scenarios(robot).select(options.scenarios)  # errors of the last step are found before the first one
+    load_scenarios(robot).select(options.scenarios)  # finds errors of the last step first
     check_installed()
     check_display()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")
     run, report = folder / "trained", folder / "report.html"
-    # The first is for the flat ground of the comparison: NAME-flat comes before NAME-rough.
+    # The first zoo policy is for flat ground, as in the comparison: NAME-flat sorts before NAME-rough.
     others = [*zoo_names(robot)[:1], *first_of_each_kind(walking_controllers(robot))]
     command = f"{0.5 * robot.description.commands.forward_m_s[1]:g},0,0"
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
@@ -73,17 +72,17 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
 
 
 def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> int:
-    """Run one command as a user would type it, in a process of its own; returns its exit status.
+    """Run one command as a user would type it, in a separate process; returns its exit status.
 
     Raises:
-        UserError: it is neither 0 nor tolerated, which ends the demo.
+        UserError: the status is neither 0 nor tolerated; this ends the demo.
     """
     print(f"\n$ footfall {' '.join(tokens)}", flush=True)
     process = subprocess.Popen([sys.executable, "-P", "-m", "footfall", *tokens])
     try:
         status = process.wait()
     except KeyboardInterrupt:
-        process.wait()  # Ctrl-C reached it too; let it end in an orderly way
+        process.wait()  # Ctrl-C reached it, too: wait for an orderly end
         raise
     if status != 0 and status not in tolerated:
         raise UserError(f"footfall {tokens[0]} failed with status {status}; its message is above")

@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from footfall.steered import Steered
 
 Others = Mapping[str, "Policy"]  # by spec
-SAFE, FALLEN = "IDLE", "FALLING"  # final states
-WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
+SAFE, FALLEN = "IDLE", "FALLING"  # final states: safe end, fall
+WIRING_CHECK = "wiring check first: one joint after the other moves slightly; keep away from the robot"
 
 
 class Run(NamedTuple):
-    """What a run needs on any bus."""
+    """Everything that a run needs on any bus."""
 
     robot: "Robot"
     policy: "Policy"
-    spec: str  # of the policy, as a log keeps it
+    spec: str  # spec of the policy for the log
     others: Others
     consent: "GetUp | None"
     options: DeployOptions
@@ -85,7 +85,7 @@ def deploy(
 
 
 def _simulated(run: Run) -> dict[str, Any]:
-    """A run on the simulated robot; what it has to tell."""
+    """Run on the simulated robot; returns the figures."""
     from footfall.deploy.wiring_check.proof import must_check
     from footfall.height_scan_source import arrive_by_the_clock
     from footfall.plant.episode import Episode, run_episode
@@ -93,9 +93,7 @@ def _simulated(run: Run) -> dict[str, Any]:
 
     robot, options, steering = run.robot, run.options, run.steering
     if steering.odometry and options.ground_truth:
-        raise UserError(
-            "--ground-truth takes the place of the odometry that --from and pages need: leave it out"
-        )
+        raise UserError("--ground-truth replaces the odometry that --from and the pages need: leave it out")
 
     def display(loop: "ControlLoop", velocity: Callable[[], np.ndarray]) -> AbstractContextManager[None]:
         return _display(loop, velocity, (), steering)
@@ -134,7 +132,7 @@ def _simulated(run: Run) -> dict[str, Any]:
 
 
 def _on_interface(run: Run) -> dict[str, Any]:
-    """A run on CAN interfaces; what it has to tell."""
+    """Run on CAN interfaces; returns the figures."""
     from footfall.deploy.log_store import default_store
     from footfall.deploy.session import Session, run_on_interface
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
@@ -147,14 +145,14 @@ def _on_interface(run: Run) -> dict[str, Any]:
     notes = [] if check else [unproven_note(robot, options.bus)]
     said = [*filter(None, notes), *[WIRING_CHECK] * check]
     if robot.description.held_start:
-        said.append(f"{robot.name} cannot stand still: hold it up, let it go once it steps in place")
+        said.append(f"{robot.name} cannot stand still: hold it up, and let go once it steps in place")
 
     def display(loop: "ControlLoop") -> AbstractContextManager[None]:
         return _display(loop, lambda: loop.estimate[0], said, steering)
 
     config = _config(robot, options, steering)
     store, log = None, options.log
-    if log is None and options.bus != VIRTUAL:  # what a real robot did must not be lost
+    if log is None and options.bus != VIRTUAL:  # the record of a real robot must not be lost
         store = default_store(round(config.logs_most_mb * 1e6))
         log = store.new_log(robot.name)
         said.append(f"the log is {log}")
@@ -176,7 +174,7 @@ def _on_interface(run: Run) -> dict[str, Any]:
         wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
     with ExitStack() as resources:
-        if options.bus == VIRTUAL:  # reaches no further than this process, so the robot has to be in it
+        if options.bus == VIRTUAL:  # virtual buses do not leave this process, so the robot must be in it
             from footfall.plant.serve import serving
 
             resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
@@ -192,20 +190,20 @@ def _on_interface(run: Run) -> dict[str, Any]:
 
 
 def _consent(options: DeployOptions, robot: "Robot") -> "GetUp | None":
-    """Consent to get up after a fall, with the policy for that; None without --recover."""
+    """Consent to get up after a fall, with the get-up policy; None without --recover."""
     from footfall.deploy.recovery import GetUp
     from footfall.policies.registry import get_up_name, lasting_spec, load_policy
 
     if not options.recover:
         if options.get_up is not None:
-            raise UserError("--get-up names the policy of --recover: give that, too")
+            raise UserError("--get-up names the policy of --recover: give --recover, too")
         return None
     spec = options.get_up or get_up_name(robot)
     return GetUp(load_policy(spec, robot), lasting_spec(spec))
 
 
 def _for_simulation_alone(options: DeployOptions) -> str:
-    """The first option given that no bus but the simulated one has a use for; empty if none is."""
+    """First given option that applies only to the simulated robot; empty if there is none."""
     given = {
         "--plant": options.plant is not None,
         "--engine": options.engine != DEFAULT_ENGINE,
@@ -220,7 +218,8 @@ def _for_simulation_alone(options: DeployOptions) -> str:
 def _display(
     loop: "ControlLoop", velocity: Callable[[], np.ndarray], said: Sequence[str], steering: "Steered"
 ) -> AbstractContextManager[None]:
-    """Say what comes first, once the buses are open and before anything moves; then show the state."""
+    """Print the lines for the operator, after the buses are open and before anything moves; then show the
+    state."""
     from footfall.live_state import live_state
 
     for line in (*said, *steering.about):
@@ -230,7 +229,7 @@ def _display(
 
 
 def _feed(options: DeployOptions, steering: "Steered") -> Path | None:
-    """Where the run serves its telemetry; whoever steers finds it, too."""
+    """Socket for the run's telemetry; linked to the place where the command source expects it."""
     if options.feed is not None and steering.feed is not None:
         steering.feed.symlink_to(options.feed.absolute())
     return options.feed or steering.feed
@@ -240,12 +239,12 @@ def _config(robot: "Robot", options: DeployOptions, steering: "Steered") -> "Dep
     from footfall.deploy.config import deploy_config
 
     config = deploy_config(robot, options.config, simulated=options.bus == SIMULATED)
-    shown = options.log is not None and not options.ground_truth  # a log shows where the robot went
+    shown = options.log is not None and not options.ground_truth  # a log includes the robot's path
     return replace(config, odometry=config.odometry or steering.odometry or shown)
 
 
 def _figures(outcome: "SessionResult", options: DeployOptions, steering: "Steered") -> dict[str, Any]:
-    """What every run has to tell."""
+    """Figures that every run has."""
     return {
         "bus": options.bus,
         "seed": options.seed,

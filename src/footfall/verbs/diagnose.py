@@ -6,12 +6,12 @@ from footfall.train.entry import learning_libraries
 
 
 def diagnose(run: Path, /) -> int:
-    """Replay a failed training to its first bad value; exit 0 if it fails again, 1 if not.
+    """Replay a failed training up to its first non-finite value; exit 0 if it fails again, 1 if not.
 
     Parameters
     ----------
     run
-        Run folder of a failed training.
+        Run folder of the failed training.
     """
     with learning_libraries():
         from footfall.train import api
@@ -19,9 +19,9 @@ def diagnose(run: Path, /) -> int:
     failure = result.failure
     if result.differences:
         print(f"the replay is approximate: it failed with {'; '.join(result.differences)}")
-    print(f"iteration {failure.iteration} failed then: {failure.reason}")
-    print(f"iteration {failure.iteration} fails now: {result.reason or 'it does not'}")
+    print(f"iteration {failure.iteration}, original run: {failure.reason}")
+    print(f"iteration {failure.iteration}, replay: {result.reason or 'no failure'}")
     print(f"first: {result.finding}")
     if result.saved is not None:
-        print(f"the environment before that step is in {result.saved}")
+        print(f"the environment before that step was saved to {result.saved}")
     return 0 if result.reason is not None else 1

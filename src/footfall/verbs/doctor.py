@@ -2,7 +2,7 @@
 
 
 def doctor() -> None:
-    """Show what this machine can do: accelerator, rendering, CAN, real-time scheduling, missing packages."""
+    """Check this machine: accelerator, rendering, CAN, real-time scheduling, missing packages."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -20,6 +20,6 @@ def doctor() -> None:
             Text("ok", "green") if finding.good else Text("--", "yellow"), finding.what, Text(finding.found)
         )
     console.print(table)
-    for finding in looked:  # unwrapped, so that a command can be copied
+    for finding in looked:  # not wrapped, so that a command can be copied
         if finding.advice:
             console.print(Text(f"{finding.what}: {finding.advice}"), soft_wrap=True)

@@ -22,10 +22,10 @@ def evaluate(
     options: EvaluationOptions = NOMINAL,
     weakest: Annotated[Names, Parameter(show_default=False)] = (),
 ) -> int:
-    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if one cannot be run.
+    """Run a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode fails to run.
 
     Args:
-        weakest: Find the smallest disturbances that fell it instead: push, latency, friction, strength.
+        weakest: Find the smallest disturbances that make it fall instead: push, latency, friction, strength.
     """
     from footfall.evaluate.api import evaluate_policy, weakest_of
     from footfall.policies.spec import add_settings
@@ -41,7 +41,7 @@ def evaluate(
 
 
 def _refuse_scenarios(options: EvaluationOptions) -> None:
-    """Refuse options that mean nothing where disturbances are searched."""
+    """Refuse options without meaning in a search for disturbances."""
     for name in ("scenarios", "metrics", "require", "junit", "ground_truth"):
         if getattr(options, name) != getattr(NOMINAL, name):
             raise UserError(f"--weakest runs no scenario: leave --{name.replace('_', '-')} out")

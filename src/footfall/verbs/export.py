@@ -8,7 +8,7 @@ from footfall.train.entry import learning_libraries
 
 
 def export(run: Path, /, *, out: OptionalPath = None) -> None:
-    """Write a run's last checkpoint as ONNX, checked against the trainer's own network.
+    """Write a run's last checkpoint as ONNX, verified against the trainer's own network.
 
     Parameters
     ----------

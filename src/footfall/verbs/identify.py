@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from footfall.learned_law import Comparison
     from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
 SAFE = "IDLE"
-PLACE = "The robot is bolted to a stand, its feet in the air, nobody within its reach"
+PLACE = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
 
 identify = App(name="identify", help="Find a robot's parameters from its own motion.")
 
@@ -33,14 +33,15 @@ identify = App(name="identify", help="Find a robot's parameters from its own mot
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RecordOptions:
-    """Which robot, how it moves, and where the log goes."""
+    """Robot, motion and bus."""
 
     robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
-    """sim for the simulated robot, socketcan for the CAN interfaces that robot.yaml names, or python-can's
-    name of another kind; virtual has a simulated robot at its other end."""
+    """sim for the simulated robot, socketcan for the CAN interfaces named in robot.yaml, or the name of
+    another
+    python-can interface; virtual includes a simulated robot."""
     plant: OptionalPath = None
-    """MJCF of the body that the simulated robot has (default: the robot's own)."""
+    """MJCF of the simulated robot's body (default: the robot's own)."""
     excitation: OptionalPath = None
     """YAML file with the motion's settings (see docs/identify.md)."""
     config: OptionalPath = None
@@ -51,7 +52,7 @@ class RecordOptions:
 
 @identify.command
 def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
-    """Move the joints of a robot on a stand, and log each tick; exit 1 if the run did not end in order.
+    """Move the joints of a robot on a stand, and log each tick; exit 1 if the run ends with a fault.
 
     Parameters
     ----------
@@ -65,10 +66,10 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
     from footfall.robots.description import load_robot
 
     if log.exists():
-        raise UserError(f"{log} exists: give another name, nothing is overwritten")
+        raise UserError(f"{log} exists: give another name; files are not overwritten")
     check_outputs(log)
     if options.bus != SIMULATED and options.plant is not None:
-        raise UserError("--plant is for the simulated robot: leave it out, or --bus at 'sim'")
+        raise UserError("--plant is for the simulated robot: leave it out, or use --bus sim")
     robot, simulated = load_robot(options.robot), options.bus == SIMULATED
     motion = ExcitationConfig() if options.excitation is None else load(options.excitation, ExcitationConfig)
     deploy = deploy_config(robot, options.config, simulated)
@@ -104,22 +105,22 @@ def _opened(robot: "Robot", options: RecordOptions, resources: ExitStack) -> "Bu
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FitOptions:
-    """What judges, and where the result goes."""
+    """Held-out motion, effects and output of a fit."""
 
     robot: Annotated[str | None, AS_TYPED] = None
-    """Name of a robot, or a folder with its robot.yaml (default: the one that the first log names)."""
+    """Name of a robot, or a folder with its robot.yaml (default: the robot of the first log)."""
     held_out: OptionalPath = None
-    """Log that judges the fit and does not enter it (default: every fourth second of each log)."""
+    """Held-out log for the evaluation of the fit (default: every fourth second of each log)."""
     legs: Names = ()
-    """These legs alone, by the names of their feet."""
+    """Only these legs, by the names of their feet."""
     effects: Names = ()
     """Fit these effects, too: stribeck_friction, load_friction, backlash_rad, gear_compliance, link_com."""
     profile: bool = False
-    """Fit again with the delay held at other values: how much the motion depends on it."""
+    """Fit again with other fixed delays, to show how much the motion depends on the delay."""
     out: OptionalPath = None
-    """Folder for the proposed robot. It must not exist."""
+    """Folder for the proposed robot; must not exist."""
     report: OptionalPath = None
-    """Page with estimates, residuals, intervals and misfit."""
+    """HTML page with estimates, residuals, intervals and misfit."""
     json: JsonFile = None
 
 
@@ -152,12 +153,12 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     _write(options, given.robot, fits, logs)
     if options.out is not None:
         folder = propose(given.robot, fits, [str(log) for log in logs], options.out)
-        print(f"wrote {folder}: look it over with: footfall robot check {folder}")
+        print(f"wrote {folder}: check it with: footfall robot check {folder}")
     return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
 
 
 class _Given(NamedTuple):
-    """What a fit or a training starts from."""
+    """Inputs of a fit or a training."""
 
     robot: "Robot"
     recordings: "list[Recording]"
@@ -166,7 +167,7 @@ class _Given(NamedTuple):
 
 
 def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
-    """The robot, its legs and the logs. Raises UserError where they do not fit, or the folder exists."""
+    """Robot, legs and logs. Raises UserError if they do not match, or the output folder exists."""
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
     from footfall.identify.leg import fixed_legs
@@ -176,7 +177,7 @@ def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
     if not logs:
         raise UserError("no log: record one with 'footfall identify record LOG'")
     if options.out is not None and options.out.exists():
-        raise UserError(f"{options.out} exists: give another --out, nothing is overwritten")
+        raise UserError(f"{options.out} exists: give another --out; files are not overwritten")
     robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
     recordings = [read_recording(log, robot) for log in logs]
     held_out = [] if options.held_out is None else [read_recording(options.held_out, robot)]
@@ -191,32 +192,32 @@ def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class NetOptions:
-    """What judges, how long the training looks, and where the result goes."""
+    """Held-out motion, duration of the training, and output."""
 
     robot: Annotated[str | None, AS_TYPED] = None
-    """Name of a robot, or a folder with its robot.yaml (default: the one that the first log names)."""
+    """Name of a robot, or a folder with its robot.yaml (default: the robot of the first log)."""
     held_out: OptionalPath = None
-    """Log that judges and enters neither fit nor training (default: every fourth second of each log)."""
+    """Held-out log for the evaluation of fit and net (default: every fourth second of each log)."""
     legs: Names = ()
-    """These legs alone, by the names of their feet; joints of others get no net."""
+    """Only these legs, by the names of their feet; other joints get no net."""
     steps: int = 300
-    """Steps of gradient descent of each training."""
+    """Gradient steps of each training."""
     seeds: int = 2
-    """Trainings of each leg; the one that does best on seconds that it has not seen is kept."""
+    """Trainings of each leg; the one with the best result on unseen seconds is kept."""
     seed: Seed = 0
     out: OptionalPath = None
-    """Folder for the proposed robot. It must not exist."""
+    """Folder for the proposed robot; must not exist."""
     json: JsonFile = None
 
 
 @identify.command
 def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
-    """Fit logs, then train a net for what the joint law lacks; exit 1 if it predicts no better.
+    """Fit logs, then train a net for the rest of the joint torque; exit 1 if it predicts no better.
 
     Parameters
     ----------
     logs
-        The logs. The last of several decides which net is kept.
+        The logs. The last of several logs decides which net is kept.
     """
     from footfall.identify.fit import FitConfig, fit_leg
     from footfall.train.entry import learning_libraries
@@ -239,7 +240,7 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
         write_json(options.json, [each.figures() for each in compared])
         if options.out is not None:
             copytree(folder, options.out)
-            print(f"wrote {options.out}: look it over with: footfall robot check {options.out}")
+            print(f"wrote {options.out}: check it with: footfall robot check {options.out}")
     worse = [each.leg.name for each in compared if not each.better]
     if worse:
         print(f"the net is no better than the fitted law: {', '.join(worse)}")
@@ -257,7 +258,7 @@ def _show_errors(compared: "list[Comparison]") -> None:
 
 
 def _write(options: FitOptions, robot: "Robot", fits: "list[LegFit]", logs: tuple[Path, ...]) -> None:
-    """The figures and the page."""
+    """Write the figures and the page."""
     from footfall.fit_findings import figures
 
     write_json(options.json, figures(fits))
@@ -269,7 +270,7 @@ def _write(options: FitOptions, robot: "Robot", fits: "list[LegFit]", logs: tupl
 
 
 def _show(found: "LegFit") -> None:
-    """A leg's table and verdict."""
+    """Print the table and the verdict of a leg."""
     from rich.console import Console
     from rich.table import Table
 

@@ -26,14 +26,14 @@ def list_names(
     robot: Annotated[RobotName | None, AS_TYPED] = None,
     json: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
-    """Show the names of robots, controllers, policies of the zoo, scenarios and presets, or of terms.
+    """Show the names of robots, controllers, zoo policies, scenarios and presets, or of terms.
 
     Parameters
     ----------
     kind
-        Show this kind alone. `terms` are what a preset's task is made of (an extra: train).
+        Show only this kind. `terms` are the components of a preset's task (extra: train).
     robot
-        Show this robot, its controllers and its policies alone: a name, or a folder with its robot.yaml.
+        Show only this robot, its controllers and its policies: a name, or a folder with its robot.yaml.
     json
         Print JSON instead of tables.
     """
@@ -121,7 +121,7 @@ def _presets() -> Rows:
 
 
 def _terms() -> Rows:
-    with needs_extra("train", "the terms of tasks need"):
+    with needs_extra("train", "the list of terms needs"):
         from footfall.envs.catalogue import catalogue, shown
 
     return [

@@ -1,4 +1,4 @@
-"""`footfall log`: inspect, plot, cut and repair a run's log."""
+"""`footfall log`: inspect, plot, cut and repair the log of a run."""
 
 import math
 import sys
@@ -19,14 +19,14 @@ RobotOfLog = Annotated[str | None, AS_TYPED]
 
 @log.command
 def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
-    """Show what a log holds and how its run went; exit 1 after a fault or a jump in a path.
+    """Show the contents of a log and findings about its run; exit 1 after a fault or a jump in a path.
 
     Parameters
     ----------
     file
         The log.
     robot
-        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+        Name of a robot, or a folder with its robot.yaml (default: the log's robot).
     """
     from rich.console import Console
     from rich.table import Table
@@ -57,9 +57,9 @@ def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -
     Parameters
     ----------
     file
-        The log, made by `footfall identify record` or of any policy on a robot whose base did not move.
+        The log, from `footfall identify record` or from any policy on a robot with a fixed base.
     robot
-        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+        Name of a robot, or a folder with its robot.yaml (default: the log's robot).
     """
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
@@ -95,20 +95,20 @@ def import_(
     config: OptionalPath = None,
     out: OptionalPath = None,
 ) -> int:
-    """Write a CSV recording of any robot as a log, with its commands, estimated attitude and motion.
+    """Convert a CSV recording of any robot to a log, with its commands, estimated attitude and motion.
 
     Parameters
     ----------
     file
-        The recording: a line with the columns' names, then a row for each time.
+        The recording: a line with the names of the columns, then one row for each time.
     columns
-        YAML file that names the columns, see docs/logs.md.
+        YAML file with the meaning of the columns, see docs/logs.md.
     robot
         Name of the robot, or a folder with its robot.yaml.
     config
         YAML file with settings of the deploy loop; only the section `estimator` is used.
     out
-        Where to write the log (default: FILE.mcap, beside it).
+        Log to write (default: FILE.mcap, in the same folder).
     """
     from footfall.common.config import load
     from footfall.deploy.config import deploy_config
@@ -122,7 +122,7 @@ def import_(
     settings = deploy_config(of, config).estimator
     recorded = read_csv(file, load(columns, ColumnMap), of)
     done = import_recording(recorded, of, settings, target, str(file))
-    motion = "estimated" if done.estimated else "left out: it needs an IMU, and forces or torques"
+    motion = "estimated" if done.estimated else "not estimated: it needs an IMU, and forces or torques"
     print(f"{target}: {done.readings} readings of {done.duration_s:.1f} s{' with commands' * done.commanded}")
     print(f"attitude {done.attitude}; motion of the base {motion}")
     return 0
@@ -130,16 +130,16 @@ def import_(
 
 @log.command
 def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -> int:
-    """Draw a log on one HTML page: joints, torques, heat, contacts, paths of the feet, timing, faults.
+    """Plot a log on one HTML page: joints, torques, heat, contacts, paths of the feet, timing, faults.
 
     Parameters
     ----------
     file
         The log.
     out
-        Where to write the page (default: FILE.html, beside it).
+        Page to write (default: FILE.html, in the same folder).
     robot
-        Name of a robot, or a folder with its robot.yaml (default: the one that the log names).
+        Name of a robot, or a folder with its robot.yaml (default: the log's robot).
     """
     from footfall.evaluate.report.extra import check_installed
 
@@ -173,12 +173,12 @@ def cut(
     start
         Seconds from the log's start.
     end
-        Likewise (default: the log's end).
+        Seconds from the log's start (default: the log's end).
     out
-        Where to write the copy (default: FILE.cut.mcap, beside it).
+        Copy to write (default: FILE.cut.mcap, in the same folder).
     """
     if not 0.0 <= start < end:
-        raise UserError(f"from {start:g} to {end:g} s is no time range: give --from and --to, s, in order")
+        raise UserError(f"from {start:g} to {end:g} s is not a time range: give --from below --to, both in s")
     part = _beside(file, "cut", out)
     from footfall.deploy.recover import cut as cut_log
 
@@ -189,14 +189,14 @@ def cut(
 
 @log.command
 def frames(file: Path, /, *, out: OptionalPath = None) -> int:
-    """Write a log's CAN frames as candump does; --log-frames of deploy records them.
+    """Write a log's CAN frames in the format of candump; `footfall deploy --log-frames` records them.
 
     Parameters
     ----------
     file
         The log.
     out
-        Where to write the text (default: to the terminal).
+        Text file to write (default: standard output).
     """
     check_outputs(out)
     from footfall.deploy.log_analysis.candump import write_candump
@@ -214,16 +214,16 @@ def frames(file: Path, /, *, out: OptionalPath = None) -> int:
 def layout(
     file: Path, /, *, tool: Literal["foxglove", "plotjuggler"] = "foxglove", out: OptionalPath = None
 ) -> int:
-    """Write a layout for a viewer of logs, with plots by the names of the log's joints.
+    """Write a layout for a log viewer, with plots for the joints of the log.
 
     Parameters
     ----------
     file
-        The log, or another one of the same robot.
+        The log, or another log of the same robot.
     tool
-        foxglove, which Lichtblick imports as well, or plotjuggler.
+        foxglove (Lichtblick can import it, too) or plotjuggler.
     out
-        Where to write it (default: ROBOT.foxglove.json or ROBOT.plotjuggler.xml, beside the log).
+        File to write (default: ROBOT.foxglove.json or ROBOT.plotjuggler.xml, in the log's folder).
     """
     from footfall.common.outputs import write_text
     from footfall.deploy.log_analysis.layouts import LAYOUTS
@@ -240,14 +240,14 @@ def layout(
 
 @log.command
 def recover(file: Path, /, *, out: OptionalPath = None) -> int:
-    """Repair a log that was cut short or damaged, so that tools which need its index can open it.
+    """Repair a truncated or damaged log, so that tools can open it that need its index.
 
     Parameters
     ----------
     file
         The log.
     out
-        Where to write the whole copy (default: FILE.recovered.mcap, beside it).
+        Repaired copy to write (default: FILE.recovered.mcap, in the same folder).
     """
     whole = _beside(file, "recovered", out)
     from footfall.deploy.recover import recover as recover_log
@@ -265,4 +265,4 @@ def _beside(file: Path, what: str, out: Path | None) -> Path:
 
 
 def _lost(damaged: int) -> str:
-    return f", {damaged} damaged parts left out" if damaged else ""
+    return f", {damaged} damaged parts skipped" if damaged else ""

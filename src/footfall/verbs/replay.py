@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ReplayOptions:
-    """What to replay with."""
+    """Policy, robot and tolerance of the replay."""
 
     policy: Annotated[PolicyName | None, AS_TYPED] = None
-    """Policy to ask again (default: the one that the log names); others of the run are those of the log."""
+    """Policy to run again (default: the log's policy); other policies of the run come from the log."""
     robot: Annotated[str | None, AS_TYPED] = None
-    """Name of a robot, or a folder with its robot.yaml (default: the one that the log names)."""
+    """Name of a robot, or a folder with its robot.yaml (default: the log's robot)."""
     tolerance: float = 0.0
-    """Differences up to this are not reported."""
+    """Smaller differences are not reported."""
 
 
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
-    """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
+    """Feed a log's readings to its policy again; exit 0 if its decisions are the same, 1 if not."""
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
     from footfall.deploy.replay import GET_UP, OTHERS
@@ -48,22 +48,22 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     result = replay_log(log, policy, options.tolerance, others, get_up)
     print(
         f"{result.steps} policy steps"
-        + ("" if result.complete else ", of a run that was cut short")
-        + (f", {result.damaged} damaged parts left out" if result.damaged else "")
+        + ("" if result.complete else ", of a truncated run")
+        + (f", {result.damaged} damaged parts skipped" if result.damaged else "")
     )
     if result.first_difference:
         print(f"first difference: {result.first_difference}")
-        print(f"worst difference: {result.worst_difference:.3g}")
+        print(f"largest difference: {result.worst_difference:.3g}")
         return 1
-    print(f"the same decisions (worst difference {result.worst_difference:.3g})")
+    print(f"the same decisions (largest difference {result.worst_difference:.3g})")
     return 0
 
 
 def _logged_policy(spec: str, robot: "Robot") -> "Policy":
-    """A policy that a log was made with. Raises UserError if it is not here."""
+    """Policy named in a log. Raises UserError if it is not available."""
     from footfall.policies.registry import load_policy
 
     try:
         return load_policy(spec, robot)
     except UserError as error:
-        raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
+        raise UserError(f"the log's policy is not available ({error}): give --policy") from None

@@ -1,4 +1,4 @@
-"""`footfall robot`: bring in a robot, and look one over."""
+"""`footfall robot`: import a robot, or check one."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +13,13 @@ from footfall.options import Names, OptionalPath, RobotName, Seconds, Seed
 if TYPE_CHECKING:
     from footfall.plant.walking import ControllerResult
 
-robot = App(name="robot", help="Bring in a robot of your own, or look one over.")
+robot = App(name="robot", help="Import your own robot, or check one.")
 
 SOMETHING_WRONG = 1
 
 
 def _by_joint(_: type, tokens: Any) -> dict[str, float]:
-    """'23.7' for all joints, or 'hip=23.7,knee=35.5' by part of their names."""
+    """Parse '23.7' for all joints, or 'hip=23.7,knee=35.5' by parts of their names."""
     text = tokens[0].value
     values: dict[str, float] = {}
     for entry in text.split(","):
@@ -29,7 +29,7 @@ def _by_joint(_: type, tokens: Any) -> dict[str, float]:
         except ValueError:
             values[part.strip()] = -1.0
     if not all(0.0 < value < 1e6 for value in values.values()):
-        raise ValueError(f"expected a number above 0, or such as hip=23.7,knee=35.5, found '{text}'")
+        raise ValueError(f"expected a positive number, or pairs such as hip=23.7,knee=35.5, found '{text}'")
     return values
 
 
@@ -43,7 +43,7 @@ Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
 def _names_by_joint(_: type, tokens: Any) -> dict[str, str]:
-    """'DM-J4310-2EC-48V' for all joints, or 'hip=A,knee=B' by part of their names."""
+    """Parse 'DM-J4310-2EC-48V' for all joints, or 'hip=A,knee=B' by parts of their names."""
     entries = (entry.rpartition("=") for entry in tokens[0].value.split(","))
     return {part.strip(): name.strip() for part, _, name in entries}
 
@@ -51,20 +51,21 @@ def _names_by_joint(_: type, tokens: Any) -> dict[str, str]:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class NewOptions:
-    """What to make a robot of, and what its file does not say."""
+    """Source of a robot, and values that its file does not contain."""
 
     source: Annotated[Path, Parameter(name="--from")]
     """URDF or MJCF of the robot."""
     out: Path
-    """Folder to make; its name becomes the robot's."""
+    """Folder to create; its name becomes the robot's name."""
     feet: Names = ()
-    """Links that are feet or carry them (default: those called feet, or the lowest)."""
+    """Links that are feet or carry them (default: links named foot, else the lowest links)."""
     forward: Axis | None = None
-    """Axis of the base that points forward (default: guessed by legs called left and right, else x)."""
+    """Forward axis of the base (default: from the names of left and right legs, else x)."""
     up: Axis = "z"
-    """Axis of the base that points up."""
+    """Upward axis of the base."""
     packages: Annotated[tuple[Path, ...], Parameter(consume_multiple=True, negative=())] = ()
-    """Folders that hold the packages of a URDF's meshes, beside those above the URDF and ROS_PACKAGE_PATH."""
+    """Folders with the packages of a URDF's meshes, in addition to the URDF's parents and
+    ROS_PACKAGE_PATH."""
     actuator: Annotated[
         dict[str, str],
         Parameter(
@@ -75,18 +76,18 @@ class NewOptions:
             negative=(),
         ),
     ] = field(default_factory=dict)
-    """Motors by name (robots/importer/actuators.yaml): torque, speed, inertia and gear as published."""
+    """Motors by name (robots/importer/actuators.yaml): published torque, speed, inertia and gear ratio."""
     peak_torque: ByJoint = field(default_factory=dict)
-    """Peak torque, N m, instead of the file's: one for all, or by part of the joints' names."""
+    """Peak torque, N m, replacing the file's: one value for all, or by parts of the joints' names."""
     speed: ByJoint = field(default_factory=dict)
-    """No-load speed, rad/s, likewise."""
+    """No-load speed, rad/s, in the same form."""
     armature: ByJoint = field(default_factory=dict)
-    """Reflected inertia, kg m^2, likewise: the rotor's times the gear ratio squared; URDF has none."""
+    """Reflected inertia, kg m^2, in the same form: rotor inertia times gear ratio squared; URDF has none."""
 
 
 @robot.command
 def new(*, options: NewOptions) -> None:
-    """Make a robot folder of a URDF or MJCF, and say what was guessed."""
+    """Create a robot folder from a URDF or MJCF, and list the guesses."""
     from footfall.deploy.drivers.mit import RANGES
     from footfall.domain_rand.randomisation import default_ranges
     from footfall.plant.lying import find_lying_pose
@@ -114,29 +115,30 @@ def new(*, options: NewOptions) -> None:
     )
     loaded = load_robot(options.out.resolve())
     feet = len(loaded.description.feet)
-    print(f"wrote {made.folder}: {len(loaded.joint_names)} joints, {feet} feet. Guessed, to be checked:")
+    print(f"wrote {made.folder}: {len(loaded.joint_names)} joints, {feet} feet. Guesses to check:")
     for guess in made.guesses:
         print(f"- {guess}")
-    print(f"look it over with: footfall robot check {made.folder}")
+    print(f"check it with: footfall robot check {made.folder}")
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class CheckOptions:
-    """How to test a robot."""
+    """Tests of a robot."""
 
     duration: Seconds = 4.0
-    """How long it has to stand, s, and each of its controllers to stand or walk."""
+    """Duration of the standing test and of each controller's test, s."""
     controllers: bool = True
-    """Whether its hand-written controllers are tested."""
+    """Test the hand-written controllers."""
     picture: Path | None = None
-    """JPEG to write: how each controller stands or walks."""
+    """JPEG to write: each controller's walk or stance."""
     seed: Seed = 0
 
 
 @robot.command
 def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int:
-    """Print a robot's tree and feet; let it stand and walk in simulation; exit 1 if something is wrong."""
+    """Print a robot's tree and feet, test standing and walking in simulation; exit 1 if something is
+    wrong."""
     from footfall import robot_check as told
     from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
@@ -173,7 +175,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
 
 @robot.command
 def urdf(robot: RobotName, /, *, out: OptionalPath = None) -> None:
-    """Write a robot's URDF, made from its MJCF, for RViz, Foxglove, planners and libraries of kinematics.
+    """Write a robot's URDF, generated from its MJCF, for RViz, Foxglove, planners and kinematics libraries.
 
     Parameters
     ----------
@@ -192,7 +194,7 @@ def urdf(robot: RobotName, /, *, out: OptionalPath = None) -> None:
 
 
 def _draw(folder: Path, results: "list[ControllerResult]", path: Path) -> None:
-    """Write a picture of the controllers' walks, or say why there is none."""
+    """Write a picture of the controllers' walks, or print why there is none."""
     try:
         from footfall.evaluate.report.stills import Walk, draw_walks
     except ImportError:

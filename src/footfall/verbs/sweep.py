@@ -21,14 +21,14 @@ def sweep(file: OptionalPath = None, /, *, out: OptionalPath = None, resume: Opt
     file
         YAML file with the settings to sweep (see docs/training.md).
     out
-        Folder to make (default: runs/sweep-TIME); each trial is a run folder in it.
+        Folder to create (default: runs/sweep-TIME); each trial is a run folder in it.
     resume
         Folder of a sweep to continue.
     """
     if (file is None) == (resume is None):
         raise UserError("give either a sweep's YAML file or --resume with its folder")
     if resume is not None and out is not None:
-        raise UserError("--resume brings the sweep's own folder: leave --out out")
+        raise UserError("--resume uses the sweep's own folder: leave --out out")
     with learning_libraries():
         from footfall.train.sweeps.sweep import POINTS, RESULTS, resume_sweep
         from footfall.train.sweeps.sweep import sweep as run_sweep
@@ -58,7 +58,7 @@ def _show_trials(trials: "list[Trial]") -> None:
 
 
 def _show_points(points: "list[Point]") -> None:
-    """Means over seeds and their deviation: a smaller difference between points may be luck."""
+    """Show means over seeds with their deviation: a smaller difference between points may be chance."""
     names = list(points[0].settings) if points else []
     rows = [
         [

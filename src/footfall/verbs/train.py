@@ -25,8 +25,8 @@ from footfall.robots.default import DEFAULT_ROBOT
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
-EVALUATION = "gentle"  # the scenario that evaluates every finished run
-OTHERWISE_NAMED = {"settings": "set", "start": "from"}  # options by their fields
+EVALUATION = "gentle"  # scenario for every finished run
+OTHERWISE_NAMED = {"settings": "set", "start": "from"}  # option names that differ from their fields
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
 ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
@@ -35,7 +35,8 @@ COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TrainOptions:
-    """What to train. None: the default of `footfall.train.api.TrainRequest`, or the resumed run's."""
+    """Settings of a training. None: the default of `footfall.train.api.TrainRequest`, or the resumed run's
+    value."""
 
     robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False, help=ROBOT_HELP)] = None
     preset: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
@@ -44,28 +45,28 @@ class TrainOptions:
     seed: Annotated[Seed | None, Parameter(show_default=False)] = None
     """The same seed gives the same result on the same machine (default: 0)."""
     out: OptionalPath = None
-    """Run folder to make (default: runs/ROBOT-PRESET-SEED-TIME)."""
+    """Run folder to create (default: runs/ROBOT-PRESET-SEED-TIME)."""
     steps: Annotated[Count | None, Parameter(show_default=False)] = None
-    """Environment steps, instead of the preset's."""
+    """Environment steps, replacing the preset's."""
     checkpoint_interval: Annotated[Seconds | None, AS_TYPED, Parameter(show_default=False)] = None
-    """Seconds between checkpoints, instead of the preset's."""
+    """Seconds between checkpoints, replacing the preset's."""
     settings: PresetSettings = ()
     trainer: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """brax (the default), rsl_rl (an extra), or MODULE:NAME of your own trainer."""
     resume: OptionalPath = None
-    """Run folder to continue from its last checkpoint; it brings its own settings."""
+    """Run folder to continue from its last checkpoint, with its own settings."""
     start: Annotated[str | None, AS_TYPED, Parameter(name="--from", show_default=False)] = None
     """Fine-tune: start from the networks of a run folder or a learned policy (go1-flat, an .onnx file)."""
     evaluate: bool = True
-    """Evaluate the finished policy over the simulated bus, into RUN/evaluation.json."""
+    """Evaluate the finished policy over the simulated bus; results are in RUN/evaluation.json."""
     watch: bool = False
-    """Show the newest checkpoint walking beside the curves on a web page, until the training ends."""
+    """Show the newest checkpoint and the training curves on a web page, until the training ends."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ClusterOptions:
-    """Training in several processes, usually one per host: the same command in each, but for --process."""
+    """Training in several processes, usually one per host: the same command for all except --process."""
 
     coordinator: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """HOST:PORT of process 0, or auto under Slurm, MPI or Kubernetes."""
@@ -84,7 +85,7 @@ def train(
     cluster: ClusterOptions = ALONE,
     page: PageOptions = LOCAL_PAGE,
 ) -> int:
-    """Train a policy; RUN/policy.onnx is there when it ends. Exit 1 if its evaluation cannot be run."""
+    """Train a policy and export it to RUN/policy.onnx. Exit 1 if its evaluation fails to run."""
     from footfall.train.runs.folder import open_run
 
     if page != LOCAL_PAGE and not options.watch:
@@ -94,7 +95,7 @@ def train(
         _refuse_other_options(options)
     if cluster == ALONE:
         if options.resume is not None:
-            open_run(options.resume)  # a mistyped folder is known before the wait for a GPU
+            open_run(options.resume)  # detects a mistyped folder before the wait for a GPU
         start_device()
     with learning_libraries():
         from footfall.train import api
@@ -112,7 +113,7 @@ def train(
 
 
 def _evaluate(folder: Path) -> int:
-    """Walk a run's policy, unless it has been walked; returns the exit status."""
+    """Evaluate a run's policy, unless that is already done; returns the exit status."""
     from footfall.evaluate.api import evaluate_policy
     from footfall.evaluate.config import EvaluationConfig
     from footfall.train.runs.folder import open_run
@@ -127,12 +128,12 @@ def _evaluate(folder: Path) -> int:
 
 
 def _may_be_main_process(cluster: ClusterOptions) -> bool:
-    """Before joining; which process is the main one under "auto" is known after it only."""
+    """Whether this process may be the main one; under "auto" this is known only after joining."""
     return cluster.coordinator != "auto" and cluster.process in (None, 0)
 
 
 def _check_cluster(cluster: ClusterOptions) -> None:
-    """Refuse half a cluster, and what cannot be one, before anything waits for it."""
+    """Refuse incomplete or invalid cluster options before any waiting."""
     if cluster == ALONE:
         return
     given = cluster.processes is not None and cluster.process is not None
@@ -145,11 +146,11 @@ def _check_cluster(cluster: ClusterOptions) -> None:
         raise UserError(f"--coordinator: expected HOST:PORT or auto, found '{cluster.coordinator}'")
     processes, process = cluster.processes, cluster.process
     if processes is not None and process is not None and process >= processes:
-        raise UserError(f"--process counts from 0: of {processes} the last is {processes - 1}")
+        raise UserError(f"--process counts from 0: the last of {processes} is {processes - 1}")
 
 
 def _requested(options: TrainOptions) -> dict[str, Any]:
-    """What was asked for, by `TrainRequest`'s names."""
+    """Options given by the user, by the names in `TrainRequest`."""
     asked = {
         "robot": options.robot,
         "preset": options.preset,
@@ -165,14 +166,14 @@ def _requested(options: TrainOptions) -> dict[str, Any]:
 
 
 def _start(spec: str) -> Path:
-    """The folder or file that --from names."""
+    """Folder or file named by --from."""
     from footfall.policies.registry import ZOO, zoo_names
 
     return ZOO / spec if spec in zoo_names() else Path(spec)
 
 
 def _by_key(settings: tuple[str, ...]) -> dict[str, Any]:
-    """The values of a command line's --set, KEY=VALUE each, by their keys."""
+    """Values of the option --set, KEY=VALUE each, by key."""
     found = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
@@ -188,7 +189,7 @@ def _by_key(settings: tuple[str, ...]) -> dict[str, Any]:
 def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
     from footfall.pages.beside import watched
 
-    print(f"watch it learn at {page.address}, and afterwards with: footfall watch {folder}", flush=True)
+    print(f"watch the training at {page.address}, afterwards with: footfall watch {folder}", flush=True)
     return watched(folder, page.host, page.port)
 
 
@@ -197,4 +198,4 @@ def _refuse_other_options(options: TrainOptions) -> None:
     for field in fields(options):
         if field.name not in OF_ANY_RUN and getattr(options, field.name) != getattr(nominal, field.name):
             option = OTHERWISE_NAMED.get(field.name, field.name.replace("_", "-"))
-            raise UserError(f"--resume brings the run's own settings: leave --{option} out")
+            raise UserError(f"--resume uses the run's own settings: leave --{option} out")

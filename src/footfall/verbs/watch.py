@@ -11,10 +11,10 @@ from footfall.options import Port
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PageOptions:
-    """Where to serve the page."""
+    """Address of the page."""
 
     host: str = "localhost"
-    """Name or address to listen at; 0.0.0.0 lets other machines connect and move the robot shown."""
+    """Host name or address of the server; 0.0.0.0 allows other machines to connect and to move the robot."""
     port: Port = 8080
 
     @property
@@ -26,12 +26,12 @@ LOCAL_PAGE = PageOptions()
 
 
 def watch(run: Path, /, *, page: PageOptions = LOCAL_PAGE) -> None:
-    """Show a run's newest policy walking beside the run's curves, on a web page, until Ctrl-C.
+    """Show a run's newest policy walking next to the run's curves, on a web page, until Ctrl-C.
 
     Parameters
     ----------
     run
-        A run folder that footfall train made, or is still filling, or the name of a policy in the zoo.
+        A run folder of a finished or running `footfall train`, or the name of a zoo policy.
     """
     from footfall.policies.registry import ZOO, zoo_names
     from footfall.train.runs.stop import StopRequest
