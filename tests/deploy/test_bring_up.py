@@ -547,7 +547,7 @@ class TestCommand:
     def test_two_feet_leave_out_what_takes_three(self, shell: Shell, steps_run: list[str]) -> None:
         done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
         assert (done.status, steps_run) == (0, ["walk"])
-        assert done.out.splitlines()[0] == "shift: left out, since it takes 3 feet"
+        assert done.out.splitlines()[0] == "shift: skipped, since it takes 3 feet"
 
     def test_somebody_agrees_to_each_step_before_it_moves(
         self, shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch
@@ -560,9 +560,9 @@ class TestCommand:
         assert (refused.status, refused.err) == (2, "footfall: not confirmed\n")
         assert steps_run == ["hold", "legs"]
         assert [question.partition(". ")[2] for question in asked] == [
-            "The robot hangs in a frame, its feet in the air? [y/N] ",
-            "The robot hangs in a frame, its feet in the air? [y/N] ",
-            "The robot lies or stands on the ground, nobody within its reach? [y/N] ",
+            "Does the robot hang in a frame, with its feet in the air? [y/N] ",
+            "Does the robot hang in a frame, with its feet in the air? [y/N] ",
+            "Does the robot lie or stand on the ground, with nobody within its reach? [y/N] ",
         ]
 
     @pytest.mark.parametrize(
@@ -573,7 +573,7 @@ class TestCommand:
                 "no step 'jump': there are hold, joints, legs, wiring, stand, shift, walk, uneven",
             ),
             (["--scale", "2"], "--scale"),
-            (["--bus", "virtual"], "nobody is there to confirm: add --yes"),
+            (["--bus", "virtual"], "no terminal for the confirmation: add --yes"),
         ],
     )
     def test_what_cannot_be_is_refused_in_one_line(self, shell: Shell, options: list[str], says: str) -> None:

@@ -217,7 +217,7 @@ class TestSmallVerbs:
         assert outcome.out == f"42 messages in {Path('logs/walk.recovered.mcap')}\n"
         called.calls.clear()
         recovered.damaged = 3
-        assert "3 damaged parts left out" in shell("log", "recover", "logs/walk.mcap", "--out", "none").out
+        assert "3 damaged parts skipped" in shell("log", "recover", "logs/walk.mcap", "--out", "none").out
         assert called.of("recover")[0][1] == Path("none")
 
     def test_doctor_shows_what_it_finds_and_how_to_mend_it(self, shell: Shell, called: Recorder) -> None:

@@ -206,7 +206,7 @@ class TestVirtual:
 class TestRefusals:
     @pytest.mark.parametrize("verb", ["enable", "zero", "clear"])
     def test_nothing_is_done_that_nobody_confirms(self, shell: Shell, verb: str) -> None:
-        assert shell.refuses("can", verb, "--bus", "virtual") == "nobody is there to confirm: add --yes"
+        assert shell.refuses("can", verb, "--bus", "virtual") == "no terminal for the confirmation: add --yes"
 
     @pytest.mark.parametrize("answer", ["", "n", "yep"])
     def test_other_answers_are_no(self, shell: Shell, monkeypatch: pytest.MonkeyPatch, answer: str) -> None:

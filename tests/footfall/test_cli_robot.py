@@ -58,10 +58,10 @@ class TestVerdict:
     def test_of_who_does_not_stand_only_the_reason_counts(self, go1: Robot) -> None:
         fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
         assert self.wrong(go1, **fell, fall_reason="it tilted", faults=("x",)) == [
-            "it does not stand by itself: it tilted after 1.2 s"
+            "it does not stand: it tilted after 1.2 s"
         ]
         assert self.wrong(go1, **fell, faults=("motor 3", "motor 4")) == [
-            "it does not stand by itself: motor 3; motor 4 after 1.2 s"
+            "it does not stand: motor 3; motor 4 after 1.2 s"
         ]
 
     @pytest.mark.parametrize(("gain", "most"), [("kp", 500.0), ("kd", 5.0)])
@@ -71,7 +71,9 @@ class TestVerdict:
         gains[gain][[5, 7]] = most + 0.5, most
         robot: Any = SimpleNamespace(description=go1.description, **gains)
         (found,) = robot_check.beyond_frames(robot)
-        assert found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, frames of AK10-9 carry {most:g}"
+        assert (
+            found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, above the {most:g} of AK10-9 frames"
+        )
 
 
 def test_motors_without_known_frames_are_skipped_and_the_others_are_looked_at(
@@ -82,7 +84,7 @@ def test_motors_without_known_frames_are_skipped_and_the_others_are_looked_at(
     robot: Any = SimpleNamespace(
         description=SimpleNamespace(joints=joints, motors=motors), kp=np.full(2, 501.0), kd=np.zeros(2)
     )
-    assert list(robot_check.beyond_frames(robot)) == ["joint knee: kp is 501, frames of AK10-9 carry 500"]
+    assert list(robot_check.beyond_frames(robot)) == ["joint knee: kp is 501, above the 500 of AK10-9 frames"]
 
 
 class TestCheck:
@@ -146,7 +148,7 @@ class TestCheck:
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
         assert [each[0] for each in asked[1:]] == ["inspect", "stand", "walk"]
-        assert (outcome.status, "no lying pose (lying_rad in robot.yaml)" in outcome.out) == (0, True)
+        assert (outcome.status, "without lying_rad in robot.yaml" in outcome.out) == (0, True)
 
     def test_who_cannot_lie_down_and_stand_up_again_is_wrong(
         self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
@@ -156,7 +158,7 @@ class TestCheck:
         )
         outcome = shell("robot", "check", "go1")
         assert outcome.status == 1
-        wrong = "wrong: it does not stand up from its lying pose and go back to it: it fell over\n"
+        wrong = "wrong: it does not stand up from its lying pose and lie down again: it fell over\n"
         assert outcome.out.endswith(wrong)
 
 
@@ -189,13 +191,13 @@ class TestNew:
         assert request.find_lying_pose is find_lying_pose
         assert request.usual == default_ranges()
         assert outcome.out.splitlines() == [
-            "wrote there: 12 joints, 4 feet. Guessed, to be checked:",
+            "wrote there: 12 joints, 4 feet. Guesses to check:",
             "- a guess",
             "- another",
-            "look it over with: footfall robot check there",
+            "check it with: footfall robot check there",
         ]
 
     @pytest.mark.parametrize("value", ["0", "-1", "1e6", "hip=", "hip=x", "=,", "nan", "inf", "hip=1,knee=0"])
     def test_a_figure_is_a_number_above_zero(self, shell: Shell, value: str) -> None:
         told = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
-        assert "expected a number above 0, or such as hip=23.7,knee=35.5" in told
+        assert "expected a positive number, or pairs such as hip=23.7,knee=35.5" in told

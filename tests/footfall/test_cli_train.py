@@ -230,7 +230,7 @@ class TestOptions:
             ("--coordinator host: --processes 2 --process 0", "expected HOST:PORT or auto"),
             ("--coordinator h:0 --processes 2 --process 1", "expected HOST:PORT or auto"),
             ("--coordinator host:65536 --processes 2 --process 0", "expected HOST:PORT or auto"),
-            ("--coordinator [::1]:12 --processes 2 --process 2", "of 2 the last is 1"),
+            ("--coordinator [::1]:12 --processes 2 --process 2", "the last of 2 is 1"),
             ("--processes 2 --process 1", "several processes need --coordinator"),
             ("--resume mine --process 0", "several processes need --coordinator"),
             ("--coordinator host:1 --processes 2", "several processes need --coordinator"),

@@ -31,6 +31,6 @@ def test_who_has_said_yes_beforehand_is_not_asked(asked: list[str], monkeypatch:
 
 
 def test_nobody_is_not_asked(asked: list[str]) -> None:
-    with pytest.raises(UserError, match="nobody is there to confirm: add --yes"):
+    with pytest.raises(UserError, match="no terminal for the confirmation: add --yes"):
         confirm("shall it move?", yes=False)
     assert asked == []

@@ -106,7 +106,7 @@ class TestDoctor:
         require = installation.Requirement
         monkeypatch.setattr(machine, "extras", lambda: [name for name in lacking if name])
         monkeypatch.setattr(machine, "missing", lambda extra="": lacking[extra])
-        assert machine.check_packages()[1:3] == (True, "all that acting on a robot needs")
+        assert machine.check_packages()[1:3] == (True, "all that are required on a robot")
         assert machine.check_extras()[1:3] == (True, "train, pages")
         lacking[""] = [require("mujoco>=9")]
         lacking["pages"] = [require("aiohttp"), require("rich>1")]

@@ -89,7 +89,7 @@ UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
             link("can1"),
             {"can1": controller(state="ERROR-PASSIVE")},
             "can0, can1 (1000 kbit/s) (error-passive)",
-            ["can1 sees errors: 120 ohm at both ends of its bus, and one bit rate for all?"],
+            ["can1 sees errors: check 120 ohm at both ends of its bus, and one bit rate for all nodes"],
         ),
     ],
 )

@@ -79,14 +79,16 @@ def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
     told = capsys.readouterr().out
     assert "base 4 mm above the ground at the end\n  tilted 30.0 degrees" in told
-    assert "wrong: it does not stand up from its lying pose and go back to it: it tilts by 30 degrees" in told
+    assert (
+        "wrong: it does not stand up from its lying pose and lie down again: it tilts by 30 degrees" in told
+    )
 
 
 @pytest.mark.usefixtures("no_controllers")
 def test_check_says_that_it_cannot_lie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = make(tmp_path, quadruped(), "urdf", find_lying_pose=lambda _: None)[0]
     main(["robot", "check", str(robot.folder), "--duration", "0.2"])
-    assert "no lying pose (lying_rad in robot.yaml)" in capsys.readouterr().out
+    assert "without lying_rad in robot.yaml" in capsys.readouterr().out
 
 
 def test_a_pose_is_as_hard_as_it_is_for_its_weakest_motor(go1: Robot) -> None:

@@ -293,8 +293,8 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("option", "value", "reason"),
         [
-            ("--peak-torque", "a=b", "expected a number above 0"),
-            ("--armature", "-1", "expected a number above 0"),
+            ("--peak-torque", "a=b", "expected a positive number"),
+            ("--armature", "-1", "expected a positive number"),
             ("--speed", "wrist=3", "no joint has 'wrist' in its name"),
             ("--feet", "FL_shank,nix", "no link 'nix'"),
             ("--feet", "FL_shank,trunk", "no end of a limb is 'trunk'"),
