@@ -1,10 +1,10 @@
-"""Which wrong models a fit flags: robots with an effect that the fitted model lacks.
+"""Detection of wrong models by a fit: robots with an effect that the fitted model lacks.
 
     python benchmarks/identification_misfit.py [--workers 2] [--json FILE]
 
 Each case: a hidden robot of `identification.py`'s family with one more effect, recorded and fitted by the
-plain model. A case is flagged if a joint's residual is beyond `MISFIT` times the noise, or the recording is
-refused. A fit that is flagged is made again with each known effect: the one with the least residual is named.
+    plain model. A case is flagged if a joint's residual exceeds `MISFIT` times the noise, or the recording is
+    refused. A flagged fit is repeated with each known effect; the effect with the smallest residual is named.
 """
 
 import argparse
@@ -36,7 +36,7 @@ CLAMPED, ON_A_ROPE = True, False
 
 @dataclass(frozen=True)
 class Case:
-    """A robot that the model does not know."""
+    """A robot with an effect that the model lacks."""
 
     sample: Callable[[Robot], Sample] = lambda robot: {}
     heavy: bool = False  # a weight at each foot
@@ -62,13 +62,13 @@ CASES = {
 
 @dataclass
 class Found:
-    """What a fit says of a case."""
+    """Result of a fit for a case."""
 
     case: str
     flagged: bool = False
-    refused: str = ""  # why, if it was
-    misfit: list[float] = field(default_factory=list)  # of each joint
-    without: float = 0.0  # residual over noise, worst joint, on the windows that effects are tried on
+    refused: str = ""  # reason of a refusal
+    misfit: list[float] = field(default_factory=list)  # residual over noise of each joint
+    without: float = 0.0  # residual over noise, worst joint, on the windows used for trying effects
     with_effect: dict[str, float] = field(default_factory=dict)
     named: str | None = None
 
@@ -115,7 +115,7 @@ def run(name: str, number: int) -> Found:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draw", type=int, default=200)
-    parser.add_argument("--only", help="case whose name begins so")
+    parser.add_argument("--only", help="beginning of a case's name")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()

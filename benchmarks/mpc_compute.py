@@ -1,4 +1,4 @@
-"""How long the MPC takes: build and solve of its quadratic program, and the whole of `act`.
+"""Computing time of the MPC: build and solve of its quadratic program, and all of `act`.
 
 Run on one core: OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/mpc_compute.py
 """
@@ -24,7 +24,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--episodes", type=int, default=5)
-    parser.add_argument("--duration", type=float, default=20.0, help="of each episode, s")
+    parser.add_argument("--duration", type=float, default=20.0, help="duration of each episode, s")
     arguments = parser.parse_args()
 
     robot = load_robot(arguments.robot)

@@ -1,12 +1,12 @@
-"""How far the base estimator's odometry drifts, and whether its covariance is consistent.
+"""Drift of the base estimator's odometry, and consistency of its covariance.
 
     python benchmarks/odometry.py --workers 16 --out odometry.jsonl --plot odometry.png
     python benchmarks/odometry.py --read odometry.jsonl --plot odometry.png
 
-Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
-rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`
-reads the loop's readings and the policy's contact plan. Its last pose is compared with the true one, both
-relative to the start of the walk. Seeds begin at 1000: the estimator's settings were chosen on smaller seeds.
+Each walking controller and learned policy of each robot walks straight, along a curve and around a rectangle,
+on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator` gets the
+loop's readings and the policy's contact plan. Its last pose is compared with the true one, both relative to
+the start of the walk. Seeds begin at 1000, because the estimator's settings were chosen on smaller seeds.
 Prints a table.
 """
 
@@ -54,7 +54,7 @@ class Walk(NamedTuple):
     path: str
     plant: str
     seed: int
-    duration_s: float  # of a straight walk or a curve
+    duration_s: float  # duration of a straight walk or a curve
     scale_error: float | None
 
 
@@ -80,17 +80,18 @@ class Course:
 
 
 class EstimatorRecorder:
-    """Runs an estimator beside the loop; records its odometry and the true pose every `RECORD_EVERY_S`."""
+    """Runs an estimator beside the loop, and records its odometry and the true pose every
+    `RECORD_EVERY_S`."""
 
     def __init__(self, policy: Policy, estimator: BaseEstimator) -> None:
         self._policy, self._estimator = policy, estimator
         self._now_us: int | None = None
         self._next_record_s = 0.0
-        self._plan: np.ndarray | None = None  # the policy's plan of the tick before
+        self._plan: np.ndarray | None = None  # plan of the previous tick
         self.rows: list[dict[str, Any]] = []
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """After each joint tick."""
+        """Update the estimator; called after each joint tick."""
         if loop.state.mode not in MOVING:
             return
         if self._now_us is None:
@@ -166,7 +167,7 @@ def follow(walk: Walk) -> dict[str, Any]:
 
 
 def within_two_sigma(walks: Iterable[dict[str, Any]]) -> dict[str, float]:
-    """Share of the errors within two standard deviations, by part of the pose; 0.954 if all is Gaussian."""
+    """Share of the errors within two standard deviations, by part of the pose; 0.954 for Gaussian errors."""
     rows = [row for walk in walks for row in walk["rows"][1:]]
     if not rows:
         return {}
@@ -176,7 +177,7 @@ def within_two_sigma(walks: Iterable[dict[str, Any]]) -> dict[str, float]:
 
 
 def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
-    """Drift and covariance of some walks; walks that fell, or hardly moved, are counted only."""
+    """Drift and covariance of some walks; those that fell or hardly moved are only counted."""
     whole = [walk for walk in walks if not walk["fell"] and walk["drift_percent"] is not None]
     drift = np.array([walk["drift_percent"] for walk in whole])
     figures = {"walks": len(walks), "fell": sum(walk["fell"] for walk in walks), "counted": len(whole)}
@@ -192,7 +193,7 @@ def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """A summary for each robot, policy and plant, and one of all walks on each plant."""
+    """A summary for each robot, policy and plant, and one of all walks for each plant."""
     keys = sorted({(walk["robot"], walk["policy"], walk["plant"]) for walk in walks})
     rows = []
     for plant in PLANTS:
@@ -206,7 +207,7 @@ def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def write(rows: list[dict[str, Any]]) -> None:
-    """The table, in Markdown."""
+    """Print the table, in Markdown."""
     print("| robot | policy | plant | walks (fell) | way, m | drift: median, p95, max, % | within 2 sigma |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for row in rows:
@@ -226,19 +227,19 @@ def main() -> None:
     parser.add_argument("--policies", default="", help="comma-separated names (default: all of each robot)")
     parser.add_argument("--paths", default="straight,curve,rectangle")
     parser.add_argument("--plants", default=",".join(PLANTS))
-    parser.add_argument("--seeds", type=int, default=10, help="walks of each kind")
+    parser.add_argument("--seeds", type=int, default=10, help="walks per kind")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
     parser.add_argument(
         "--duration", type=float, default=20.0, help="duration of straight walks and curves, s"
     )
-    parser.add_argument("--scale-error", type=float, help="instead of the estimator's own")
+    parser.add_argument("--scale-error", type=float, help="replaces the estimator's own")
     add_options(parser)
-    parser.add_argument("--read", type=Path, help="file that --out kept: nothing is run")
-    parser.add_argument("--plot", type=Path, help="image")
+    parser.add_argument("--read", type=Path, help="file written by --out: nothing is run")
+    parser.add_argument("--plot", type=Path, help="image to write")
     options = parser.parse_args()
 
     if options.read is not None and not read_runs(options.read):
-        parser.error(f"{options.read} holds no walks")
+        parser.error(f"{options.read} has no walks")
     found, errors = (list(read_runs(options.read).values()), []) if options.read else run(options)
     write(table(found))
     for error in errors:
@@ -253,12 +254,12 @@ def main() -> None:
 
 
 def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
-    """All walks that are asked for, and a line for each that failed."""
+    """All requested walks, and a line for each that failed."""
     wanted = [name for name in options.policies.split(",") if name]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
         Walk(name, policy, path, plant, seed, options.duration, options.scale_error)
-        for seed in seeds  # first, so that a run that is stopped has some of each kind
+        for seed in seeds  # outermost, so that a run that is stopped has some of each kind
         for name in options.robots.split(",")
         for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
         if not wanted or policy in wanted

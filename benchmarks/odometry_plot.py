@@ -1,4 +1,4 @@
-"""The figure of `odometry.py`: drift over distance, and a true and an estimated path of each robot."""
+"""Plot for `odometry.py`: drift over distance, and a true and an estimated path of each robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,9 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-Walk = dict[str, Any]  # as `odometry.follow` returns it
+Walk = dict[str, Any]  # as returned by `odometry.follow`
 
-WIDTH_IN, HEIGHT_IN, DPI = 7.0, 7.4, 200  # 1400 pixels wide; letters can be read at 420
+WIDTH_IN, HEIGHT_IN, DPI = 7.0, 7.4, 200  # 1400 pixels wide; the text is readable at 420
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b")
 PLANT, SHOWN_PATH = "randomised", "rectangle"
 WITHIN = (5.0, 50.0, 95.0)  # percentiles of the walks
@@ -24,7 +24,7 @@ STEP_M = 0.05
 def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
     """Distances (k,) m, and the percentiles `WITHIN` of the position error after each, (3, k) m.
 
-    A walk counts as far as it went; distances that fewer than `STILL_GOING` of them reached are left out.
+    Each walk counts up to its length; distances reached by fewer than `STILL_GOING` of the walks are omitted.
     """
     courses = []
     for walk in walks:
@@ -39,25 +39,25 @@ def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def typical(walks: Sequence[Walk]) -> Walk:
-    """The walk whose drift is the median, the lower one of two."""
+    """The walk with the median drift, the lower one of two."""
     return sorted(walks, key=lambda walk: walk["drift_percent"])[(len(walks) - 1) // 2]
 
 
 def plot(walks: Sequence[Walk], goal_percent: float, path: Path) -> None:
-    """Write the picture of all walks on randomised plants that did not fall and went somewhere.
+    """Plot all walks on randomised plants, except those that fell or hardly moved.
 
     Args:
-        walks: of any robots.
-        goal_percent: drift that is drawn as a line, % of the way.
+        walks: walks of any robots.
+        goal_percent: drift of the reference line, % of the distance.
         path: image to write.
 
     Raises:
-        ValueError: there is no such walk.
+        ValueError: no walk is left.
     """
     whole = [w for w in walks if w["plant"] == PLANT and not w["fell"] and w["drift_percent"] is not None]
     robots = sorted({walk["robot"] for walk in whole})
     if not robots:
-        raise ValueError(f"no walk on {PLANT} plants to draw")
+        raise ValueError(f"no walk on {PLANT} plants to plot")
     with plt.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
         figure = plt.figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
         above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1.0), squeeze=False)[:, 0]

@@ -1,11 +1,11 @@
-"""Difference between the generated physics and MuJoCo C, over random states of any robots.
+"""Difference between the generated physics and MuJoCo C, for random states of any robot.
 
     python benchmarks/physics_parity.py go1 hexapod g1 [FOLDER ...]
 
-For each robot: random poses at the ground, velocities, targets, motors and bodies as the preset `gpu` draws
-them. Printed is the relative error of the velocities after one physics step and after four, in double
-precision (greatest) and in single precision (median, 99th percentile, greatest), how many contacts there
-were, how long the program took to compile, and physics steps per second of one core.
+For each robot: random poses at the ground, velocities, targets, and motors and bodies drawn as in the preset
+    `gpu`. Prints the relative error of the velocities after one physics step and after four, in double
+    precision (maximum) and in single precision (median, 99th percentile, maximum), the mean number of
+    contacts, the compilation time of the program, and physics steps per second on one core.
 """
 
 import argparse
@@ -33,11 +33,11 @@ from footfall.robots.model import joint_addresses, training_model
 from footfall.train.config import load_preset
 
 STEPS = 4
-Arrays = dict[str, np.ndarray]  # by the name of the program's argument, robots along the first axis
+Arrays = dict[str, np.ndarray]  # by argument name of the program, with robots along the first axis
 
 
 class Errors(NamedTuple):
-    """Relative errors of the velocities, (robots, steps), and what the robots touched."""
+    """Relative errors of the velocities, (robots, steps), with numbers of contacts."""
 
     errors: np.ndarray
     contacts: np.ndarray  # (robots * steps,)
@@ -55,7 +55,8 @@ def random_arguments(
 ) -> Arrays:
     """Random states of a robot family: near the ground, moving, with random targets.
 
-    They stand, or have fallen: in any attitude, joints anywhere up to a little past their limits.
+    The robots stand or, with `fallen`, have any attitude and joints anywhere up to slightly beyond their
+    limits.
     """
     rng, n = np.random.default_rng(seed), len(robot.joint_names)
     positions, _ = joint_addresses(model, robot)
@@ -97,7 +98,7 @@ def random_arguments(
 
 
 def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: Iterable[int]) -> float:
-    """Height of the lowest point of those of these spheres, capsules and boxes that meet the floor, m."""
+    """Height of the lowest point among those spheres, capsules and boxes that collide with the floor, m."""
     found = []
     for geom in geoms:
         down, size = np.abs(data.geom_xmat[geom].reshape(3, 3)[2]), model.geom_size[geom]
@@ -124,7 +125,7 @@ def _lag(motor: Motor, timestep_s: float, rng: np.random.Generator) -> Arrays:
 
 
 def _of(given: Arrays, part: str, robot: int) -> Arrays:
-    """One robot's arrays whose names begin with `part` and a dot, by the rest of the name."""
+    """Arrays of one robot whose names begin with `part` and a dot, by the rest of the name."""
     prefix = f"{part}."
     return {name.removeprefix(prefix): v[robot] for name, v in given.items() if name.startswith(prefix)}
 
@@ -132,11 +133,11 @@ def _of(given: Arrays, part: str, robot: int) -> Arrays:
 def reference(
     robot: Robot, model: mujoco.MjModel, given: Arrays, fields: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities after each physics step of plain MuJoCo, (robots, steps, nv), and how many contacts."""
+    """Velocities after each physics step of plain MuJoCo, (robots, steps, nv), and numbers of contacts."""
     positions, dofs = joint_addresses(model, robot)
     model = copy.copy(model)
-    model.body_sameframe[:] = 0  # centres of mass may be moved
-    model.opt.ls_iterations = 50  # C counts evaluations; enough for its line search to converge
+    model.body_sameframe[:] = 0  # centres of mass may move
+    model.opt.ls_iterations = 50  # C counts evaluations; this is enough for its line search to converge
     data, velocities, contacts = mujoco.MjData(model), [], []
     nominal = model.dof_armature.copy()
     for k in range(len(given["qpos"])):
@@ -170,14 +171,14 @@ def compare(
     dtype: Any = np.float64,
     other: mujoco.MjModel | None = None,
 ) -> Errors:
-    """The generated program in this precision beside MuJoCo C, given the same numbers.
+    """Errors of the generated program in this precision relative to MuJoCo C, for the same arguments.
 
     Args:
         robot: the robot.
-        model: the program's.
-        given: to both.
-        dtype: of the program.
-        other: MuJoCo's model, where it is another one.
+        model: model of the program.
+        given: arguments for both.
+        dtype: precision of the program.
+        other: model for MuJoCo C, if different.
     """
     given = {name: values.astype(dtype).astype(float) for name, values in given.items()}
     own = {"qpos", "qvel", "qacc_warmstart", "lagged_torque", "target", "kp", "kd", "encoder_bias"}
@@ -209,7 +210,7 @@ def _seconds(program: Program, arrays: list[np.ndarray], count: int) -> float:
 
 
 def main() -> None:
-    """Compare and print one line per robot."""
+    """Compare, and print one line per robot."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -222,7 +223,7 @@ def main() -> None:
         model = training_model(robot, 0.005)
         refused = [*refusals(model), *contact_refusals(model)]
         if refused:
-            print(f"{name}: not generated: {'; '.join(refused)}")
+            print(f"{name}: not supported: {'; '.join(refused)}")
             continue
         randomisation = load_preset("gpu", robot).env.randomisation
         given = random_arguments(robot, model, options.count, randomisation, options.seed)
@@ -230,7 +231,7 @@ def main() -> None:
         one, four = (np.quantile(single.errors[:, k], (0.5, 0.99, 1.0)) for k in (0, STEPS - 1))
         print(
             f"{name}: {model.nv} degrees of freedom, {double.contacts.mean():.1f} contacts on average;"
-            f" double, greatest: {double.errors[:, 0].max():.1e}, {double.errors[:, -1].max():.1e};"
+            f" double, maximum: {double.errors[:, 0].max():.1e}, {double.errors[:, -1].max():.1e};"
             f" single: {one[0]:.1e}, {one[1]:.1e}, {one[2]:.1e}"
             f" and {four[0]:.1e}, {four[1]:.1e}, {four[2]:.1e};"
             f" compiled in {single.compile_s:.1f} s; {single.steps_per_s / 1e6:.2f} M steps/s",

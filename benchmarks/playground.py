@@ -1,8 +1,8 @@
-"""Environment steps per second of MuJoCo Playground's Go1, in the process that calls this.
+"""Environment steps per second of MuJoCo Playground's Go1, in the calling process.
 
-It is Playground's Go1JoystickFlatTerrain with its own PPO settings, networks and randomisation, trained by
-brax's own train function. The figure is taken from the wall clock between progress reports after the first,
-since brax's own `training/sps` counts num_resets_per_eval epochs against the time of one.
+The task is Playground's Go1JoystickFlatTerrain with its own PPO settings, networks and randomisation, trained
+by brax's own train function. The figure is computed from the wall-clock time between progress reports after
+the first, because brax's own `training/sps` counts num_resets_per_eval epochs against the time of one.
 """
 
 import functools
@@ -21,24 +21,24 @@ import jax.numpy as jnp
 import numpy as np
 
 TASK = "Go1JoystickFlatTerrain"
-REPORTS = 4  # the first one contains the compilation
-MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # visual only: no collisions
+REPORTS = 4  # the first report includes the compilation
+MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # visual only, without collisions
 
 
 def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
-    """Playground's steps per second of PPO, end to end, and of its physics alone: least, median, most.
+    """Steps per second of Playground's PPO, end to end, and of its physics alone: minimum, median, maximum.
 
     Args:
-        impl: its physics, jax or warp.
-        environments: instead of its own 8,192; the batches grow with them.
-        iterations: of PPO between two reports, at which it resets too.
+        impl: physics, jax or warp.
+        environments: number of environments instead of 8,192; the batches grow with it.
+        iterations: PPO iterations between two reports, at which the environments are reset, too.
 
     Returns:
-        The figures; where it cannot run, the reason under "failed".
+        The figures; if it cannot run, the reason under "failed".
     """
     found: dict[str, Any] = {"task": TASK, "impl": impl, "environments": environments}
     if importlib.util.find_spec("mujoco_playground") is None:
-        return found | {"failed": "it is not installed (pip install playground)"}
+        return found | {"failed": "not installed (pip install playground)"}
     supply_device_put_replicated()
     try:
         with stand_in_meshes():
@@ -56,7 +56,7 @@ def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
 def physics_alone(
     environments: int, control_steps: int = 10, repeats: int = 20
 ) -> tuple[float, float, float]:
-    """Control steps per second of its model under random actions: least, median, most."""
+    """Control steps per second of its model under random actions: minimum, median, maximum."""
     from mujoco_playground import registry
     from mujoco_playground._src import mjx_env
 
@@ -90,7 +90,7 @@ def constraint_rows(model: Any) -> int:
 
 
 def facts() -> dict[str, Any]:
-    """Figures of its task and recipe, under the names of `throughput.differences`."""
+    """Figures of Playground's task and recipe, with the names of `throughput.differences`."""
     if importlib.util.find_spec("mujoco_playground") is None:
         return {}
     from mujoco_playground import registry
@@ -141,7 +141,8 @@ def stand_in_meshes() -> Iterator[None]:
 
 
 def tetrahedron() -> bytes:
-    """One of 1 cm, as binary STL: a header of 80 bytes, a count, normal and corners of each triangle."""
+    """A tetrahedron of 1 cm as binary STL: an 80-byte header, a count, normal and corners of each
+    triangle."""
     corners = np.concatenate([np.zeros((1, 3)), 0.01 * np.eye(3)])
     triangles = np.zeros(4, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles["corners"] = corners[[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]]
@@ -149,7 +150,7 @@ def tetrahedron() -> bytes:
 
 
 def train(impl: str, environments: int, iterations: int) -> list[tuple[float, int]]:
-    """Time and environment steps at the start and at each report."""
+    """Time and environment steps, at the start and at each report."""
     settings = ppo_settings(impl)
     settings["batch_size"] *= environments // settings["num_envs"]
     settings["num_envs"] = environments
@@ -161,7 +162,7 @@ def train(impl: str, environments: int, iterations: int) -> list[tuple[float, in
     }
     reports = [(time.perf_counter(), 0)]
     run_brax(impl, settings, lambda steps, *_: reports.append((time.perf_counter(), steps)))
-    return reports[:1] + reports[2:]  # brax reports its untrained policy too
+    return reports[:1] + reports[2:]  # brax also reports its untrained policy
 
 
 def ppo_settings(impl: str) -> dict[str, Any]:
@@ -172,13 +173,13 @@ def ppo_settings(impl: str) -> dict[str, Any]:
 
 
 def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]) -> None:
-    """Train with brax's own function, randomised as Playground does, without its evaluations.
+    """Train with brax's own function, randomised like Playground, without evaluations.
 
     Args:
         impl: Playground's physics, jax or warp.
-        settings: of brax's PPO.
-        on_policy: called with the environment steps so far, a function that makes policies, and
-            (normaliser, actor, critic), before the training and after each of its stages.
+        settings: settings of brax's PPO.
+        on_policy: called with the environment steps so far, a function that makes policies, and (normaliser,
+            actor, critic), before the training and after each of its stages.
     """
     from brax.training.agents.ppo import networks
     from brax.training.agents.ppo import train as brax
@@ -189,7 +190,7 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
     env = registry.load(TASK, config_overrides={"impl": impl})
     if (
         impl == "warp"
-    ):  # one iteration often does not suffice, and each time Warp prints a line: gigabytes in minutes
+    ):  # one iteration is often not enough, and Warp then prints a line each time: gigabytes in minutes
         env._mjx_model = env.mjx_model.tree_replace({"opt._impl.warn_overflow": 0})
     brax.train(
         environment=env,
@@ -204,7 +205,7 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
 
 
 def supply_device_put_replicated() -> None:
-    """brax 0.14.2 calls what jax 0.10 dropped; pmap takes a stacked array as well."""
+    """Add the function that jax 0.10 dropped and brax 0.14.2 calls; pmap accepts a stacked array, too."""
     if not hasattr(jax, "device_put_replicated"):
 
         def replicated(x: Any, devices: Sequence[Any]) -> Any:

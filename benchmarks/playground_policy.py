@@ -1,7 +1,7 @@
-"""MuJoCo Playground's Go1 policy as a policy of footfall, on the same joint layer and motor frames.
+"""MuJoCo Playground's Go1 policy as a footfall policy, with the same joint layer and motor frames.
 
-The observation is that of `Joystick._get_obs` in Playground 0.2.0, without its noise. The base's velocity is
-the simulator's, since no robot senses it. All other entries come from the simulated sensors.
+The observation is that of `Joystick._get_obs` in Playground 0.2.0, without its noise. The base's velocity
+comes from the simulator, because no robot can measure it. All other entries come from the simulated sensors.
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ RATE_HZ = 50.0
 
 @dataclass(frozen=True)
 class SavedActors:
-    """Policies that `playground_training.py` saved during training, and the settings that they assume."""
+    """Policies saved by `playground_training.py` during training, with their settings."""
 
-    time_s: np.ndarray  # (k,) since the training's command began
+    time_s: np.ndarray  # (k,) since the start of the training's command
     steps: np.ndarray  # (k,) environment steps
     actors: tuple[tuple[np.ndarray, ...], ...]  # mean, deviation, then kernel and bias of each layer
     joints: tuple[str, ...]  # in the actors' order
@@ -31,7 +31,7 @@ class SavedActors:
 
 
 def load_actors(path: Path) -> SavedActors:
-    """Read what `playground_training.py` wrote."""
+    """Read a file of `playground_training.py`."""
     with np.load(path) as file:
         count = len(file["time_s"])
         parts = 1 + max(int(name.split("/")[1]) for name in file.files if name.startswith("0/"))
@@ -90,10 +90,10 @@ class PlaygroundPolicy:
         )
 
     def stance(self) -> None:
-        """None: the policy plans no contacts."""
+        """None: the policy has no contact plan."""
 
     def _actor(self, state: np.ndarray) -> np.ndarray:
-        """The mode of the action distribution, in [-1, 1]: a swish network, then tanh of the mean."""
+        """Mode of the action distribution, in [-1, 1]: a swish network, then tanh of the mean."""
         x = (state - self._mean) / self._deviation
         for index, (kernel, bias) in enumerate(self._layers):
             x = x @ kernel + bias

@@ -1,9 +1,9 @@
-"""Trains MuJoCo Playground's Go1 with its own settings and keeps its policy along the way.
+"""Trains MuJoCo Playground's Go1 with its own settings and keeps policies on the way.
 
     python benchmarks/playground_training.py --out playground.npz
 
-Run by `time_to_quality.py`. The file holds, for each policy that was kept, the seconds since --began, the
-environment steps, and the actor: mean and standard deviation of the observation, kernels and biases.
+Run by `time_to_quality.py`. For each kept policy, the file has the seconds since --began, the environment
+steps, and the actor: mean and standard deviation of the observation, kernels and biases.
 """
 
 import argparse
@@ -16,14 +16,14 @@ import playground
 
 
 def main() -> None:
-    """Train; write the policies once the training is over, so that it does not wait for them."""
+    """Train; write the policies at the end, so that the training does not wait for files."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--impl", default="jax", choices=["jax", "warp"])
-    parser.add_argument("--began", type=float, help="when its command began, seconds of the epoch")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=NUMBER", help="instead of its own")
+    parser.add_argument("--began", type=float, help="start of the command, seconds since the epoch")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=NUMBER", help="changed setting")
     options = parser.parse_args()
     began = options.began or time.time()
     playground.supply_device_put_replicated()
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def task_facts(impl: str) -> dict[str, Any]:
-    """What the actor takes for granted: joints in its order, default pose, gains, action scale."""
+    """Settings that the actor assumes: joints in its order, default pose, gains, action scale."""
     from mujoco_playground import registry
 
     env = registry.load(playground.TASK, config_overrides={"impl": impl})

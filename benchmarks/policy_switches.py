@@ -1,10 +1,10 @@
-"""Switches between policies at drawn moments of a walk: falls, and the largest step of a joint target.
+"""Switches between policies at random times of a walk: falls, and largest rate of a joint target.
 
     python benchmarks/policy_switches.py --robot go1 --pair go1-flat,trot --switches 100 --workers 2
 
-Each episode walks with sensor noise, at commands that are drawn anew after each switch, and switches back and
-forth. Prints a JSON object: switches each way, falls, faults, the time from request to change, and the
-fastest that any joint target moved, as a share of the robot's target rate.
+Each episode walks with sensor noise, with a new random command after each switch, and switches back and
+forth. Prints a JSON object: switches in each direction, falls, faults, the time from request to change, and
+the largest rate of a joint target, as a share of the robot's target rate.
 """
 
 import argparse
@@ -24,19 +24,19 @@ from footfall.plant.episode import Episode, run_episode
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
-SWITCHES = 10  # of one episode
-BETWEEN_S = (0.6, 1.6)  # walking between two switches
+SWITCHES = 10  # switches per episode
+BETWEEN_S = (0.6, 1.6)  # walking time between two switches
 LONGEST_S = 120.0
 
 
 class Switcher:
-    """Walks at drawn commands, and asks for the other policy at drawn moments."""
+    """Walks with random commands, and requests the other policy at random times."""
 
     stopped = None
 
     def __init__(self, names: tuple[str, str], most: np.ndarray, rng: np.random.Generator) -> None:
         self._names, self._most, self._rng = names, most, rng
-        self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that took over
+        self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that takes over
         self._asked_s: float | None = None
         self._request = Request(np.zeros(3))
         self._walk(0.0, names[0])
@@ -64,7 +64,7 @@ class Switcher:
 
 
 def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], seed: int) -> dict[str, Any]:
-    """One walk with `SWITCHES` switches, or until it falls."""
+    """One walk with `SWITCHES` switches, or until a fall."""
     robot = load_robot(robot_name)
     first, second = (load_policy(name, robot) for name in pair)
     source = Switcher(pair, np.array(most), np.random.default_rng(seed))
@@ -103,7 +103,7 @@ def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], see
 
 
 def measure(robot: str, pair: tuple[str, str], most: tuple[float, ...], switches: int, workers: int) -> dict:
-    """Switches of a pair, `switches` each way at least."""
+    """Switches of a pair, at least `switches` in each direction."""
     seeds = range(-(-2 * switches // SWITCHES))
     with ProcessPoolExecutor(workers) as pool:
         found = list(pool.map(partial(episode, robot, pair, most), seeds))
@@ -129,7 +129,7 @@ def main() -> None:
     parser.add_argument(
         "--command", default="0.5,0.2,0.5", help="largest forward, leftward m/s and yaw rad/s"
     )
-    parser.add_argument("--switches", type=int, default=100, help="each way")
+    parser.add_argument("--switches", type=int, default=100, help="in each direction")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     first, second = given.pair.split(",")

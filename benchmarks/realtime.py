@@ -1,13 +1,13 @@
-"""How late the control loop's ticks begin on the wall clock, and what each of their stages takes.
+"""Lateness of the control loop's ticks in real time, and duration of their stages.
 
     python benchmarks/realtime.py [--policy go1-flat] [--seconds 60] [--priority 80] [--log FILE]
 
-The simulated robot runs in a process of its own, as a real one does. Between the two are SocketCAN's code and
-sockets that cost the same system calls (`socket_pairs`). With --one-thread its physics are a stage of the
-tick of their own instead. At the same time an empty loop runs in another process, at the same rate and
-priority: what the machine alone does. Prints a JSON object, in microseconds: lateness of both, and of the
-ticks that no work of the tick before held up; ticks that took too long or were left out; stages with their
-budgets. Exit status 1 if p99 of the loop's lateness is above 0.3 ms, or a stage above its budget.
+The simulated robot runs in a separate process, as a real robot does. Both are connected by SocketCAN's code
+with sockets that cost the same system calls (`socket_pairs`). With --one-thread its physics is a stage of the
+tick instead. At the same time an empty loop runs in another process, at the same rate and priority, as a
+reference for the machine. Prints a JSON object, in microseconds: lateness of both loops, and of the ticks
+that did not wait for the previous tick; overruns and skipped ticks; stages with their budgets. Exit status 1
+if p99 of the loop's lateness exceeds 0.3 ms, or a stage exceeds its budget.
 """
 
 import argparse
@@ -40,11 +40,11 @@ from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 
-LIMIT_US = 300.0  # p99 of lateness
-BUDGET_US = {  # p99 of each stage; a tick at 500 Hz has 2,000
-    "plant": 800.0,  # in one thread alone
-    "readings": 300.0,  # a system call for each frame
-    "signals": 250.0,  # in one tick of 20 with the checks of readings against each other
+LIMIT_US = 300.0  # p99 of the lateness
+BUDGET_US = {  # p99 of each stage; the period at 500 Hz is 2,000
+    "plant": 800.0,  # only with --one-thread
+    "readings": 300.0,  # one system call per frame
+    "signals": 250.0,  # one tick in 20 compares the readings with each other
     "supervisor": 50.0,
     "estimator": 150.0,
     "policy": 600.0,
@@ -55,15 +55,15 @@ QUANTILES = (50, 99, 99.9)
 
 
 class Stages:
-    """Times parts of a loop by wrapping them."""
+    """Measures the duration of parts of a loop by wrapping them."""
 
     def __init__(self) -> None:
         self.durations = {name: Durations() for name in BUDGET_US}
-        self.timing = Timing()  # the loop's, once it runs
-        self._inside: list[float] = []  # time taken by the stages inside of each that is under way
+        self.timing = Timing()  # timing of the loop, once it runs
+        self._inside: list[float] = []  # for each running stage, time taken by nested stages
 
     def wrap(self, name: str, owner: Any, method: str) -> None:
-        """Let a method's time count as a stage's, less the stages inside of it."""
+        """Add a method's duration to a stage, minus the stages nested in it."""
         work: Callable[..., Any] = getattr(owner, method)
         durations, inside = self.durations[name], self._inside
 
@@ -82,7 +82,7 @@ class Stages:
 
     @contextmanager
     def watch(self, loop: ControlLoop) -> Iterator[None]:
-        """Times the parts of a loop that is about to run."""
+        """Measure the parts of a loop that is about to run."""
         self.timing = loop.timing
         for name, owner, method in (
             ("plant", SimulatedRobot, "advance"),
@@ -110,7 +110,7 @@ class Stages:
 
 
 def not_held_up(timing: Timing, period_us: float) -> np.ndarray:
-    """Lateness of the ticks that were due after the work of the one before had ended, us."""
+    """Lateness of ticks that were due after the work of the previous tick, us."""
     late, work = timing.lateness_us.values(), timing.tick_us.values()
     return late[1:][late[:-1] + work[:-1] < period_us]
 
@@ -124,7 +124,7 @@ def with_longest(values: np.ndarray) -> dict[str, float]:
 
 
 def empty_loop(period_us: int, priority: int | None, end: Connection) -> None:
-    """A loop that does nothing: says that it runs, until it hears something; then tells its lateness, us."""
+    """An empty loop: reports that it runs, stops on a message, then sends its lateness, us."""
     clock, late = WallClock(period_us), Durations()
     with undisturbed(priority):
         end.send("running")
@@ -135,14 +135,13 @@ def empty_loop(period_us: int, priority: int | None, end: Connection) -> None:
 
 
 def simulate(folder: str, config: DeployConfig, ends: Ends, end: Connection) -> None:
-    """Be the robot of this folder at these ends: says that it runs, until it hears something; then says so.
-
-    Where the loop has a real-time priority, so has its robot: the lowest, that it be there as motors are.
+    """Simulate the robot of this folder at these ends: reports that it runs, stops on a message, confirms.
+    If the loop has a real-time priority, the robot has the lowest one, because real motors always respond.
     """
     priority = None if config.realtime_priority is None else 1
     plant = PlantConfig(motor_timeout_s=config.motor_timeout_s)
     with (
-        undisturbed(priority),  # the robot's thread is of this one's kind
+        undisturbed(priority),  # inherited by the robot's thread
         in_place_of_interfaces(ends),
         serving(load_robot(folder), SOCKETCAN, plant),
     ):
@@ -153,7 +152,8 @@ def simulate(folder: str, config: DeployConfig, ends: Ends, end: Connection) -> 
 
 @contextmanager
 def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]:
-    """One of these in a process of its own; yields a list that holds its last word once the context ends."""
+    """Run one of these functions in a separate process; yields a list that has its last message at the
+    end."""
     context = get_context("spawn")
     last_word: list[Any] = []
     here, there = context.Pipe()
@@ -170,7 +170,7 @@ def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]
 
 
 def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
-    """A session on the simulated bus: physics in the loop's thread."""
+    """A session on the simulated bus, with the physics in the loop's thread."""
     episode = Episode(
         session.command_source,
         session.duration_s,
@@ -184,7 +184,7 @@ def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Displ
 
 
 def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
-    """A session on SocketCAN's code, with the simulated robot in a process of its own at the other end."""
+    """A session with SocketCAN's code, and the simulated robot in a separate process."""
     near, far = socket_pairs(wire(robot).buses)
     with elsewhere(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):
         return run_on_interface(robot, policy, SOCKETCAN, replace(session, display=display))
@@ -201,15 +201,15 @@ def main() -> int:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--policy", default="go1-flat")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--rate", type=float, default=500.0, help="of joint ticks, Hz")
-    parser.add_argument("--priority", type=int, default=80, help="of SCHED_FIFO; 0 for none")
+    parser.add_argument("--rate", type=float, default=500.0, help="joint rate, Hz")
+    parser.add_argument("--priority", type=int, default=80, help="SCHED_FIFO priority; 0 for none")
     parser.add_argument("--log", type=Path, help="record the run, too")
     parser.add_argument("--one-thread", action="store_true", help="simulate in the loop's thread")
     options = parser.parse_args()
     priority = options.priority or None
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)
-    # what is measured here shall not end the measurement
+    # a measured lateness must not end the run
     config = replace(RELAXED, joint_rate_hz=options.rate, realtime_priority=priority)
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
     session = Session(lambda _: command, options.seconds, log=options.log, config=config)

@@ -1,10 +1,10 @@
-"""How training speed grows with the number of devices, each with the preset's environments (weak scaling).
+"""Training speed by number of devices, each with the preset's environments (weak scaling).
 
     python benchmarks/scaling.py --preset gpu --devices 1,2,4 --json scaling.json
 
-Prints environment steps per second of whole PPO iterations, and the efficiency: the speed per
-device over that of the first count. Iterations follow each other as in a training, which reads the metrics of
-one while the next is computed. Several devices would otherwise wait for the host between iterations.
+Prints environment steps per second of whole PPO iterations, and the efficiency: the speed per device relative
+    to that of the first count. Iterations overlap as in a training, which reads the metrics of one iteration
+    while the next is computed. Otherwise several devices would wait for the host between iterations.
 """
 
 import argparse
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def steps_per_s(options: argparse.Namespace, devices: int) -> Spread:
-    """Speed of whole iterations on the first few devices: least, median, most."""
+    """Speed of whole iterations on the first few devices: minimum, median, maximum."""
     description = load_robot(options.robot)
     config = load_preset(options.preset, description)
     ppo = replace(config.ppo, num_envs=config.ppo.num_envs * devices)

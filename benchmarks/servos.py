@@ -1,14 +1,16 @@
-"""Fits position servos that move a pendulum, and judges on held-out gains or motions, beside their makers'.
+"""Fits position servos that move a pendulum, evaluates on held-out gains or motions, compares with published
+fits.
 
     pip install "footfall[train,report,sweep]"
     python benchmarks/servos.py xl330 --data FOLDER --workers 2 --plot xl330.png
 
 FOLDER holds JSON files of github.com/Rhoban/bam (Apache-2.0): xl330 of commit af22604, sts3250 of b53408c.
 The servo is the joint law's voltage-driven motor: duty from the position error, back-EMF, a resistance that
-rises with the duty, Coulomb, Stribeck, load and viscous friction, a delay. Windows of 1 s are simulated from
-their own starts, which are refined under a prior. xl330: each gain is held out in turn. sts3250 has one gain:
-each of the four recordings; where the other three do not predict it, the prediction is refused. Least
-squares come first, then CMA-ES on the mean absolute error, since a servo that sticks has no slope.
+rises with the duty, Coulomb, Stribeck, load and viscous friction, and a delay. Windows of 1 s are simulated
+from their own initial states, which are refined under a prior. xl330: each gain is held out in turn. sts3250
+has one gain: each of the four recordings is held out; a prediction is refused if the other three do not
+support it. Least squares come first, then CMA-ES on the mean absolute error, because a sticking servo has no
+gradient.
 """
 
 import argparse
@@ -26,17 +28,17 @@ from resumable_runs import add_options, run_resumable
 from footfall.identify.null_space import null_directions
 from footfall.identify.shooting import Shooting
 
-SUPPORTED = 0.5  # half-width of an interval, as a share of the value, up to which a figure is given
-PREDICTED = 3.0  # held-out error over that of the fit up to which recordings support a prediction
-AT_BOUND = 0.01  # distance from a bound, in scales, up to which a figure is its bound
-LONG_S = 5.9  # windows that show drift
+SUPPORTED = 0.5  # largest half-width of an interval, relative to the value, of a reported figure
+PREDICTED = 3.0  # largest ratio of held-out to fitted error of a supported prediction
+AT_BOUND = 0.01  # largest distance from a bound, in scales, of a figure that counts as at its bound
+LONG_S = 5.9  # windows long enough to show drift
 Task = tuple[
     str, str, str, str, int, int
-]  # folder, servo, model; "all", "without", "draw"; which; generations
+]  # folder, servo, model; "all", "without" or "draw"; index; generations
 
 
 def run(task: Task) -> dict[str, Any]:
-    """One fit."""
+    """Run one fit."""
     folder, servo, model, kind, which, generations = task
     windows = problem(folder, servo, model)
     used = windows.recordings
@@ -63,7 +65,7 @@ def main() -> None:
     parser.add_argument("servo", choices=SERVOS)
     parser.add_argument("--data", type=Path, required=True, help="folder of the JSON files")
     parser.add_argument("--draws", type=int, default=40, help="draws of recordings, for intervals")
-    parser.add_argument("--generations", type=int, default=60, help="of CMA-ES in each of its rounds")
+    parser.add_argument("--generations", type=int, default=60, help="generations of CMA-ES in each round")
     parser.add_argument("--plot", type=Path, help="PNG of held-out windows")
     add_options(parser)
     options = parser.parse_args()
@@ -86,7 +88,7 @@ def main() -> None:
 
 
 def report_errors(folder: str, servo: str, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
-    """Print held-out errors of each model, and the makers' own."""
+    """Print held-out errors of each model and of the published fits."""
     parts = folds(folder, servo)
     rows = []
     for name, values in SERVOS[servo].makers.items():
@@ -121,7 +123,7 @@ def _cells(errors: Sequence[float]) -> list[str]:
 
 
 def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
-    """Print the joint law's parameters; what recordings do not tell is refused."""
+    """Print the joint law's parameters; those that the recordings do not determine are refused."""
     fitted = fits["joint law", "all", 0]
     draws = np.array([numbers for (_, kind, _), numbers in fits.items() if kind == "draw"])
     rows = []
@@ -142,7 +144,7 @@ def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarra
 
 
 def as_robot(value: dict[str, float], supply_v: float = 1.0) -> str:
-    """The fit as robot.yaml and an MJCF have it, for each volt of the supply."""
+    """The fit in the form of robot.yaml and MJCF, per volt of the supply."""
     return (
         f"robot.yaml, for each V: stall_torque_nm {value['kt'] * supply_v / value['resistance']:.4g},"
         f" no_load_speed_rad_s {supply_v / value['kt']:.4g}; voltage_driven true,"
@@ -154,7 +156,7 @@ def as_robot(value: dict[str, float], supply_v: float = 1.0) -> str:
 
 
 def plot(path: Path, folder: str, servo: str, fits: dict[tuple[str, str, int], np.ndarray]) -> None:
-    """Draw the motion of the last model, each recording held out."""
+    """Plot the motion of the last model, with each recording held out."""
     model = list(MODELS)[-1]
     windows = problem(folder, servo, model)
     error = np.zeros_like(windows.measured)

@@ -1,15 +1,14 @@
-"""Long runs: memory that stays as it is, time that does not drift, faults that are all noticed.
+"""Long runs: constant memory, no drift of time, all faults detected.
 
     python benchmarks/soak.py [--lockstep-minutes 60] [--wall-minutes 10] [--faults 100] [--workers 1]
 
-Short runs in lockstep with one fault each, its kind, joint and moment drawn from the seed; the simulator's
-own eye on falls is closed in these. Then a run on the wall clock and one in lockstep, both logged, walking
-about with commands that change.
+First, short runs in lockstep with one fault each; its kind, joint and time are drawn from the seed. The
+simulator's own fall detection is off in these runs. Then one run in real time and one in lockstep, both with
+a log and changing commands.
 
-Each run's result is a line of --out as soon as it is there, and a soak that was stopped goes on with the runs
-that are missing. --time-limit ends a long run in order, which then counts for as long as it was. Prints
-a JSON object for each part; exit status 1 if memory grew, time drifted, a run ended early or a fault was
-missed.
+Each run's result is written to --out when it ends. A soak that was stopped continues with the missing runs.
+--time-limit ends a long run in order; it then counts with its duration so far. Prints a JSON object for each
+part; exit status 1 if memory grew, time drifted, a run ended early or a fault was missed.
 """
 
 import argparse
@@ -38,28 +37,28 @@ MAX_DRIFT_TICKS = 2.0
 NOTICED_WITHIN_S = 2.0
 PAGE = 4096
 WALL_CLOCK, LOCKSTEP = "wall clock", "lockstep"
-LOOKS = 200  # measurements of memory and time in a long run
+LOOKS = 200  # number of measurements of memory and time in a long run
 
 
 def command_at(time_s: float) -> np.ndarray:
-    """Forward 0.1 to 0.7 m/s, turning to and fro: a robot that stays near its origin."""
+    """Forward 0.1 to 0.7 m/s with alternating turns, so that the robot stays near its origin."""
     return np.array([0.4 + 0.3 * np.sin(0.1 * time_s), 0.0, 0.5 * np.sin(0.05 * time_s)])
 
 
 class Watcher:
-    """Looks at memory and time as a run goes on, and ends it when its time is up."""
+    """Measures memory and time during a run, and ends the run at its deadline."""
 
     def __init__(self, every_s: float, realtime: bool, end_s: float) -> None:
-        """`end_s` is of `time.monotonic`."""
+        """`end_s` is a time of `time.monotonic`."""
         self._every_us, self._next_us, self._realtime = every_s * 1e6, 0.0, realtime
         self._end_us = end_s * 1e6
         self.out_of_time = False
         self._begun = 0.0
         self.memory_mib: list[float] = []
-        self._behind_us: list[float] = []  # the loop's time, behind the other clock
+        self._behind_us: list[float] = []  # delay of the loop's time relative to the other clock
 
     def look(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """To be called after each tick."""
+        """Measure; to be called after each tick."""
         wall_us = time.monotonic() * 1e6
         if not self._begun:
             self._begun = wall_us - loop.now_us
@@ -74,21 +73,20 @@ class Watcher:
         self.memory_mib.append(int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20)
 
     def drift_us(self) -> float:
-        """Between the loop's clock and the other, from the first tenth of the run to the last.
-
-        A tick that is late comes behind the other clock, too, but never before it: the least of each tenth.
+        """Drift of the loop's clock relative to the other clock, from the first to the last tenth of the run.
+        A late tick is behind the other clock, never ahead of it: so the minimum of each tenth is used.
         """
         tenth = max(len(self._behind_us) // 10, 1)
         return min(self._behind_us[-tenth:]) - min(self._behind_us[:tenth])
 
     def growth(self) -> float:
-        """Of memory, from the first tenth of the run to its end, as a share."""
+        """Relative growth of memory from the first tenth of the run to its end."""
         first, last = self.memory_mib[len(self.memory_mib) // 10], self.memory_mib[-1]
         return last / first - 1.0
 
 
 def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, Any]:
-    """One run, looked at now and then: its kind, minutes, seed, robot and policy."""
+    """One run with measurements; the task is kind, minutes, seed, robot and policy."""
     kind, minutes, seed, robot_name, policy = task
     realtime, robot = kind == WALL_CLOCK, load_robot(robot_name)
     config, seconds = DeployConfig(realtime_priority=80 if realtime else None), minutes * 60
@@ -160,7 +158,7 @@ FAULTS: dict[str, Callable[[SimulatedRobot, int], None]] = {
 
 
 def with_fault(task: tuple[str, int, str, str]) -> dict[str, Any]:
-    """A short run with one fault, by its seed; what was noticed and how soon."""
+    """A short run with one fault, drawn from its seed; returns when it was detected."""
     _, seed, robot_name, policy = task
     rng = np.random.default_rng(seed)
     robot = load_robot(robot_name)
@@ -191,7 +189,7 @@ def with_fault(task: tuple[str, int, str, str]) -> dict[str, Any]:
 
 
 def faults_summary(found: list[dict[str, Any]]) -> dict[str, Any]:
-    """What became of all faults."""
+    """Summary of all faults."""
     missed = [each for each in found if each["noticed_after_s"] is None]
     slowest = {
         kind: max((e["noticed_after_s"] or 0.0 for e in found if e["kind"] == kind), default=0.0)
@@ -215,9 +213,9 @@ def main() -> int:
     parser.add_argument("--wall-minutes", type=float, default=10.0)
     parser.add_argument("--faults", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=1, help="of the runs with faults")
-    parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds of all runs together")
+    parser.add_argument("--workers", type=int, default=1, help="processes for the runs with faults")
+    parser.add_argument("--out", type=Path, help="file with the results of all runs; these are not repeated")
+    parser.add_argument("--time-limit", type=float, help="seconds for all runs together")
     options = parser.parse_args()
     end_s = time.monotonic() + (options.time_limit or math.inf)
     subject = (options.robot, options.policy)
@@ -227,7 +225,7 @@ def main() -> int:
     found, errors = run_resumable(with_fault, short, options.out, options.workers, options.time_limit)
     shown += [faults_summary(found)] if found else []
     for kind, minutes in ((WALL_CLOCK, options.wall_minutes), (LOCKSTEP, options.lockstep_minutes)):
-        if minutes:  # in a process of its own, whose memory is looked at
+        if minutes:  # in a separate process, whose memory is measured
             task = (kind, minutes, options.seed, *subject)
             left_s = max(end_s - time.monotonic(), 0.0)
             ran, more = run_resumable(partial(long_run, end_s=end_s), [task], options.out, 1, left_s)

@@ -1,7 +1,7 @@
-"""Sockets between two processes in place of CAN interfaces, for kernels that have none.
+"""Socket pairs between two processes instead of CAN interfaces, for kernels without CAN.
 
-For `deploy.socketcan_bus` an end of a pair behaves like an interface: the same system calls give datagrams of
-one frame each with a time stamp. The kernel's CAN filters and error frames are missing.
+For `deploy.socketcan_bus` one end of a pair behaves like an interface: the same system calls return datagrams
+of one frame each, with a time stamp. The kernel's CAN filters and error frames are missing.
 """
 
 import socket
@@ -13,11 +13,11 @@ from footfall.deploy.drivers.driver import CanFilter
 
 QUEUE_BYTES = 2**22  # or the system's limit: a slow reader must not make a write fail
 
-Ends = dict[str, socket.socket]  # by the interface's name
+Ends = dict[str, socket.socket]  # by name of the interface
 
 
 def socket_pairs(names: tuple[str, ...]) -> tuple[Ends, Ends]:
-    """The near and the far end of each interface."""
+    """Near and far end of each interface."""
     pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in names]
     for end in (end for pair in pairs for end in pair):
         end.setsockopt(socket.SOL_SOCKET, socketcan_bus.SO_TIMESTAMPNS, 1)
@@ -29,7 +29,7 @@ def socket_pairs(names: tuple[str, ...]) -> tuple[Ends, Ends]:
 
 @contextmanager
 def in_place_of_interfaces(ends: Ends) -> Iterator[None]:
-    """Buses on SocketCAN that are opened in this context get these ends, once each."""
+    """While the context is open, SocketCAN buses use these ends, each once."""
     of_the_kernel = socketcan_bus.open_socket
 
     def open_end(name: str, filters: tuple[CanFilter, ...]) -> socket.socket:

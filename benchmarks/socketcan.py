@@ -1,14 +1,14 @@
-"""The simulated robot as one process, `footfall deploy --bus socketcan` as another, faults between them.
+"""The simulated robot in one process, `footfall deploy --bus socketcan` in another, with faults in between.
 
     python benchmarks/socketcan.py [--rows walk motor_silent ...] [--out FOLDER]
 
-Needs the interfaces that the robot's `robot.yaml` names, up, and nothing else on them:
+Needs the interfaces in the robot's `robot.yaml`, up, without other nodes:
 
     for bus in can0 can1 can2 can3; do ip link add $bus type vcan; ip link set $bus up; done
 
 as root. For a machine whose kernel has no CAN see `benchmarks/socketcan_qemu.py`. Each row of the table below
-prints a JSON object on a line, with the controller's faults and the time at which the motors were disabled.
-`candump` logs all frames to --out. Exit status 1 if a row did not end as expected.
+prints a JSON object, with the controller's faults and the time at which the motors were disabled. `candump`
+logs all frames to --out. Exit status 1 if a row did not end as expected.
 """
 
 import argparse
@@ -27,11 +27,11 @@ import numpy as np
 from footfall.plant.frame_changes import flipped
 
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
-LONGEST_S = 300.0  # a slow machine imports for a long time
-LONGEST_START_S = 30.0  # the robot is started once the controller asks for it
-MOTORS_TIME_OUT_S = 0.5  # longer than the timeout of the motors
+LONGEST_S = 300.0  # a slow machine takes long to import
+LONGEST_START_S = 30.0  # the robot starts after the controller
+MOTORS_TIME_OUT_S = 0.5  # longer than the motors' timeout
 SLOW_DRIFT_RAD = 0.2
-FLIPPED_SHARE = 0.2  # of the robot's frames that have a bit turned round, as if no checksum had caught it
+FLIPPED_SHARE = 0.2  # of the robot's frames have a flipped bit, as if no checksum had detected it
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Row:
     """One event, and the expected end of the run."""
 
     final_state: str
-    fault: str = ""  # expected part of the faults that the controller reports
-    to_robot: str = ""  # a fault of `inject`
-    to_controller: int = 0  # a signal
-    to_system: tuple[str, ...] = ()  # a command
-    policy: str = ""  # in place of --policy
+    fault: str = ""  # expected part of the reported faults
+    to_robot: str = ""  # fault for `inject`
+    to_controller: int = 0  # signal to the controller
+    to_system: tuple[str, ...] = ()  # command on the system
+    policy: str = ""  # replaces --policy
 
 
 ROWS = {
@@ -84,9 +84,8 @@ def inject(fault: str, body: Any) -> None:
 
 
 def robot(name: str, bus: str, slow: bool) -> None:
-    """The robot's process: one simulated robot after another, controlled by lines of input.
-
-    `start` puts a robot on the bus, `stop` takes it away, anything else is a fault. Prints a JSON object
+    """The robot's process: simulated robots in sequence, controlled by lines of input.
+    `start` puts a robot on the bus, `stop` removes it, any other line is a fault. Prints a JSON object
     whenever motors were enabled or disabled.
     """
     import footfall.plant.robot as robot_module
@@ -132,7 +131,7 @@ def progress(text: str) -> None:
 
 
 class Robot:
-    """The robot's process, seen from outside."""
+    """Handle of the robot's process."""
 
     def __init__(self, name: str, bus: str, slow: bool) -> None:
         command = [sys.executable, __file__, "--robot", name, "--as-robot", "--bus", bus]
@@ -153,7 +152,7 @@ class Robot:
         self.wait_for("ready")
 
     def stop(self) -> None:
-        """Take it away."""
+        """Remove the robot from the bus."""
         self.order("stop")
         self.wait_for("stopped")
 
@@ -177,7 +176,7 @@ class Robot:
 
 
 def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
-    """One row: a robot on the bus, the controller, the fault, the end."""
+    """Run one row: robot on the bus, controller, fault, end."""
     row, out = ROWS[name], options.out
     result = out / f"{name}.json"
     dump = start_dump(out / f"{name}.candump") if options.bus == "socketcan" else None
@@ -186,13 +185,13 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     command += ["--robot", options.robot, "--bus", options.bus]
     command += ["--duration", str(options.seconds), "--json", str(result)]
     config = out / "loop.yaml"
-    # On a slow machine replies are milliseconds late, which looks like drift.
+    # On a slow machine, replies are late by milliseconds, which looks like drift.
     sensors = f", sensors: {{drift_rad: {SLOW_DRIFT_RAD}}}" if options.slow else ""
     safety = f"{{start_timeout_s: {LONGEST_START_S}{sensors}}}"
     config.write_text(f"joint_rate_hz: {options.joint_rate}\nsafety: {safety}\n")
     command += ["--config", str(config)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    while dump is not None and not frames_in(out / f"{name}.candump"):  # the controller has begun
+    while dump is not None and not frames_in(out / f"{name}.candump"):  # the controller is running
         if process.poll() is not None:
             sys.exit(process.communicate()[0])
         time.sleep(0.05)
@@ -244,7 +243,7 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def start_dump(path: Path) -> subprocess.Popen[bytes]:
-    """All frames of all interfaces into a file, with times."""
+    """Record all frames of all interfaces in a file, with time stamps."""
     with path.open("wb") as file:
         return subprocess.Popen(["candump", "-L", "any"], stdout=file)
 
@@ -268,11 +267,11 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--policy", default="go1-flat")
     parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
-    parser.add_argument("--seconds", type=float, default=5.0, help="of walking")
+    parser.add_argument("--seconds", type=float, default=5.0, help="walking time")
     parser.add_argument("--fault-after", type=float, default=3.0, help="seconds after the first motor is on")
-    parser.add_argument("--joint-rate", type=float, default=500.0, help="Hz, of the control loop")
-    parser.add_argument("--bus", default="socketcan", help="udp_multicast runs without CAN")
-    parser.add_argument("--slow", action="store_true", help="halve the robot's physics, IMU at 100 Hz")
+    parser.add_argument("--joint-rate", type=float, default=500.0, help="rate of the control loop, Hz")
+    parser.add_argument("--bus", default="socketcan", help="udp_multicast works without CAN")
+    parser.add_argument("--slow", action="store_true", help="physics at half the rate, IMU at 100 Hz")
     parser.add_argument("--out", type=Path, default=Path("socketcan"))
     parser.add_argument("--as-robot", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()

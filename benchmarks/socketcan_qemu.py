@@ -1,18 +1,18 @@
-"""`benchmarks/socketcan.py` in a guest with a Debian kernel that has virtual CAN interfaces.
+"""`benchmarks/socketcan.py` in a virtual machine with a Debian kernel, which has virtual CAN interfaces.
 
     apt-get install qemu-system-x86 busybox-static can-utils kmod cpio   # as root
     python benchmarks/socketcan_qemu.py [--kernel linux-image-….deb] [--rows walk motor_silent ...]
     python benchmarks/socketcan_qemu.py --run "benchmarks/bus_load.py --robots go1 --buses socketcan"
     python benchmarks/socketcan_qemu.py --run "-m pytest -p no:cacheprovider tests/deploy/test_socketcan.py"
 
-For machines whose own kernel has no CAN. The kernel is a Debian package (without --kernel the present one is
-downloaded by apt-get); the guest's files are this machine's, read-only over 9p, so that the same Python and
-the same footfall run in it: that benchmark, or what --run says. Results, candump's logs and the guest's
-console are left in --out.
+For machines whose own kernel has no CAN. The kernel is a Debian package; without --kernel the present one is
+downloaded by apt-get. The guest's files are this machine's, read-only over 9p, so the same Python and the
+same footfall run in it: that benchmark, or the command of --run. Results, candump's logs and the guest's
+console are written to --out.
 
-Emulated processors are slow. With `-icount` the guest's clock counts instructions, one a nanosecond: the
-guest is a machine of 1,000 million instructions a second whose time passes more slowly than ours, and its
-deadlines mean what they say. --accel kvm takes the processor's own virtualisation where there is one.
+Emulated processors are slow. With `-icount` the guest's clock counts instructions, one per nanosecond: the
+guest is a machine with 1,000 million instructions per second whose time runs slower than ours, so its
+deadlines stay meaningful. --accel kvm uses the processor's virtualisation if available.
 """
 
 import argparse
@@ -54,7 +54,7 @@ poweroff -f
 
 
 def unpack(package: Path | None, folder: Path) -> tuple[Path, Path, str]:
-    """A kernel's image, the folder with its modules, and its version."""
+    """Image of a kernel, the folder with its modules, and its version."""
     if package is None:
         depends = subprocess.run(
             ["apt-cache", "depends", "linux-image-amd64"], capture_output=True, text=True, check=True
@@ -73,7 +73,7 @@ def unpack(package: Path | None, folder: Path) -> tuple[Path, Path, str]:
 
 
 def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
-    """A first root file system: busybox, the modules that the guest needs, and a script."""
+    """Initial root file system: busybox, the guest's modules, and a script."""
     base = folder / "initramfs"
     for name in ("bin", "proc", "sys", "dev", "root", "modules"):
         (base / name).mkdir(parents=True, exist_ok=True)
@@ -107,7 +107,7 @@ def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
 
 
 def guest_init(arguments: list[str]) -> str:
-    """The guest's script, which calls Python; what is left in braces is filled in with the modules."""
+    """Script of the guest, which runs Python; the part in braces is replaced with the modules."""
     path = os.pathsep.join([str(Path(sys.executable).parent), "/usr/sbin:/usr/bin:/sbin:/bin"])
     environment = {
         "PATH": path,
@@ -131,12 +131,12 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--kernel", type=Path, help="a Debian package linux-image-VERSION-amd64")
-    parser.add_argument("--rows", nargs="+", default=[], help="as of benchmarks/socketcan.py (default: all)")
+    parser.add_argument("--rows", nargs="+", default=[], help="rows of socketcan.py (default: all)")
     parser.add_argument("--policy", default="go1-flat")
     parser.add_argument(
-        "--joint-rate", type=float, default=100.0, help="of the control loop in the guest, Hz"
+        "--joint-rate", type=float, default=100.0, help="rate of the control loop in the guest, Hz"
     )
-    parser.add_argument("--run", help="another command line of Python's, from the repository's root")
+    parser.add_argument("--run", help="other arguments for Python, relative to the repository's root")
     parser.add_argument("--accel", default="tcg", choices=("tcg", "kvm"))
     parser.add_argument("--memory", default="3G")
     parser.add_argument("--out", type=Path, default=Path("socketcan_qemu"))

@@ -1,12 +1,12 @@
-"""How often a policy succeeds on fixed levels of ground: in training's environment, on the simulated robot.
+"""Success of a policy on fixed levels of ground: in the training environment and on the simulated robot.
 
     LEVELS="--scenario-file benchmarks/rough_ground.yaml"
     footfall evaluate RUN $LEVELS --scenarios high_stairs --json stairs.json
     python benchmarks/success_per_level.py RUN $LEVELS high_stairs stairs.json
 
-In both a robot starts in the middle, is asked for the scenario's first command, and succeeds if it does not
-fall and covers 70 % of the commanded path. The training environment draws robots, noise and delays as the run
-did, the scenario draws from the declared family: the two differ in more than the contacts.
+In both, a robot starts in the middle and gets the scenario's first command. It succeeds if it does not fall
+and covers 70 % of the commanded path. The training environment draws robots, noise and delays as in the run;
+the scenario draws from the declared family. So the two differ in more than the contacts.
 """
 
 import argparse
@@ -33,11 +33,11 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 from footfall.train.config import read_config
 
-SETTLED_S = 0.5  # the episode's last moments, in which its environment would begin the next one
+SETTLED_S = 0.5  # end of the episode, in which the environment would begin the next one
 
 
 def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> EnvConfig:
-    """The training's environment on the scenario's ground alone, at its first command, without pushes."""
+    """The training environment on the scenario's ground only, at its first command, without pushes."""
     assert scenario.ground is not None
     assert config.terrain is not None
     ground = replace(scenario.ground, settings={**scenario.ground.settings, **level})
@@ -65,7 +65,7 @@ def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> 
 
 
 def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, count: int, seed: int) -> int:
-    """How many of `count` robots succeed in the training environment."""
+    """Number of `count` robots that succeed in the training environment."""
     env: Any = make_environment(robot, config)
     state, observation = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(seed), count))
     step = jax.jit(lambda state, action: step_batch(env, state, action))
@@ -83,9 +83,9 @@ def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="run folder, or one of policies/zoo/")
+    parser.add_argument("run", type=Path, help="run folder, or a policy's folder in policies/zoo/")
     parser.add_argument("scenario")
-    parser.add_argument("results", type=Path, help="JSON of footfall evaluate")
+    parser.add_argument("results", type=Path, help="JSON file of footfall evaluate")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--scenario-file", type=Path, required=True)
     parser.add_argument("--robots", type=int, default=100)

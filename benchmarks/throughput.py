@@ -1,17 +1,16 @@
-"""Environment steps per second of a training, beside MuJoCo Playground's in the same process, like for like.
+"""Environment steps per second of a training and of MuJoCo Playground's, in the same process.
 
     python benchmarks/throughput.py --preset gpu --playground --json throughput.json
     python benchmarks/throughput.py --preset gpu --physics generated mjx   # engines side by side
     python benchmarks/throughput.py --preset gpu --shares          # where the time of an iteration goes
     python benchmarks/throughput.py --preset cpu --set ppo.num_envs=128 --cases ships
 
-PPO is measured end to end: whole iterations after compilation, waiting for each. Printed are the median and,
-in brackets, the slowest and the fastest. "Physics alone" is the joint law and MJX (Playground: its
-actuators and MJX), or another engine, without rewards, observations and resets. The operations per second of
-the generated physics are printed as a share of the GPU's peak; MuJoCo needs several times as many operations.
-
-Playground is measured by `playground.py` beside this file. An environment step is a control step of 20 ms
-in both.
+PPO is measured end to end: whole iterations after compilation, waiting for each. The output has the median
+    and, in brackets, the slowest and the fastest iteration. "Physics alone" is the joint law and MJX
+    (Playground: its actuators and MJX), or another engine, without rewards, observations and resets. The
+    operations per second of the generated physics are printed as a share of the GPU's peak; MuJoCo needs
+    several times as many operations. Playground is measured by `playground.py` in this folder. An environment
+    step is a control step of 20 ms in both.
 """
 
 import argparse
@@ -54,11 +53,11 @@ CASES: dict[str, dict[str, Any]] = {
     "5x4ms": {"env.substeps": 5},
     "8192-5x4ms": {"ppo.num_envs": 8192, "env.substeps": 5},
 }
-# Single precision without tensor cores, of NVIDIA's data sheets.
+# Single precision without tensor cores, from NVIDIA's data sheets.
 PEAK_FLOP_S = {"NVIDIA H200": 67e12, "NVIDIA H100 80GB HBM3": 67e12}
 PLAYGROUND_ENVIRONMENTS = (8192, 32768)
 
-Spread = tuple[float, float, float]  # least, median, most
+Spread = tuple[float, float, float]  # minimum, median, maximum
 
 
 def main() -> None:
@@ -68,13 +67,15 @@ def main() -> None:
     )
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--preset", default="gpu")
-    parser.add_argument("--cases", help=f"of {', '.join(CASES)}, joined by +; all with --playground")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="in every case")
+    parser.add_argument("--cases", help=f"{', '.join(CASES)}, joined by +; all with --playground")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="applies to every case"
+    )
     parser.add_argument("--iterations", type=int, default=20)
     parser.add_argument("--physics", nargs="+", default=["generated"], choices=sorted(ENGINES))
-    parser.add_argument("--shares", action="store_true", help="measure the parts of an iteration too")
-    parser.add_argument("--playground", action="store_true", help="measure Playground too")
-    parser.add_argument("--warp", action="store_true", help="and Playground's physics in Warp")
+    parser.add_argument("--shares", action="store_true", help="also measure the parts of an iteration")
+    parser.add_argument("--playground", action="store_true", help="also measure Playground")
+    parser.add_argument("--warp", action="store_true", help="also measure Playground's physics in Warp")
     parser.add_argument("--playground-environments", default=",".join(map(str, PLAYGROUND_ENVIRONMENTS)))
     parser.add_argument(
         "--playground-iterations", type=int, default=5, help="PPO iterations between two reports"
@@ -130,7 +131,7 @@ def main() -> None:
 def prepared_training(
     robot: str, preset: str, settings: dict[str, Any], seed: int = 0
 ) -> tuple[Parts, TrainConfig, Any, Callable[[Any], Any]]:
-    """A training's parts and settings, its first state, and its compiled iteration."""
+    """Parts and settings of a training, its initial state, and its compiled iteration."""
     config = trial_config(preset, settings, load_robot(robot))
     parts = assemble(config, load_robot(robot))
     state, compiled = parts.prepare(device_mesh(config.ppo), seed, print)
@@ -140,12 +141,12 @@ def prepared_training(
 def measure_footfall(
     robot: str, preset: str, settings: dict[str, Any], iterations: int, shares: bool
 ) -> dict[str, Any]:
-    """Steps per second of whole iterations and of their parts, and the seconds until the first can begin."""
+    """Steps per second of whole iterations and of their parts, and seconds until the first iteration."""
     began = time.perf_counter()
     parts, config, first, compiled = prepared_training(robot, preset, settings)
     ready_s = time.perf_counter() - began
     env, ppo = parts.env, config.ppo
-    assert isinstance(env, LocomotionEnv)  # whose physics is measured by itself
+    assert isinstance(env, LocomotionEnv)  # its physics is measured separately
     _, keys, _ = iteration_keys(first, ppo)
     actions = jax.random.normal(jax.random.key(0), (ppo.num_steps_per_env, ppo.num_envs, env.action_size))
 
@@ -184,7 +185,8 @@ def measure_footfall(
 
 
 def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
-    """Operations per second of the generated physics over the device's peak; None if the peak is unknown."""
+    """Operations per second of the generated physics relative to the device's peak; None for an unknown
+    peak."""
     peak = PEAK_FLOP_S.get(jax.devices()[0].device_kind)
     if env.engine.name != "generated" or peak is None:
         return None
@@ -195,13 +197,13 @@ def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
 
 
 def repeat(function: Callable[[Any], Any], state: Any, count: int) -> list[float]:
-    """Seconds of each call, after one that compiles."""
+    """Seconds of each call, after one call that compiles."""
     jax.block_until_ready(function(state))
     return [timed(lambda: function(state))[0] for _ in range(count)]
 
 
 def iterate(compiled: Callable[[Any], Any], state: Any, count: int) -> list[float]:
-    """Seconds of each iteration, after a first one."""
+    """Seconds of each iteration, after one iteration that is not timed."""
     state, *_ = compiled(state)
     seconds = []
     for _ in range(count):
@@ -211,19 +213,19 @@ def iterate(compiled: Callable[[Any], Any], state: Any, count: int) -> list[floa
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds until all of a call's results are there, and the results."""
+    """Seconds until all results of a call are ready, and the results."""
     began = time.perf_counter()
     result = jax.block_until_ready(call())
     return time.perf_counter() - began, result
 
 
 def rates_of(seconds: list[float], steps: int) -> Spread:
-    """Steps per second: least, median, most."""
+    """Steps per second: minimum, median, maximum."""
     return steps / max(seconds), steps / statistics.median(seconds), steps / min(seconds)
 
 
 def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
-    """Other differences of the two: name, footfall's value, Playground's value."""
+    """Other differences between the two trainings: name, footfall's value, Playground's value."""
     described = load_robot(robot)
     config = trial_config(preset, {}, described)
     ppo, model = config.ppo, training_model(described, config.env.timestep_s)
@@ -246,7 +248,7 @@ def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
 
 
 def show(results: dict[str, Any]) -> None:
-    """Tables on the terminal."""
+    """Print tables on the terminal."""
     console = Console(width=140)
     table = Table("", "environments", "physics", "thousand env-steps/s", box=None, title=results["device"])
     for case, found in results["footfall"].items():
@@ -278,7 +280,7 @@ def show(results: dict[str, Any]) -> None:
         console.print(table)
     for case, found in results["footfall"].items():
         share = found["share_of_peak"]
-        of_peak = f"; its physics alone is at {share:.1%} of the device's peak" if share else ""
+        of_peak = f"; its physics alone uses {share:.1%} of the device's peak" if share else ""
         print(f"footfall ({case}) was ready to iterate after {found['ready_s']:.1f} s{of_peak}")
 
 

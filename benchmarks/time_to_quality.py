@@ -1,19 +1,19 @@
-"""Time to equal quality: footfall and MuJoCo Playground on one GPU, their policies scored on one plant.
+"""Time to equal quality of footfall and MuJoCo Playground on one GPU, with policies scored on one plant.
 
     python benchmarks/time_to_quality.py train --out quality            # on the machine with the GPU
     python benchmarks/time_to_quality.py score --out quality            # on any machine
     python benchmarks/time_to_quality.py plot --out quality
 
-`train` runs one training of each after the other, each as a process of its own with an empty compilation
-cache, and keeps policies along the way. The clock of each starts with its command: imports, compilation and
-all.
+`train` runs one training of each, one after the other, each in its own process with an empty compilation
+cache, and keeps policies on the way. The clock of each starts with its command, so it includes imports and
+compilation.
 
-`score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames,
-with the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy reads the
-base's true velocity, which its observation needs and no robot senses; footfall's does not.
+`score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames, with
+the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy uses the base's true
+velocity, which its observation needs and no robot can measure; footfall's does not.
 
-`plot` draws velocity error and the push that half survive against wall-clock, and says when footfall first
-was, and stayed, as good as Playground's last policy on both, with no more falls.
+`plot` plots velocity error and the push that half survive over wall-clock time. It prints when footfall was,
+and stayed, as good as Playground's last policy in both, without more falls.
 """
 
 import argparse
@@ -52,13 +52,13 @@ def main() -> None:
     )
     parser.add_argument("what", choices=["train", "score", "plot"])
     parser.add_argument("--out", type=Path, required=True, help="folder of policies and scores")
-    parser.add_argument("--only", choices=[PLAYGROUND, FOOTFALL], help="train or score one of them")
-    parser.add_argument("--preset", default="gpu", help="footfall's")
+    parser.add_argument("--only", choices=[PLAYGROUND, FOOTFALL], help="train or score only this one")
+    parser.add_argument("--preset", default="gpu", help="preset of footfall")
     parser.add_argument("--impl", default="jax", choices=["jax", "warp"], help="Playground's physics")
-    parser.add_argument("--seeds", type=int, default=1, help="footfall's trainings")
+    parser.add_argument("--seeds", type=int, default=1, help="number of footfall's trainings")
     parser.add_argument("--every", type=float, default=8.0, help="seconds between footfall's kept policies")
-    parser.add_argument("--until", type=float, default=1e9, help="seconds after which footfall's stops early")
-    parser.add_argument("--plant", type=Path, help="another MJCF than footfall's robot to score on")
+    parser.add_argument("--until", type=float, default=1e9, help="time limit of footfall's training, s")
+    parser.add_argument("--plant", type=Path, help="MJCF to score on, instead of footfall's robot")
     parser.add_argument("--workers", type=int)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def train(options: argparse.Namespace) -> None:
-    """One process for each training, one after the other."""
+    """Run one process for each training, one after the other."""
     if options.only != PLAYGROUND:
         for seed in range(options.seeds):
             command = ["footfall_training.py", "--out", str(options.out / f"{FOOTFALL}-{seed}")]
@@ -84,7 +84,7 @@ def train(options: argparse.Namespace) -> None:
 
 
 def run_from_empty_cache(command: list[str]) -> None:
-    """Run one of our scripts; its clock begins now."""
+    """Run a script of this folder; its clock starts now."""
     with tempfile.TemporaryDirectory() as cache_folder:
         environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": cache_folder, "PYTHONUNBUFFERED": "1"}
         environment["WARP_CACHE_PATH"] = str(Path(cache_folder) / "warp")
@@ -97,7 +97,7 @@ def run_from_empty_cache(command: list[str]) -> None:
 
 
 def score(options: argparse.Namespace) -> None:
-    """Score the kept policies that have no scores yet."""
+    """Score the kept policies without scores."""
     path = options.out / "scores.json"
     scores: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     for policy, (name, time_s, steps) in kept_policies(options.out).items():
@@ -110,7 +110,7 @@ def score(options: argparse.Namespace) -> None:
 
 
 def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
-    """Every kept policy by the name that `_run` reads: training, seconds, environment steps."""
+    """Every kept policy by the name that `_run` accepts: training, seconds, environment steps."""
     found = {}
     for index in sorted(folder.glob(f"{FOOTFALL}-*/kept.json")):
         for entry in json.loads(index.read_text()):
@@ -119,13 +119,13 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
     theirs = folder / f"{PLAYGROUND}.npz"
     if theirs.exists():
         kept = load_actors(theirs)
-        for place in range(1, len(kept.time_s)):  # the first one is untrained
+        for place in range(1, len(kept.time_s)):  # the first policy is untrained
             found[f"{theirs}#{place}"] = (PLAYGROUND, float(kept.time_s[place]), int(kept.steps[place]))
     return found
 
 
 def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[str, Any]:
-    """The policy's figures in a scenario."""
+    """Figures of the policy in a scenario."""
     file = load_scenarios(load_robot(ROBOT))
     plans = plan_episodes(scenario, file.scenarios[scenario], seed=0, episodes=SCENARIOS[scenario])
     tasks = [
@@ -136,7 +136,7 @@ def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[
 
 
 def _run(task: EpisodeTask) -> EpisodeOutcome:
-    """In a worker process: run an episode with whichever kind of policy it names."""
+    """Run an episode in a worker process, with either kind of policy."""
     file, _, place = task.policy.partition("#")
     return run_with(_playground(file, int(place)), task) if place else run_task(task)
 
@@ -155,7 +155,7 @@ def _actors(file: str) -> SavedActors:
 
 
 def plot(options: argparse.Namespace) -> None:
-    """Print every score, say when quality was equal, and draw it."""
+    """Print every score and the time to equal quality, and plot both."""
     scores = json.loads((options.out / "scores.json").read_text())
     runs: dict[str, list[dict[str, Any]]] = {}
     for entry in sorted(scores.values(), key=lambda entry: entry["time_s"]):
@@ -180,7 +180,7 @@ def plot(options: argparse.Namespace) -> None:
 
 
 def first_as_good(entries: list[dict[str, Any]], goal: dict[str, Any]) -> dict[str, Any] | None:
-    """The first policy that is as good as the goal, and after which all are."""
+    """First policy from which on all policies are as good as the goal."""
     reached = None
     for entry in reversed(entries):
         if not as_good(entry, goal):
@@ -190,7 +190,7 @@ def first_as_good(entries: list[dict[str, Any]], goal: dict[str, Any]) -> dict[s
 
 
 def as_good(entry: dict[str, Any], goal: dict[str, Any]) -> bool:
-    """At most as many falls and as large a velocity error, and half survive at least the same push."""
+    """Whether falls and velocity error are at most the goal's, and half survive at least the same push."""
     walk, wanted = entry["walk"], goal["walk"]
     return (
         walk["falls"] <= wanted["falls"]
@@ -201,7 +201,7 @@ def as_good(entry: dict[str, Any], goal: dict[str, Any]) -> bool:
 
 
 def push_of(entry: dict[str, Any]) -> float:
-    """The push that half survive, m/s: 0 if most fall at the weakest, the strongest if most survive it."""
+    """Push that half survive, m/s: 0 if most fall at the weakest push, the strongest if most survive it."""
     push = entry["push"]
     if push["dv50"] is not None:
         return float(push["dv50"])
@@ -209,7 +209,7 @@ def push_of(entry: dict[str, Any]) -> float:
 
 
 def cells(entry: dict[str, Any]) -> list[str]:
-    """One policy's row."""
+    """Table row of one policy."""
     walk = entry["walk"]
     errors = [
         "-" if walk[name] is None else f"{walk[name]:.3f}" for name in ("lin_vel_rmse", "yaw_rate_rmse")
@@ -222,7 +222,7 @@ def cells(entry: dict[str, Any]) -> list[str]:
 
 
 def one_line(entry: dict[str, Any]) -> str:
-    """One policy in words."""
+    """Line of text on one policy."""
     name, seconds, steps, falls, linear, yaw, push = cells(entry)
     return (
         f"{name} after {seconds} s, {steps} M steps: {falls} fell, {linear} m/s, {yaw} rad/s,"
@@ -231,7 +231,7 @@ def one_line(entry: dict[str, Any]) -> str:
 
 
 def draw(runs: dict[str, list[dict[str, Any]]], goal: dict[str, Any], path: Path) -> None:
-    """Both qualities against wall-clock, with 95 % intervals."""
+    """Plot both qualities over wall-clock time, with 95 % intervals."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
@@ -271,7 +271,7 @@ def error_interval(entry: dict[str, Any]) -> tuple[float, float]:
 
 
 def push_interval(entry: dict[str, Any]) -> tuple[float, float]:
-    """95 % interval of the push that half survive, m/s; an edge above all pushes is the strongest."""
+    """95 % interval of the push that half survive, m/s; an edge above all pushes counts as the strongest."""
     push = entry["push"]
     edges = push["dv50_interval"] if push["dv50"] is not None else (push_of(entry),) * 2
     low, high = (push["strongest_push"] if edge is None else edge for edge in edges)

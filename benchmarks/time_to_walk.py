@@ -1,11 +1,11 @@
-"""From nothing to a policy that walks: several seeds, from an empty compilation cache or a warm one.
+"""Time from scratch to a walking policy: several seeds, with an empty or a filled compilation cache.
 
     python benchmarks/time_to_walk.py --preset cpu --seeds 5
     python benchmarks/time_to_walk.py --preset gpu-quick --seeds 4 --warm
 
-Prints, for each seed, the seconds from the command's start to the exported policy and to the command's end,
-and how the policy then walks over the bus (scenario `walk`, 64 episodes of 10 s). With --warm, the first seed
-fills the others' cache.
+Prints, for each seed, the seconds from the start of the command to the exported policy and to the command's
+end, and how the policy then walks over the bus (scenario `walk`, 64 episodes of 10 s). With --warm, the first
+seed fills the cache for the others.
 """
 
 import argparse
@@ -35,7 +35,7 @@ def main() -> None:
             run, figures = here / "run", here / "figures.json"
             cache = Path(folder) / "cache" if options.warm else here / "cache"
             environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(cache)}
-            began = time.time()  # the clock of files, too
+            began = time.time()  # same clock as the files' times
             footfall(
                 environment, "train", "--preset", options.preset, "--seed", seed, "--out", run,
                 "--no-evaluate",
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def footfall(environment: dict[str, str], *arguments: object) -> None:
-    """Run one command of the command line, quietly."""
+    """Run one command of the command line, without output."""
     command = [sys.executable, "-m", "footfall", *map(str, arguments)]
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
 

@@ -1,11 +1,11 @@
-"""Environment steps per second of each trainer on the same environment, and where an iteration's time goes.
+"""Environment steps per second of each trainer on the same environment, and parts of an iteration's time.
 
     python benchmarks/trainers.py --preset gpu --iterations 20
     python benchmarks/trainers.py --preset cpu --trainers rsl_rl --set ppo.num_envs=128
 
-Whole iterations after compilation are timed: rollout, learning, metrics. brax also runs with float32
-networks, as rsl_rl has. For rsl_rl it prints the seconds of the rollout, of the environment steps in it, and
-of learning. Needs the extra `rsl-rl`.
+Times whole iterations after compilation: rollout, learning, metrics. brax also runs with float32 networks, as
+    rsl_rl does. For rsl_rl it prints the seconds of the rollout, of its environment steps, and of learning.
+    Needs the extra `rsl-rl`.
 """
 
 import argparse
@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def prepared(name: str, robot: str, preset: str, settings: dict[str, Any]) -> tuple[Trainer, int]:
-    """A trainer that is ready to iterate, and the environment steps of its iteration."""
+    """A trainer that is ready to iterate, and the environment steps of one iteration."""
     described = load_robot(robot)
     config = trial_config(preset, settings, described)
     where = Provenance(robot, 0, preset, name, jax.devices()[0].device_kind, "", "", {})
@@ -64,7 +64,7 @@ def prepared(name: str, robot: str, preset: str, settings: dict[str, Any]) -> tu
 
 
 def measured(name: str, trainer: Any, iterations: int) -> tuple[float, dict[str, float]]:
-    """Median seconds of an iteration, and mean seconds of its parts where they can be told apart."""
+    """Median seconds of an iteration, and mean seconds of its parts if they can be separated."""
     parts: dict[str, float] = {}
     if name == "rsl_rl":
         algorithm, environment = trainer.runner.alg, trainer.environment
@@ -78,7 +78,7 @@ def measured(name: str, trainer: Any, iterations: int) -> tuple[float, dict[str,
 
 
 def clocked(function: Callable[..., Any], part: str, parts: dict[str, float]) -> Callable[..., Any]:
-    """The function, whose seconds, the device's included, are added up."""
+    """The function, with the sum of its seconds, including the device's, added to `parts`."""
 
     def call(*arguments: Any) -> Any:
         synchronise()
@@ -92,14 +92,14 @@ def clocked(function: Callable[..., Any], part: str, parts: dict[str, float]) ->
 
 
 def waited_for(iterate: Callable[[], dict[str, Any]]) -> float:
-    """Seconds until an iteration's metrics are there."""
+    """Seconds until an iteration's metrics are ready."""
     began = time.perf_counter()
     jax.block_until_ready(list(iterate().values()))
     return time.perf_counter() - began
 
 
 def synchronise() -> None:
-    """Wait for all that torch and JAX compute."""
+    """Wait for all computations of torch and JAX."""
     import torch
 
     if torch.cuda.is_available():

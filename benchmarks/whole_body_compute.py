@@ -1,8 +1,8 @@
-"""How long whole-body control takes: python benchmarks/whole_body_compute.py [--ticks 2000].
+"""Computing time of whole-body control: python benchmarks/whole_body_compute.py [--ticks 2000].
 
-One core: keep OMP_NUM_THREADS=1. A tick is dynamics, build and solve, on a robot that sways and is pushed: of
-`balance` on all feet, of `step` walking, which is on one foot most of the time, and of `mpc-wbc` trotting,
-which plans its forces anew in one of five ticks.
+One core: keep OMP_NUM_THREADS=1. A tick is dynamics, build and solve, on a robot that sways and is pushed:
+    `balance` on all feet, `step` while walking (mostly on one foot), and `mpc-wbc` while trotting, which
+    computes new forces in one of five ticks.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 CASES = ((Balance, "g1"), (Step, "g1"), (MpcWholeBody, "go1"))
-UNTIMED = 10  # first ticks
+UNTIMED = 10  # number of first ticks without timing
 
 
 def main() -> None:

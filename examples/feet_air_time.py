@@ -1,4 +1,4 @@
-"""A stateful reward of your own: long steps are rewarded when a foot lands.
+"""Example of a stateful reward: long steps are rewarded when a foot lands.
 
     footfall train --robot go1 --preset feet_air_time.yaml --out runs/air
 
@@ -18,16 +18,16 @@ from footfall.envs.terms.data import StepData
 
 @dataclass(frozen=True)
 class FeetAirTime:
-    """Sum over the feet that land of their time in the air beyond a threshold, s."""
+    """Sum over landing feet of their air time minus a threshold, s."""
 
     threshold_s: Annotated[float, Between(0.0, 2.0)] = 0.2
 
     def init(self, data: StepData) -> jax.Array:
-        """The term's state at the begin of an episode: time in the air of each foot, s, (feet,)."""
+        """State of the term at the start of an episode: air time of each foot, s, (feet,)."""
         return jnp.zeros_like(data.contact)
 
     def step(self, air_time_s: jax.Array, data: StepData) -> tuple[jax.Array, jax.Array]:
-        """The state after a control step, and the reward."""
+        """State after a control step, and the reward."""
         air_time_s = air_time_s + data.period_s
         landed = (air_time_s > data.period_s) * data.contact
         reward = jnp.sum(landed * (air_time_s - self.threshold_s)) * data.moving

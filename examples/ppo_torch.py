@@ -1,4 +1,4 @@
-"""PPO in plain torch on the vector environment: your own training loop instead of footfall's trainers.
+"""PPO in plain torch on the vector environment: your own training loop instead of a trainer of footfall.
 
     python ppo_torch.py 200
 
@@ -58,7 +58,7 @@ def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
                 distribution = model.distribution(observation)
                 action = distribution.sample()
                 following, reward, terminated, truncated, info = env.step(action.numpy())
-                if truncated.any():  # by the time limit: the value of what would have followed counts
+                if truncated.any():  # time limit: bootstrap with the value of the final observation
                     last = torch.from_numpy(np.stack(info["final_obs"][truncated]))
                     reward[truncated] += DISCOUNT * model.critic(last).numpy()
                 outcome = map(torch.from_numpy, (reward, ~(terminated | truncated)))

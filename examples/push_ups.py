@@ -1,8 +1,8 @@
-"""A controller of your own: push-ups, with standing feet and legs solved by inverse kinematics.
+"""Example of a controller: push-ups, with standing feet and legs solved by inverse kinematics.
 
     footfall deploy push_ups:PushUps --command 0,0,0 --duration 10
 
-A controller is a class that is built from a robot. It runs wherever the name of a policy is expected, on the
+A controller is a class that is built from a robot. It can be used wherever a policy is expected, on the
 simulated bus and on hardware, and works for every robot with legs.
 """
 
@@ -14,13 +14,13 @@ from footfall.robots.description import Robot
 
 
 class PushUps:
-    """Lowers and raises the base, once in 2 s, by 15 % of its height."""
+    """Lowers and raises the base by 15 % of its height, with a period of 2 s."""
 
     name = "push-ups"
     rate_hz = 100.0  # how often the loop calls act
-    needs_estimate = False  # it does not read base_velocity and base_height
-    contract = None  # of learned policies only
-    notes = ()  # lines to print once, such as a setting that was limited
+    needs_estimate = False  # it does not use base_velocity and base_height
+    contract = None  # only for learned policies
+    notes = ()  # lines to print once, such as a clamped setting
 
     period_s = 2.0
     depth = 0.15
@@ -31,7 +31,7 @@ class PushUps:
         self._zero = np.zeros(len(robot.joint_names))
 
     def reset(self, inputs: PolicyInput) -> None:
-        """Begin an episode from standing. There is no state to clear: `act` depends on time alone."""
+        """Start an episode from standing. There is no state to clear: `act` depends only on time."""
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         """Joint targets until the next call."""
@@ -44,5 +44,5 @@ class PushUps:
         return JointCommand(position, self._zero, self._kp, self._kd, self._zero)
 
     def stance(self) -> np.ndarray:
-        """All feet are planned to be in contact, which the base's estimator uses."""
+        """Planned contact of all feet, used by the base's estimator."""
         return np.ones(self._robot.legs.count)

@@ -1,10 +1,10 @@
-"""An observation term of your own: roll and pitch angles instead of the direction of gravity.
+"""Example of an observation term: roll and pitch angles instead of the direction of gravity.
 
     footfall train --robot go1 --preset roll_pitch.yaml --out runs/roll_pitch
     footfall deploy runs/roll_pitch
 
-The exported policy's contract names the term `roll_pitch:roll_pitch`. So this file must be importable where
-the policy is deployed: from the working folder, or from an installed package.
+The exported policy's contract contains the name `roll_pitch:roll_pitch`. So Python must find this file where
+the policy is deployed: in the working folder, or in an installed package.
 """
 
 from typing import Annotated
@@ -17,7 +17,7 @@ from footfall.policies.observation import Array, Inputs, observation_term
 from footfall.robots.kinds import Kind
 from footfall.robots.symmetry import Mirror
 
-# Two numbers on every robot. In a mirror image, roll changes its sign.
+# Two values on every robot. In the mirror image, roll changes its sign.
 ROLL_PITCH = Kind(lambda _: (2,), lambda _: Mirror(np.arange(2), np.array([-1.0, 1.0])))
 
 

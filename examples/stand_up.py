@@ -1,8 +1,8 @@
-"""A task of your own: the robot rises from a crouch within a second, gently.
+"""Example of a task: the robot rises from a crouch within a second, gently.
 
     footfall train --robot go1 --preset stand_up.yaml --out runs/stand_up
 
-The preset lists every term of the task. Two of them are here: how an episode begins, and the reward for the
+The preset lists every term of the task. Two of them are here: the start of an episode, and the reward for the
 planned height. There is no velocity command and no gait.
 """
 
@@ -23,7 +23,7 @@ Share = Annotated[float, Between(0.1, 1.0)]
 
 
 def crouch_pose(robot: Robot, share: float) -> np.ndarray:
-    """Joint positions (n,), rad, with the base at a share of its standing height, feet in place."""
+    """Joint positions (n,), rad, for a base at a share of its standing height, with the feet in place."""
     legs = robot.legs
     foot = legs.default_foot.copy()  # (feet, 3) m, in the base frame
     foot[:, 2] += (1.0 - share) * robot.description.standing_height_m
@@ -32,7 +32,7 @@ def crouch_pose(robot: Robot, share: float) -> np.ndarray:
 
 @event_term(numbers=1)
 def crouch(state: State, occasion: Occasion, *, lowest: Share = 0.5, highest: Share = 0.8) -> State:
-    """Begin an episode crouched, at a random share of the standing height, with motors that hold the pose."""
+    """Start an episode crouched, at a random share of the standing height, with motors that hold the pose."""
     scene = occasion.scene
     shares = np.linspace(lowest, highest, 16)
     poses = jnp.asarray(np.stack([crouch_pose(scene.robot, share) for share in shares]), jnp.float32)
@@ -45,17 +45,17 @@ def crouch(state: State, occasion: Occasion, *, lowest: Share = 0.5, highest: Sh
 
 @dataclass(frozen=True)
 class Rise:
-    """1 while the base is at the planned height, which rises evenly from the crouch to standing."""
+    """1 with the base at the planned height, which rises uniformly from the crouch to standing."""
 
     duration_s: Annotated[float, Between(0.1, 10.0)] = 1.0
     sigma_m: Annotated[float, Between(1e-3, 1.0)] = 0.03
 
     def init(self, data: StepData) -> tuple[jax.Array, jax.Array]:
-        """The term's state when an episode begins: height of the crouch, m, and time, s."""
+        """State of the term at the start of an episode: height of the crouch, m, and time, s."""
         return data.height, jnp.float32(0.0)
 
     def step(self, state: tuple[jax.Array, jax.Array], data: StepData) -> tuple[tuple, jax.Array]:
-        """The state after a control step, and the reward."""
+        """State after a control step, and the reward."""
         crouch_m, time_s = state[0], state[1] + data.period_s
         share = jnp.minimum(time_s / self.duration_s, 1.0)
         planned_m = crouch_m + share * (data.scene.standing_height - crouch_m)

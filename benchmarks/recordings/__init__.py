@@ -1,1 +1,1 @@
-"""Fits to public recordings of real machines; nothing of the recordings is part of the project."""
+"""Fits to public recordings of real machines; the recordings are not part of the project."""

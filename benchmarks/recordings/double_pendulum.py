@@ -1,4 +1,4 @@
-"""A planar double pendulum with geared motors: base parameters, and its motion over many windows at once."""
+"""A planar double pendulum with geared motors: base parameters, and its motion in many windows at once."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -60,7 +60,7 @@ def accelerate(value: Mapping[str, Any], state: jnp.ndarray, drive: jnp.ndarray)
 
 
 def _motor(value: Mapping[str, Any]) -> Motor:
-    """Losses of both motors; their torque is recorded, so that limits do not count."""
+    """Losses of both motors; without limits, because their torque is recorded."""
     free = jnp.array(jnp.inf)
 
     def pair(name: str) -> jnp.ndarray:

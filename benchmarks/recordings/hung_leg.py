@@ -1,4 +1,4 @@
-"""Windows of a leg in the air as a fit has them: identify/ simulates the leg."""
+"""Windows of a hanging leg for a fit; identify/ simulates the leg."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,7 +17,7 @@ SIGMA_RAD = 0.002
 
 
 class Nominal(NamedTuple):
-    """What numbers are scaled by, for hip, thigh and calf."""
+    """Scales of the parameters, for hip, thigh and calf."""
 
     armature: tuple[float, float, float]  # kg m^2
     friction: tuple[float, float, float]  # N m
@@ -25,9 +25,9 @@ class Nominal(NamedTuple):
 
 
 class Free(NamedTuple):
-    """A quantity that is fitted for each joint."""
+    """A quantity fitted for each joint."""
 
-    quantity: str  # of identify/parameters.py
+    quantity: str  # name in identify/parameters.py
     unit: str
     low: float
     high: float
@@ -52,15 +52,15 @@ def leg_windows(
     window_s: float,
     read_hz: float,
 ) -> Shooting:
-    """All windows of one leg, each a recording of its own.
+    """All windows of one leg, each treated as a recording of its own.
 
     Args:
-        leg: its links count; armature and losses are the nominal ones.
-        recording: of the whole robot.
-        nominal: guesses of armature and friction.
-        quantities: that are free for each joint; a delay of the leg is free beside them.
+        leg: leg whose links are used; armature and losses are the nominal ones.
+        recording: recording of the whole robot.
+        nominal: initial guesses of armature and friction.
+        quantities: quantities fitted for each joint, in addition to the leg's delay.
         window_s: length of a window.
-        read_hz: of the readings that count.
+        read_hz: rate of the readings that are used.
     """
     zero = np.zeros(leg.count)
     own = replace(

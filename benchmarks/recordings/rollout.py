@@ -1,6 +1,6 @@
-"""Motion of candidates over windows of recordings: a simulator for `identify/shooting.py`, in JAX.
+"""Motion of candidates in windows of recordings: a simulator for `identify/shooting.py`, in JAX.
 
-It computes in float64 within its own context: training in the same process stays in float32.
+It uses float64 in its own context: training in the same process stays in float32.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from footfall.identify.shooting import Number, Simulate
 
 Accelerate = Callable[[Mapping[str, Any], jnp.ndarray, jnp.ndarray], jnp.ndarray]
-"""Numbers by name, state (q, v) of (2 n,) and what the motors get, (u,): accelerations (n,)."""
+"""Numbers by name, state (q, v) of (2 n,) and motor inputs, (u,): accelerations (n,)."""
 
 MAX_RAD_S = 60.0  # clip on joint speeds, so that a bad candidate stays finite
 

@@ -10,7 +10,7 @@ FIRST_SPREAD = 0.4  # initial standard deviation of candidates, in scales
 
 
 def search(windows: Shooting, first: np.ndarray, generations: int, seed: int) -> np.ndarray:
-    """The parameters, (p,), of least mean absolute error that CMA-ES finds from `first`.
+    """Parameters, (p,), with the smallest mean absolute error found by CMA-ES from `first`.
 
     Args:
         windows: windows of the recordings to fit.

@@ -1,4 +1,4 @@
-"""A servo with a pendulum as identify/ has a leg: one hinge with the joint law's voltage-driven motor."""
+"""A servo with a pendulum as a leg for identify/: one hinge with the joint law's voltage-driven motor."""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ from footfall.robots.stability import PLANT_TIMESTEP_S
 from recordings.servo_logs import Log
 from recordings.servo_pendulum import GRAVITY
 
-RAMP_RAD_S = 0.05  # explicit steps are stable with it; `servo_pendulum` has implicit ones, and 0.01
+RAMP_RAD_S = 0.05  # stable with explicit steps; `servo_pendulum` has implicit ones, and 0.01
 JOINT = "servo"
 PENDULUM = """
 <mujoco>
@@ -30,7 +30,7 @@ PENDULUM = """
 
 
 def servo_leg(value: Mapping[str, float], log: Log) -> FixedLeg:
-    """The pendulum of a recording with fitted numbers of `servo_pendulum.NUMBERS`."""
+    """The pendulum of a recording, with fitted numbers of `servo_pendulum.NUMBERS`."""
     mass, length, supply = log.given[0, 3:]
     text = PENDULUM.format(
         step=PLANT_TIMESTEP_S, gravity=GRAVITY, armature=value["armature"], length=length, mass=mass
@@ -55,16 +55,16 @@ def servo_leg(value: Mapping[str, float], log: Log) -> FixedLeg:
 
 
 def delay_of(leg: FixedLeg, value: Mapping[str, float]) -> dict[Parameter, float]:
-    """Delay and encoder bias as a fit of the leg has them."""
+    """Delay and encoder bias in the form of a leg's fit."""
     (joint,) = leg.joint_names
     return {Parameter("delay_s", joint): value["delay"], Parameter("encoder_bias", joint): -value["offset"]}
 
 
 def servo_recording(log: Log, stiffness: float) -> Recording:
-    """A recording as the fit of a robot reads one.
+    """A recording in the form used by the fit of a robot.
 
     Args:
-        log: of the servo.
+        log: recording of the servo.
         stiffness: N m/rad at gain 1.
     """
     rows = len(log.time_s)

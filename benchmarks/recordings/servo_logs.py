@@ -24,16 +24,16 @@ from recordings.servo_pendulum import (
 
 MARGIN_S, READ_HZ = 0.04, 100.0
 SIGMA_RAD, START_SIGMA = 0.005, (0.002, 0.2)  # rad; rad, rad/s
-FIT_POINTS = 4  # readings on either side from which a start is estimated
+FIT_POINTS = 4  # readings on either side that are used for the initial state
 
 
 class Servo(NamedTuple):
-    """What is known of a servo and its recordings."""
+    """Known properties of a servo and of its recordings."""
 
     duty_per_rad: float  # at gain 1
-    by_gain: bool  # whether gains are held out; else recordings
+    by_gain: bool  # whether gains are held out; otherwise recordings
     guess: dict[str, float]
-    makers: dict[str, dict[str, float]]  # published sets
+    makers: dict[str, dict[str, float]]  # published parameter sets
 
 
 M1 = dict.fromkeys(("stribeck", "load_friction", "load_stribeck"), 0.0)
@@ -72,8 +72,8 @@ MODELS: dict[str, tuple[tuple[str, ...], Accelerate]] = {
 }
 Task = tuple[
     str, str, str, str, int, int
-]  # folder, servo, model; "all", "without" or "draw"; which; generations
-LONG_S = 5.9  # windows that show drift
+]  # folder, servo, model; "all", "without" or "draw"; index; generations
+LONG_S = 5.9  # windows long enough to show drift
 
 
 class Log(NamedTuple):
@@ -83,19 +83,19 @@ class Log(NamedTuple):
     gain: float
     time_s: np.ndarray  # (T,)
     position: np.ndarray  # (T,) rad
-    given: np.ndarray  # (T, 6) as `accelerate` has it
+    given: np.ndarray  # (T, 6) inputs of `accelerate`
 
 
 @functools.cache
 def logs(folder: str, servo: str) -> tuple[Log, ...]:
-    """The recordings of a folder.
+    """The recordings in a folder.
 
     Raises:
-        UserError: there are fewer than two, or one lacks an entry.
+        UserError: there are fewer than two, or an entry is missing.
     """
     found = tuple(read(path, SERVOS[servo]) for path in sorted(Path(folder).glob("*.json")))
     if len(found) < 2:
-        raise UserError(f"{folder} holds {len(found)} JSON files: two are needed, see --help")
+        raise UserError(f"{folder} has {len(found)} JSON files: at least two are needed, see --help")
     return found
 
 
@@ -111,14 +111,14 @@ def read(path: Path, servo: Servo) -> Log:
         rest = servo.duty_per_rad * gain, content["mass"], content["length"], content["vin"]
         name = f"{content['trajectory']}, kp {gain:g}"
     except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise UserError(f"{path} is no recording of a servo: {error!r}") from None
+        raise UserError(f"{path} is not a recording of a servo: {error!r}") from None
     given = np.column_stack([goal, enabled, *np.broadcast_to(np.array(rest)[:, None], (4, len(time_s)))])
     return Log(name, gain, time_s, position, given)
 
 
 @functools.cache
 def problem(folder: str, servo: str, model: str, window_s: float = 1.0) -> Shooting:
-    """All windows of all recordings; a goal holds until the next one."""
+    """All windows of all recordings; a goal applies until the next one."""
     names, law = MODELS[model]
     guess = SERVOS[servo].guess
     numbers = tuple(
@@ -129,7 +129,7 @@ def problem(folder: str, servo: str, model: str, window_s: float = 1.0) -> Shoot
 
 @functools.cache
 def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
-    """The same windows with the makers' law, whose guesses are its published set M1."""
+    """The same windows with the published law, starting at its published set M1."""
     numbers = tuple(Number(name, "", value, -1e3, 1e3, 1.0) for name, value in M1.items())
     rest = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")
     numbers += tuple(Number(name, "", 0.0, -1e3, 1e3, 1.0) for name in rest)
@@ -167,7 +167,7 @@ def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate,
 
 
 def folds(folder: str, servo: str) -> list[tuple[str, list[int]]]:
-    """What is held out together: a name, and places of recordings."""
+    """Names and recording indices of the parts that are held out together."""
     found = logs(folder, servo)
     if not SERVOS[servo].by_gain:
         return [(log.name, [place]) for place, log in enumerate(found)]

@@ -1,4 +1,4 @@
-"""A pendulum moved by a hobby servo: the joint law's voltage-driven motor, and its makers' own law."""
+"""A pendulum moved by a hobby servo: the joint law's voltage-driven motor, and the published law."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,12 +25,12 @@ NUMBERS = (
     Number("delay", "s", 0.005, 0.0, 0.035, 0.003),
     Number("offset", "rad", 0.0, -0.1, 0.1, 0.01),
 )
-PLAIN = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")  # as the makers' M1
-LAW = tuple(each.name for each in NUMBERS)  # what the joint law has
+PLAIN = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")  # parameters of the published M1
+LAW = tuple(each.name for each in NUMBERS)  # parameters of the joint law
 
 
 def motor_of(value: Mapping[str, Any], supply: Any) -> Motor:
-    """The servo as the joint law has it; `supply` in V."""
+    """The servo as a motor of the joint law; `supply` in V."""
     return Motor(
         peak_torque=jnp.array(jnp.inf),
         stall_torque=value["kt"] * supply / value["resistance"],
@@ -50,13 +50,13 @@ def motor_of(value: Mapping[str, Any], supply: Any) -> Motor:
 def accelerate(
     value: Mapping[str, Any], state: jnp.ndarray, given: jnp.ndarray, both_sides: bool = False
 ) -> jnp.ndarray:
-    """Acceleration, rad/s^2, (1,), over a linearly implicit step as the environments take it.
+    """Acceleration, rad/s^2, (1,), over a linearly implicit step as in the environments.
 
     Args:
         value: numbers by name.
         state: position and velocity.
         given: goal, rad; 1 with torque enabled; duty per rad; mass, kg; length, m; supply, V.
-        both_sides: the gearbox is loaded by the larger of motor torque and weight, which the joint law lacks.
+        both_sides: load of the gearbox is the larger of motor torque and weight, which the joint law lacks.
     """
     q, v = state
     goal, enabled, gain, mass, length, supply = given
@@ -79,9 +79,10 @@ def accelerate_both_sides(value: Mapping[str, Any], state: jnp.ndarray, given: j
 
 
 def accelerate_makers(value: Mapping[str, Any], state: jnp.ndarray, given: jnp.ndarray) -> jnp.ndarray:
-    """The law of Duclusaud et al. (arXiv 2410.08650), models M1 and M4: friction that stops the joint.
+    """Law of Duclusaud et al. (arXiv 2410.08650), models M1 and M4: friction that stops the joint.
 
-    It is at most b + l |weight - motor| + exp(-|v / v_s|^a) (b_s + l_s |weight - motor|) + viscous |v|.
+    The friction is at most b + l |weight - motor| + exp(-|v / v_s|^a) (b_s + l_s |weight - motor|) + viscous
+    |v|.
     """
     q, v = state
     goal, enabled, gain, mass, length, supply = given

@@ -1,4 +1,4 @@
-"""What benchmarks on recordings print and draw."""
+"""Tables and plots of benchmarks on recordings."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ MAX_DRAWN = 12  # plotted windows of each recording
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
-    """2.5 and 97.5 % of values; NaN without any."""
+    """2.5 and 97.5 % quantiles of values; NaN without values."""
     if not values:
         return float("nan"), float("nan")
     low, high = np.percentile(values, (2.5, 97.5))
@@ -30,14 +30,14 @@ def plot_windows(
     names: Sequence[str],
     channels: Sequence[str],
 ) -> None:
-    """Draw measured and simulated motion, some windows of each recording, one recording below the other.
+    """Plot measured and simulated motion in some windows of each recording, one recording below the other.
 
     Args:
-        path: of the PNG.
+        path: PNG to write.
         measured: (W, R, c).
-        errors: simulated less measured, (W, R, c).
-        recording: of each window, (W,).
-        names: of the recordings.
+        errors: simulated minus measured, (W, R, c).
+        recording: recording of each window, (W,).
+        names: names of the recordings.
         channels: names of the c columns.
     """
     import matplotlib.pyplot as plt

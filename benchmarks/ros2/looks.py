@@ -1,6 +1,6 @@
-"""Looks at all that a run offers in ROS 2, by true rclpy, and steers it: `python looks.py TABLE.json`.
+"""Checks everything that a run offers in ROS 2, with real rclpy, and steers it: `python looks.py TABLE.json`.
 
-`check.py` runs it with a Python that has rclpy. It needs nothing of footfall.
+`check.py` runs it with a Python that has rclpy. It does not import footfall.
 """
 
 import json
@@ -42,7 +42,7 @@ def velocity(forward: float, yaw_rate: float = 0.0) -> Twist:
 
 
 def steer(peer: Peer) -> None:
-    """Velocities, a wrong one, the other type, a publisher that is killed."""
+    """Test valid and invalid velocities, the other message type, and a killed publisher."""
     publisher = peer.node.create_publisher(Twist, "/cmd_vel", 10)
     peer.until(lambda: publisher.get_subscription_count() > 0, 10.0)
     before = peer.latest("/odom")
@@ -80,7 +80,8 @@ def killed_publisher(peer: Peer) -> None:
     process.wait()
 
     def zero_s() -> float:
-        """When the run's command was zero, by its own stamp: what comes late here was in time there."""
+        """Time stamp of the run's first zero command after the kill, independent of delays of this
+        process."""
         zeros = (stamp_s(m) for _, m in commands if m.twist.linear.x == 0.0)
         return next((at_s for at_s in zeros if at_s > killed_s), 0.0)
 
@@ -90,7 +91,7 @@ def killed_publisher(peer: Peer) -> None:
 
 
 def other_type(peer: Peer) -> None:
-    """Another process publishes the other type: one node cannot have two types on a topic."""
+    """Publish the other message type from another process: one node cannot have two types on a topic."""
     code = PUBLISHER.replace("Twist\n", "TwistStamped\n").replace("(Twist,", "(TwistStamped,")
     code = code.replace("Twist()", "TwistStamped()").replace("message.linear", "message.twist.linear")
     process = subprocess.Popen([sys.executable, "-c", code])
@@ -104,7 +105,7 @@ def other_type(peer: Peer) -> None:
 
 
 def ask(peer: Peer, expected: list[list[str]]) -> None:
-    """Services and parameters."""
+    """Test services and parameters."""
     services = dict(peer.node.get_service_names_and_types())
     missing = [name for name, kind in expected if kind not in services.get(name, [])]
     found("services", not missing, missing or f"{len(expected)} services")
@@ -134,7 +135,7 @@ def ask(peer: Peer, expected: list[list[str]]) -> None:
 
 
 def follow(peer: Peer) -> None:
-    """The action: half a metre ahead of where the robot is."""
+    """Test the action with a goal half a metre ahead of the robot."""
     kind = import_module("nav2_msgs.action").FollowPath
     client = ActionClient(peer.node, kind, "/footfall/follow_path")
     if not peer.until(client.server_is_ready, 10.0):
@@ -183,7 +184,7 @@ def follow(peer: Peer) -> None:
 
 
 def ask_by_topics(peer: Peer) -> None:
-    """What services ask for, by topics: the only way without rclpy."""
+    """Test requests by topics, the only way without rclpy."""
     wish = peer.node.create_publisher(String, "/footfall/wish", 10)
     policy = peer.node.create_publisher(String, "/footfall/policy", 10)
     peer.until(lambda: wish.get_subscription_count() and policy.get_subscription_count(), 10.0)
@@ -194,7 +195,7 @@ def ask_by_topics(peer: Peer) -> None:
 
 
 def stop(peer: Peer, by_service: bool) -> None:
-    """The last thing: the robot lies down."""
+    """Stop the run, as the last test: the robot lies down."""
     if by_service:
         answer = peer.call(Trigger, "/footfall/stop", Trigger.Request())
         found("service stop answers", answer and answer.success, str(answer))

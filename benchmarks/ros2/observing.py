@@ -1,4 +1,4 @@
-"""Checks of a run in ROS 2 that need no request: graph and values of messages. Part of `looks.py`."""
+"""Checks of a run in ROS 2 without requests: graph and values of messages. Part of `looks.py`."""
 
 import sys
 import time
@@ -26,7 +26,7 @@ def stamp_s(message: Any) -> float:
 
 
 def rate_hz(peer: Peer, topic: str, seconds: float) -> float:
-    """Rate of a topic by its time stamps: messages arrive in bursts on a busy computer."""
+    """Rate of a topic by its time stamps, because messages arrive in bursts on a busy computer."""
     before = len(peer.heard[topic])
     peer.spin(seconds)
     stamps = [stamp_s(message) for _, message in peer.heard[topic][before:]]
@@ -40,7 +40,7 @@ def state(peer: Peer) -> str:
 
 
 def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
-    """Nodes, topics with their types and quality of service."""
+    """Check nodes, topics, message types and quality of service."""
     node = peer.node
     peer.until(lambda: "/footfall/state" in dict(node.get_topic_names_and_types()), 40.0)
     peer.until(lambda: "footfall" in node.get_node_names(), 2.0)
@@ -65,7 +65,8 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
 
 
 def look_at_values(peer: Peer) -> None:
-    """Messages: latched ones come late, the others at the table's rates, with values that make sense."""
+    """Check messages: latched ones reach late subscribers, others have the table's rates and plausible
+    values."""
     peer.listen("/robot_description", String, LATCHED)
     peer.listen("/tf_static", import_module("tf2_msgs.msg").TFMessage, LATCHED)
     peer.listen("/tf", import_module("tf2_msgs.msg").TFMessage, 100)
@@ -91,7 +92,7 @@ def look_at_values(peer: Peer) -> None:
         found(f"rate of {topic}, Hz (less on a busy computer)", 0.1 < seen / most_hz < 1.1, round(seen, 1))
     joints = peer.latest("/joint_states")
     if joints is None:
-        sys.exit("there is no run")
+        sys.exit("no run found")
     found("joint states", len(joints.name) == len(joints.position) >= 12, joints.name)
     imu = peer.latest("/imu/data")
     found(

@@ -27,14 +27,14 @@ class Peer:
         self.until(lambda: False, seconds)
 
     def until(self, done: Callable[[], Any], patience_s: float) -> Any:
-        """The first true value of a function, or its last one."""
+        """First true value of a function, or its last value at the timeout."""
         end_s = time.monotonic() + patience_s
         while not (found := done()) and time.monotonic() < end_s:
             self.executor.spin_once(timeout_sec=0.02)
         return found
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """The answer of a service; None if it does not answer."""
+        """Response of a service; None without a response."""
         client = self.node.create_client(kind, name)
         try:
             if not self.until(client.service_is_ready, 5.0):
@@ -56,5 +56,5 @@ class Peer:
 
 
 def found(name: str, right: Any, seen: Any) -> None:
-    """Print a finding in JSON: its name, whether it is as it should be, and what was seen."""
+    """Print a finding in JSON: name, whether the check passed, and the observed value."""
     print(json.dumps({"check": name, "ok": bool(right), "seen": seen}), flush=True)

@@ -1,8 +1,8 @@
-"""Sends height scans to a policy by real rclpy and checks in the run's log what it read; 1 if wrong.
+"""Sends height scans to a policy by real rclpy and checks the policy's inputs in the log; exit 1 if wrong.
 
     python benchmarks/ros2/scans.py jazzy/bin/python [--backend cyclonedds]
 
-The first argument is a Python with rclpy; docs/ros2.md tells how to have one from PyPI.
+The first argument is a Python with rclpy; docs/ros2.md describes how to install one from PyPI.
 """
 
 import argparse
@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from relaxed_limits import RELAXED
 
-DOMAIN = "88"  # of these checks alone
+DOMAIN = "88"  # only for these checks
 POLICY, WALKING_S, SENDING_S, START_S = "go1-rough", 10.0, 6.0, 60.0
 PUBLISHER = """
 import sys, time, rclpy
@@ -53,7 +53,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("python", type=Path, help="a Python that has rclpy")
-    parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
+    parser.add_argument("--priority", type=int, help="SCHED_FIFO priority of the loop, for a busy computer")
     parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
     options = parser.parse_args()
     robot = load_robot("go1")
@@ -89,11 +89,11 @@ def main() -> int:
     read = [each.height_scan for each in inputs if each.height_scan is not None]
     right = sum(np.allclose(each, sent, atol=1e-4) for each in read)
     findings = [
-        ("the run listens", heard, "/height_scan"),
+        ("the run subscribes", heard, "/height_scan"),
         ("policy steps with a scan", 50 < len(read) < len(inputs), f"{len(read)} of {len(inputs)}"),
-        ("scans as they were sent", right == len(read), f"{right} of {len(read)}"),
+        ("scans equal the published ones", right == len(read), f"{right} of {len(read)}"),
         ("a scan of another grid is noted", any("3 heights" in each for each in notes), notes),
-        ("the last scan grows old", inputs[-1].height_scan is None, f"{scan.max_age_s} s at most"),
+        ("the last scan expires", inputs[-1].height_scan is None, f"{scan.max_age_s} s at most"),
         ("no fall", not fell, ""),
     ]
     for name, ok, seen in findings:

@@ -1,8 +1,8 @@
-"""A motor driver of your own, for a protocol that footfall lacks; acme_motor_end.py has its simulated motors.
+"""Example of a motor driver for a new protocol; acme_motor_end.py has its simulated motors.
 
     footfall deploy trot --robot my_robot --command 0.4,0,0
 
-In my_robot/robot.yaml a motor names it: `protocol: acme_driver:AcmeDriver`. The protocol is invented:
+In my_robot/robot.yaml a motor names it: `protocol: acme_driver:AcmeDriver`. The protocol is fictitious:
 
     0x100 + id  command  position, velocity, torque (int16), stiffness, damping (uint8)
     0x180 + id  order    first byte: 1 enable, 2 disable, 3 zero, 4 clear errors
@@ -21,7 +21,7 @@ from footfall.deploy.wiring import Wiring
 COMMAND, ORDER, REPLY = 0x100, 0x180, 0x200
 ENABLE, DISABLE, ZERO, CLEAR = 1, 2, 3, 4
 ERRORS = {1: "over-current", 2: "over-temperature", 3: "a communication time-out"}
-# Unit of a count: rad, rad/s, N m/rad, N m s/rad, N m.
+# Unit per count: rad, rad/s, N m/rad, N m s/rad, N m.
 UNITS = {"position": 5e-4, "velocity": 2e-3, "kp": 1.0, "kd": 0.02, "torque": 2e-3}
 COMMANDED = np.dtype("<i2, <i2, <i2, u1, u1")
 COMMANDED.names = ("position", "velocity", "torque", "kp", "kd")

@@ -1,7 +1,7 @@
-"""The simulated motors of acme_driver.py: the far end of the same protocol.
+"""Simulated motors of acme_driver.py: the far end of the same protocol.
 
-The simulated robot does the physics, the time-outs and the faults. This class decodes what motors receive and
-encodes what they answer.
+The simulated robot does the physics, the timeouts and the faults. This class decodes the frames that motors
+receive and encodes their replies.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ ORDERS = {ENABLE: Request.ENABLE, DISABLE: Request.DISABLE, ZERO: Request.ZERO, 
 
 
 class AcmeMotorEnd(PolledMotorEnd):
-    """The motors' end, for all motors of the protocol at once."""
+    """Far end of the protocol, for all its motors at once."""
 
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": start, "can_mask": 0x780, "extended": False} for start in (COMMAND, ORDER)

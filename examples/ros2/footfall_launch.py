@@ -1,6 +1,6 @@
 """Launches a run that ROS 2 steers: `ros2 launch footfall_launch.py robot:=go1 policy:=trot rviz:=true`.
 
-The command `footfall` has to be on the PATH, or `footfall:=/path/to/.venv/bin/footfall` names it.
+The command `footfall` must be on the PATH, or be given by `footfall:=/path/to/.venv/bin/footfall`.
 """
 
 from pathlib import Path
@@ -12,17 +12,17 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 ARGUMENTS = {
-    "footfall": ("footfall", "the command"),
+    "footfall": ("footfall", "command to run"),
     "robot": ("go1", "name or folder of the robot"),
-    "policy": ("trot", "who walks"),
-    "bus": ("sim", "sim, socketcan, or another kind of python-can"),
+    "policy": ("trot", "name or folder of the policy"),
+    "bus": ("sim", "sim, socketcan, or another python-can interface"),
     "cmd_vel": ("twist", "type of /cmd_vel: twist or stamped"),
-    "rviz": ("false", "whether RViz is opened, too"),
+    "rviz": ("false", "whether to open RViz, too"),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The run, and RViz if it is asked for; the end of the run ends the launch."""
+    """The run, and RViz if requested; the launch ends with the run."""
     given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
     command = [given["footfall"], "deploy", given["policy"], "--robot", given["robot"], "--bus", given["bus"]]
     run = ExecuteProcess(

@@ -1,6 +1,6 @@
 """Writes a layout for PlotJuggler: `python plotjuggler.py go1 > go1.xml`; `plotjuggler --layout go1.xml`.
 
-It shows the topics of a run in ROS 2 and those of a log (`footfall deploy … --log walk.mcap`) alike.
+The layout fits the topics of a run in ROS 2 and those of a log (`footfall deploy … --log walk.mcap`).
 """
 
 import sys
@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 from footfall import load_robot
 
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf")
-Plots = dict[str, list[str]]  # curves by the plot's title
+Plots = dict[str, list[str]]  # curves by title of the plot
 
 
 def tabs(robot: str) -> Iterator[tuple[str, Plots]]:
-    """A tab for the base, and one for each leg: its joints' positions, speeds and torques."""
+    """A tab for the base, and one for each leg with its joints' positions, speeds and torques."""
     yield (
         "base",
         {
