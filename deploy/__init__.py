@@ -1,1 +1,1 @@
-"""Where a policy acts: control loop, joint layer, drivers, buses, supervisor, estimator, log, replay."""
+"""Execution on a robot: control loop, joint layer, drivers, buses, supervisor, estimator, log, replay."""

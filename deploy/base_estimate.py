@@ -1,4 +1,4 @@
-"""The base's velocity and height: estimated at a rate of its own, or given by a simulation."""
+"""Velocity and height of the base: estimated at its own rate, or given by a simulation."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,22 +11,22 @@ from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.policies.policy import Sensed
 
-BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
+BaseState = Callable[[], tuple[np.ndarray, float]]  # velocity of the base (3,) m/s, body frame, and height m
 UNKNOWN = (np.full(3, np.nan), math.nan)
-ODOMETRY_EVERY_US = 20_000  # for the log
-POSE_EVERY_US = 20_000  # for the command source
+ODOMETRY_EVERY_US = 20_000  # interval for the log
+POSE_EVERY_US = 20_000  # interval for the command source
 
 
 class Estimator(Protocol):
-    """Estimates the base's velocity (3,) m/s, body frame, and height m from readings."""
+    """Estimates the base's velocity (3,) m/s, body frame, and its height m, from readings."""
 
     def reset(self, sensed: Sensed) -> None: ...
 
     def start(self) -> None:
-        """Set the pose to zero: the policy takes over."""
+        """Set the pose to zero at the start of walking."""
 
     def stood_up(self, sensed: Sensed) -> None:
-        """Begin again at rest after a fall, at the place of the fall."""
+        """Start again at rest after a fall, at the position of the fall."""
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
@@ -38,17 +38,17 @@ class Estimator(Protocol):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Sensors that it ignores, one line each, each once. The sequence only grows."""
+        """Ignored sensors, one line each, without repetition. The list only grows."""
         ...
 
 
 class BaseEstimate:
-    """The latest estimate: by an estimator, by `base_state`, or unknown without either."""
+    """Latest estimate: from an estimator, from `base_state`, or unknown without either."""
 
     def __init__(
         self, rate_hz: float, estimator: Estimator | None = None, base_state: BaseState | None = None
     ) -> None:
-        """`rate_hz`: how often to estimate at least; `base_state` takes the place of an estimator."""
+        """`rate_hz`: minimum rate of the estimate; `base_state` replaces an estimator."""
         self._every_us = round(1e6 / rate_hz)
         self._estimator, self._base_state = estimator, base_state
         self._updated_us = -1
@@ -62,22 +62,23 @@ class BaseEstimate:
         return () if self._estimator is None else self._estimator.notes
 
     def reset(self, now_us: int, sensed: Sensed) -> None:
-        """The robot begins to stand up with these readings."""
+        """Start with these readings, when the robot begins to stand up."""
         self._updated_us = now_us
         if self._estimator is not None:
             self._estimator.reset(sensed)
 
     def start(self) -> None:
-        """The policy takes over."""
+        """Set the pose to zero at the start of walking."""
         if self._estimator is not None:
             self._estimator.start()
 
     def lose(self) -> None:
-        """The robot fell: its velocity and height are unknown until it stands."""
+        """Set velocity and height to unknown after a fall, until the robot stands."""
         self.value = UNKNOWN
 
     def stood_up(self, now_us: int, sensed: Sensed) -> None:
-        """The robot stands after a fall. The pose goes on from where it fell, if it had stood before."""
+        """Continue after a fall, once the robot stands. The pose continues if it was known before the
+        fall."""
         if self._updated_us < 0:
             self.reset(now_us, sensed)
             return
@@ -86,13 +87,13 @@ class BaseEstimate:
             self._estimator.stood_up(sensed)
 
     def due(self, now_us: int, step_due: bool) -> bool:
-        """Whether to estimate anew: at the estimator's rate, and where the policy takes its step."""
+        """Whether an update is due: at the estimator's rate, and at each policy step."""
         if self._base_state is not None:
             return True
         return self._estimator is not None and (step_due or now_us - self._updated_us >= self._every_us)
 
     def update(self, now_us: int, sensed: Sensed, runner: PolicyRunner) -> None:
-        """Estimate anew from these readings, unless the policy fails to give its contact plan."""
+        """Update the estimate with these readings, unless the policy fails to give its contact plan."""
         if self._base_state is not None:
             self.value = self._base_state()
         elif self._estimator is not None:
@@ -103,14 +104,14 @@ class BaseEstimate:
             self._updated_us = now_us
 
     def pose(self, now_us: int) -> Pose:
-        """Where the base is, some ms old at most; NaN without an estimator."""
+        """Pose of the base, at most 20 ms old; NaN without an estimator."""
         if self._estimator is not None and now_us >= self._next_pose_us and self._updated_us >= 0:
             self._next_pose_us = now_us + POSE_EVERY_US
             self._pose = Pose(*self._estimator.pose())
         return self._pose
 
     def odometry(self, now_us: int) -> Odometry | None:
-        """The base's motion for the log; None if it is not due, or without an estimator."""
+        """Odometry of the base for the log; None if it is not due, or without an estimator."""
         if self._estimator is None or now_us < self._next_odometry_us:
             return None
         self._next_odometry_us = now_us + ODOMETRY_EVERY_US

@@ -1,8 +1,8 @@
-"""The battery: its charge from voltage and current, and the share of speed and torque that it allows.
+"""Battery: charge from voltage and current, and the share of speed and torque that it allows.
 
-Voltage alone misjudges a pack under load, and counting current alone drifts. Both are combined by a Kalman
-filter of one state, the charge. The voltage at rest is the measured one plus the internal resistance's drop.
-Where the curve is flat, or the current large, the voltage counts for little.
+Voltage alone misjudges a pack under load, and integrated current drifts. A Kalman filter with one state, the
+charge, combines both. The open-circuit voltage is the measured one plus the drop at the internal resistance.
+If the curve is flat or the current is large, the voltage has little weight.
 """
 
 import math
@@ -18,19 +18,19 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class BatteryLimits:
-    """When a low battery limits the robot and ends the run, and how far its readings are trusted."""
+    """Limits at which a low battery slows the robot and ends the run, and uncertainties of its readings."""
 
-    low_charge: float = 0.2  # below which speed and torque are limited
-    empty_charge: float = 0.08  # at which the run ends
-    low_cell_v: float = 0.2  # above an empty cell's voltage, under load: likewise for cells that sag
-    least_share: float = 0.6  # of speed and torque, just before the run ends
-    off_cell_v: float = 0.3  # by which a cell's voltage may contradict charge and current
-    smooth_s: float = 1.0  # time constant of both voltages: a step's peak of current is no fault
-    period_s: float = 0.05  # between two looks
-    voltage_error_v: float = 0.02  # of a cell, in the reading and in the curve: standard deviation
-    resistance_error: float = 0.3  # share by which the internal resistance is unknown: likewise
-    current_error: float = 0.15  # share by which the current is: likewise
-    error_s: float = 10.0  # for which such an error stays the same
+    low_charge: float = 0.2  # charge below which speed and torque are limited
+    empty_charge: float = 0.08  # charge at which the run ends
+    low_cell_v: float = 0.2  # the same range as a cell's voltage under load above its empty voltage
+    least_share: float = 0.6  # share of speed and torque just before the run ends
+    off_cell_v: float = 0.3  # largest difference of a cell's voltage from that for charge and current
+    smooth_s: float = 1.0  # time constant of both voltages: a step's current peak is not a fault
+    period_s: float = 0.05  # between two updates
+    voltage_error_v: float = 0.02  # standard deviation of a cell's voltage, in the reading and in the curve
+    resistance_error: float = 0.3  # standard deviation of the internal resistance, as a share
+    current_error: float = 0.15  # standard deviation of the current, as a share
+    error_s: float = 10.0  # correlation time of these errors
 
     def __post_init__(self) -> None:
         require_between(self, 0.0, 1.0, "empty_charge", "low_charge", "resistance_error", "current_error")
@@ -45,18 +45,18 @@ class BatteryLimits:
 
 
 class BatteryState(NamedTuple):
-    """The battery at a moment; NaN where nothing is known."""
+    """State of the battery; NaN for unknown values."""
 
     charge: float = math.nan  # share of the capacity, 0 to 1
-    charge_error: float = math.nan  # its standard deviation
+    charge_error: float = math.nan  # standard deviation of the charge
     voltage_v: float = math.nan  # at the motors, under load
-    current_a: float = math.nan  # drawn; negative while motors feed back
-    allowed: float = 1.0  # share of the ranges of commands and of the motors' torque
-    fault: str = ""  # why the run has to end, in one line
+    current_a: float = math.nan  # drawn current; negative while motors feed back
+    allowed: float = 1.0  # share of the command ranges and of the motors' torque
+    fault: str = ""  # reason to end the run, in one line
 
     @property
     def known(self) -> bool:
-        """Whether there is a claim about the charge."""
+        """Whether the charge is known."""
         return not math.isnan(self.charge)
 
 
@@ -64,24 +64,24 @@ NO_BATTERY = BatteryState()
 
 
 class BatteryMonitor:
-    """The state of a declared battery, from what the motors report."""
+    """State of a battery in robot.yaml, from the motors' reports."""
 
     def __init__(self, robot: Robot, battery: Battery, limits: BatteryLimits) -> None:
-        """Nothing is known before a motor has reported a voltage."""
+        """The state is unknown until a motor has reported a voltage."""
         self._battery, self._limits, self._loss = battery, limits, robot.copper_loss
         self._next_us: float = -math.inf
         self._last_us = 0
         self._smooth_v = math.nan  # voltage under load
-        self._off_v = 0.0  # smoothed difference to what charge and current explain
+        self._off_v = 0.0  # smoothed difference from the voltage for charge and current
         self.state = NO_BATTERY
 
     def look(self, now_us: int, voltage: np.ndarray, current: np.ndarray, joints: np.ndarray) -> bool:
-        """Take in what motors report, if it is time; returns whether it was.
+        """Update the state if it is due, with the motors' reports; returns whether it was due.
 
         Args:
             now_us: the loop's time.
-            voltage: (n,) at the motors' supply, V; NaN where not reported.
-            current: (n,) drawn from it, A; NaN where not reported: it follows from torque and speed.
+            voltage: (n,) supply voltage of each motor, V; NaN if not reported.
+            current: (n,) supply current of each motor, A; if NaN, it is computed from torque and speed.
             joints: (3, n) position rad, velocity rad/s, torque N m.
         """
         if now_us < self._next_us:
@@ -95,7 +95,7 @@ class BatteryMonitor:
         return True
 
     def _drawn(self, current: np.ndarray, joints: np.ndarray) -> float:
-        """Current from the pack, A."""
+        """Current drawn from the pack, A."""
         _, velocity, torque = joints
         power_w = torque * velocity + self._loss * torque**2
         of_motors = np.where(np.isfinite(current), current, power_w / self._battery.nominal_v)
@@ -132,7 +132,7 @@ class BatteryMonitor:
         )
 
     def _reserve(self, charge: float) -> float:
-        """1 where nothing is limited, 0 where the run ends."""
+        """1 without limitation, 0 at the end of the run."""
         limits, battery = self._limits, self._battery
         by_charge = (charge - limits.empty_charge) / (limits.low_charge - limits.empty_charge)
         by_voltage = (self._smooth_v - battery.empty_v) / (battery.cells * limits.low_cell_v)
@@ -140,13 +140,13 @@ class BatteryMonitor:
 
     def _fault(self, charge: float, reserve: float) -> str:
         if abs(self._off_v) > self._battery.cells * self._limits.off_cell_v:
-            return f"the battery's voltage is {self._off_v:+.1f} V off what its charge and current explain"
+            return f"the battery's voltage differs by {self._off_v:+.1f} V from what its charge implies"
         if reserve > 0.0:
             return ""
         return f"the battery is empty: {charge:.0%} of its charge, {self._smooth_v:.1f} V under load"
 
 
 def battery_monitor(robot: Robot, limits: BatteryLimits) -> BatteryMonitor | None:
-    """A monitor of the battery that the robot declares; None if it declares none."""
+    """Monitor for the battery in robot.yaml; None without one."""
     declared = robot.description.battery
     return None if declared is None else BatteryMonitor(robot, declared, limits)

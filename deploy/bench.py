@@ -1,6 +1,6 @@
-"""A robot's motors on a bus without a control loop: for a robot on a stand, one operation at a time.
+"""Operations on a robot's motors without a control loop, for a robot on a stand.
 
-However an operation ends, the motors are disabled afterwards.
+After every operation, even a failed one, the motors are disabled.
 """
 
 import signal
@@ -17,14 +17,14 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
-PERIOD_US = 20_000  # well within a motor's time-out
-PATIENCE_S = 2.0  # for motors to report their settings, and to confirm enable
+PERIOD_US = 20_000  # well within the motors' timeout
+PATIENCE_S = 2.0  # timeout for motors to report their settings, and to confirm enable
 SILENCE_US = 500_000
-SETTLE_S = 1.0  # motors off, before a zero is set
+SETTLE_S = 1.0  # motors are disabled for this time before their zero is set
 STILL_RAD_S = 0.2
-REPEATS = 5  # of frames that disable motors or clear errors: a frame may be lost
-CLEAR_S = 0.5  # until a motor reports no error any more: heartbeats come ten times a second
-ZERO_S = 1.2  # some motors are silent for a second after their zero was set
+REPEATS = 5  # of frames that disable motors or clear errors, because a frame may be lost
+CLEAR_S = 0.5  # time until the reports contain no error any more: heartbeats come ten times per second
+ZERO_S = 1.2  # some motors are silent for a second after their zero is set
 ZERO_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
 HANGING_UP = (
@@ -34,23 +34,23 @@ HANGING_UP = (
 
 
 class MotorState(NamedTuple):
-    """The latest state of one motor."""
+    """Latest state of one motor."""
 
     joint: str
     bus: str
     id: int
     model: str
-    age_s: float  # of its latest reply; infinite without one
+    age_s: float  # age of its latest reply; infinite without one
     position: float  # rad
     velocity: float  # rad/s
     torque: float  # N m
-    temperature_c: float  # NaN where the motor does not report it
-    voltage: float  # V; NaN where the motor does not report it
-    error: str  # in words; empty for none
+    temperature_c: float  # NaN if not reported
+    voltage: float  # V; NaN if not reported
+    error: str  # text; empty for none
 
 
 class Bench:
-    """Some motors of a robot, exchanging frames at a steady rate."""
+    """Exchanges frames with some motors of a robot at a fixed rate."""
 
     def __init__(self, wiring: Wiring, bus: Bus, clock: Clock | None = None) -> None:
         """Raises UserError for a motor without a driver."""
@@ -67,16 +67,16 @@ class Bench:
     # -- operations ----------------------------------------------------------------------------------
 
     def watch(self, seconds: float, each_tick: Callable[[], None]) -> None:
-        """Read the motors while they are off: most answer the frame that disables them."""
+        """Read the motors while they are disabled: most motors reply to the disable frame."""
         self._run(seconds, self._driver.disable, each_tick)
 
     def query_settings(self) -> str:
-        """Read the motors' settings; returns the first problem, empty for none."""
+        """Read the motors' settings; returns the first problem, or an empty string."""
         self._run(PATIENCE_S, self._driver.query_settings, until=lambda: not self._driver.not_ready())
         return self._driver.not_ready()
 
     def enable(self) -> str:
-        """Enable the motors, without torque; returns the first problem, empty for none."""
+        """Enable the motors, without torque; returns the first problem, or an empty string."""
         self._run(
             PATIENCE_S, self._driver.enable, until=lambda: not (self.missing() or self._driver.not_enabled())
         )
@@ -88,7 +88,8 @@ class Bench:
         self._run(seconds, lambda: self._driver.command(nothing), each_tick)
 
     def settle(self) -> str:
-        """Wait, motors off, until no joint moves; returns the first that moves or is silent, or empty."""
+        """Wait with disabled motors until no joint moves; returns the first moving or silent one, or
+        empty."""
         self._run(SETTLE_S, self._driver.disable)
         self._run(PATIENCE_S, self._driver.disable, until=lambda: not self._unsettled())
         return self._unsettled()
@@ -99,7 +100,7 @@ class Bench:
         return self.missing() or moves
 
     def clear(self) -> str:
-        """Clear latched errors; returns why that is impossible, empty if it is possible."""
+        """Clear latched errors; returns why that is impossible, or an empty string."""
         frames = self._driver.clear()
         if not len(frames.id):
             return "these motors have no frame that clears errors: switch their power off and on"
@@ -109,14 +110,14 @@ class Bench:
         return ""
 
     def zero(self) -> str:
-        """Make motors take their present position for zero; returns the first that does not, or empty."""
+        """Set the motors' zero to their present position; returns the first failure, or an empty string."""
         for _ in range(ZERO_TRIES):
             self._run(0.0, self._driver.zero)
             self._run(ZERO_S, self._driver.disable)
             elsewhere = np.abs(self._values[0]) > ZERO_RAD
             if not elsewhere.any():
                 return ""
-        return f"{self._wiring.place(int(elsewhere.argmax()))} did not take its position for zero"
+        return f"{self._wiring.place(int(elsewhere.argmax()))} did not set its zero"
 
     def disable(self) -> None:
         """Disable the motors."""
@@ -126,12 +127,12 @@ class Bench:
     # -- queries -------------------------------------------------------------------------------------
 
     def missing(self) -> str:
-        """First motor that is silent; empty if all reply."""
+        """First silent motor; empty if all reply."""
         silent = self._now_us - self._heard_us > SILENCE_US
         return f"no answer from {self._wiring.place(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:
-        """The latest state of each motor."""
+        """Latest state of each motor."""
         wiring = self._wiring
         columns = zip(
             ((self._now_us - self._heard_us) * 1e-6).tolist(),
@@ -161,9 +162,8 @@ class Bench:
         each_tick: Callable[[], None] | None = None,
         until: Callable[[], bool] | None = None,
     ) -> None:
-        """Exchange frames for a time, one tick at least, or until a condition holds.
-
-        Raises UserError for a bus that fails.
+        """Exchange frames for a time, at least for one tick, or until a condition holds.
+        Raises UserError for a failing bus.
         """
         end_us = self._now_us + seconds * 1e6
         while True:
@@ -176,7 +176,7 @@ class Bench:
                 return
 
     def _exchange(self, frames: Frames) -> None:
-        """Send frames, wait for a tick, decode replies."""
+        """Send frames, wait for the next tick, decode replies."""
         self._bus.send(frames, self._now_us)
         self._now_us = self._clock.next_tick()
         for batch in self._bus.receive(self._now_us):
@@ -188,7 +188,7 @@ class Bench:
 
 @contextmanager
 def switched_off_afterwards(bench: Bench) -> Iterator[None]:
-    """Disable a bench's motors when the context ends, however it ends; no signal interrupts that."""
+    """Disable a bench's motors at the end of the context in any case; no signal interrupts that."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt

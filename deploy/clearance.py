@@ -1,4 +1,4 @@
-"""How much of the base's clearance over the ground is gone, by the legs and the IMU."""
+"""Loss of the base's clearance above the ground, from legs and IMU."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from footfall.robots.kinematics import Legs
 
 
 def legs_of(robot: Robot) -> Legs | None:
-    """The robot's legs; None of a robot that stands on something else."""
+    """Legs of the robot; None for a robot without legs."""
     try:
         return robot.legs if robot.description.feet else None
     except UserError:
@@ -19,20 +19,20 @@ def legs_of(robot: Robot) -> Legs | None:
 
 
 class Clearance:
-    """The clearance between the base's lowest corner and the lowest foot."""
+    """Clearance between the base's lowest corner and the lowest foot."""
 
     def __init__(self, robot: Robot) -> None:
         self._legs, self._standing_m = legs_of(robot), robot.description.standing_height_m
 
     def sunk_share(self, position: np.ndarray, quaternion: Sequence[float] | np.ndarray) -> float:
-        """Share of the clearance that is gone.
+        """Lost share of the clearance.
 
         Args:
-            position: of the joints, rad, (n,).
-            quaternion: of the base, w x y z.
+            position: joint positions, rad, (n,).
+            quaternion: orientation of the base, w x y z.
 
         Returns:
-            0 when the robot stands, 1 when a corner of the base is as low as the feet; 0 of a robot without
+            0 for a standing robot, 1 with a corner of the base as low as the feet; 0 for a robot without
             legs.
         """
         if self._legs is None:

@@ -1,4 +1,4 @@
-"""The loop's time: simulated, as fast as possible, or the wall clock."""
+"""Clock of the loop: simulated time, or wall-clock time."""
 
 import ctypes
 import gc
@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
-LOCKSTEP_START_NS = 10**18  # 2001-09-09 01:46:40 UTC: seconds from there on end in the run's own time
-SWITCH_S = 1e-4  # longest time that another thread keeps Python's lock while the loop's waits
+LOCKSTEP_START_NS = 10**18  # 2001-09-09 01:46:40 UTC, start of simulated time
+SWITCH_S = 1e-4  # longest time for which another thread keeps the GIL while the loop's thread waits
 
 _MCL_CURRENT_AND_FUTURE = 3
 _PR_SET_TIMERSLACK = 29
@@ -20,12 +20,12 @@ _CAP_IPC_LOCK = 14
 
 
 class Clock(Protocol):
-    """Hands out the times of the loop's ticks, in whole microseconds since it started."""
+    """Times of the loop's ticks, in integer microseconds since the start."""
 
     realtime: bool
 
     def start(self) -> int:
-        """Make this moment time zero; returns its Unix time, ns, or `LOCKSTEP_START_NS` in lockstep."""
+        """Set time zero; returns its Unix time, ns, or `LOCKSTEP_START_NS` in lockstep."""
         ...
 
     def next_tick(self) -> int:
@@ -33,12 +33,12 @@ class Clock(Protocol):
         ...
 
     def lateness_us(self) -> float:
-        """How much later than due the last tick began."""
+        """Delay of the last tick's start."""
         ...
 
 
 class LockstepClock:
-    """Simulated time: ticks follow without a wait."""
+    """Simulated time, without waiting between ticks."""
 
     realtime = False
 
@@ -58,7 +58,7 @@ class LockstepClock:
 
 
 class WallClock:
-    """Wall time, paced by absolute deadlines. A missed tick is skipped."""
+    """Wall-clock time with absolute deadlines. A missed tick is skipped."""
 
     realtime = True
 
@@ -79,7 +79,7 @@ class WallClock:
         self._tick = max(self._tick + 1, (now - self._start_ns) // self._period_ns)
         due = self._start_ns + self._tick * self._period_ns
         while (left := due - time.monotonic_ns()) > 0:
-            time.sleep(left * 1e-9)  # an absolute, uninterrupted clock_nanosleep from Python 3.11 on
+            time.sleep(left * 1e-9)  # from Python 3.11 on an absolute, uninterrupted clock_nanosleep
         self._late_ns = time.monotonic_ns() - due
         return self._tick * self._period_ns // 1000
 
@@ -89,13 +89,13 @@ class WallClock:
 
 @contextmanager
 def undisturbed(priority: int | None) -> Iterator[list[str]]:
-    """Run this thread without garbage collection and, where the system lets us, at a real-time priority.
+    """Run this thread without garbage collection and, if permitted, with a real-time priority.
 
-    Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it on
+    Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it up on
     time instead of up to 50 us late.
 
     Args:
-        priority: of SCHED_FIFO, with memory locked; None leaves both alone.
+        priority: SCHED_FIFO priority, with locked memory; None changes neither.
 
     Yields:
         What the system did not permit, one line each. The loop then runs without it.
@@ -111,15 +111,15 @@ def undisturbed(priority: int | None) -> Iterator[list[str]]:
         undo.callback(gc.enable)
         undo.callback(sys.setswitchinterval, switch_s)
         _set_timer_slack(1)
-        undo.callback(_set_timer_slack, 0)  # as it was at first
+        undo.callback(_set_timer_slack, 0)  # original value
         if priority is not None:
             refused += filter(None, [_lock_memory(undo), _take_priority(priority, undo)])
         yield refused
 
 
 def _lock_memory(undo: ExitStack) -> str:
-    """Keep the process's memory from being paged out; returns why not."""
-    if not may_lock_memory():  # what is allocated past the limit would fail
+    """Lock the process's memory against paging; returns the reason of a failure."""
+    if not may_lock_memory():  # allocations beyond the limit would fail
         limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
         return f"memory is not locked: the limit (ulimit -l) is {limit / 2**20:.0f} MiB"
     library = ctypes.CDLL(None, use_errno=True)
@@ -130,7 +130,7 @@ def _lock_memory(undo: ExitStack) -> str:
 
 
 def may_lock_memory(status: Path = Path("/proc/self/status")) -> bool:
-    """Whether all of this process's memory may be locked: no limit, or the capability CAP_IPC_LOCK."""
+    """Whether all memory of this process may be locked: no limit, or the capability CAP_IPC_LOCK."""
     if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY:
         return True
     try:
@@ -141,7 +141,7 @@ def may_lock_memory(status: Path = Path("/proc/self/status")) -> bool:
 
 
 def _take_priority(priority: int, undo: ExitStack) -> str:
-    """Real-time scheduling for this thread; returns why not."""
+    """Set real-time scheduling for this thread; returns the reason of a failure."""
     if not hasattr(os, "sched_setscheduler"):
         return "no real-time priority: this system has no SCHED_FIFO"
     before = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -154,6 +154,6 @@ def _take_priority(priority: int, undo: ExitStack) -> str:
 
 
 def _set_timer_slack(slack_ns: int) -> None:
-    """Set how late the kernel may wake this thread; 0 for its default. Linux only."""
+    """Set the kernel's timer slack for this thread; 0 for the default. Linux only."""
     with suppress(AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(slack_ns), 0, 0, 0)

@@ -17,17 +17,17 @@ def _pairs(ranges: CommandRange) -> Pairs:
 
 
 class CommandLimits:
-    """Clips commands to a policy's ranges, and notes it once for each axis."""
+    """Clips commands to a policy's ranges, with one note for each axis."""
 
     def __init__(
         self, ranges: CommandRange | None, notes: list[str] | None = None, usual: CommandRange | None = None
     ) -> None:
-        """Without ranges only values that are not finite change: to 0.
+        """Without ranges, only values that are not finite change: to 0.
 
         Args:
-            ranges: of the policy.
-            notes: notes are appended to it.
-            usual: ranges that `reduce` takes if the policy has none.
+            ranges: command ranges of the policy.
+            notes: list to which notes are appended.
+            usual: ranges for `reduce` if the policy has none.
         """
         everything = (-math.inf, math.inf)
         self._ranges = (everything,) * 3 if ranges is None else _pairs(ranges)
@@ -37,7 +37,7 @@ class CommandLimits:
         self._noted: set[int] = set()
 
     def apply(self, command: np.ndarray) -> np.ndarray:
-        """The command (3,) for the policy; the same array if nothing changes."""
+        """Command (3,) for the policy; the same array if nothing changes."""
         asked = command.tolist()
         inside = [
             min(max(value, low), high) if math.isfinite(value) else 0.0
@@ -52,7 +52,7 @@ class CommandLimits:
         return np.array(inside)
 
     def reduce(self, command: np.ndarray, share: float) -> np.ndarray:
-        """The command within a share of the ranges, but for a least speed that a range asks for, (3,)."""
+        """Command within a share of the ranges, (3,); the least speed of a range still applies."""
         low, high = self._reduced.T
         least = np.where(low > 0.0, low, share * low)
         most = np.where(high < 0.0, high, share * high)
@@ -61,8 +61,8 @@ class CommandLimits:
     def _note(self, axis: int, asked: float, given: float) -> str:
         (name, unit), (low, high) = _AXES[axis], self._ranges[axis]
         if not math.isfinite(asked):
-            return f"a {name} command of {asked:g} {unit} counted as 0"
+            return f"a {name} command of {asked:g} {unit} was replaced with 0"
         return (
             f"the policy was trained on {name} commands from {low:g} to {high:g} {unit}:"
-            f" {asked:g} became {given:g}"
+            f" {asked:g} was clipped to {given:g}"
         )

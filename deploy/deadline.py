@@ -1,4 +1,4 @@
-"""A deadline for foreign code on the loop's own thread: a policy that sleeps or spins is interrupted."""
+"""Deadline for foreign code in the loop's thread: a policy that sleeps or loops is interrupted."""
 
 import math
 import signal
@@ -11,19 +11,19 @@ Arm = Callable[[float], None]  # seconds from now; 0 removes the deadline
 
 
 class OverdueError(BaseException):
-    """The deadline has passed. A BaseException, since a policy may catch every Exception."""
+    """The deadline has passed. A BaseException, because a policy may catch every Exception."""
 
 
 def unarmed(_: float) -> None:
-    """No deadline: time is simulated, or this thread gets no signals."""
+    """No deadline: time is simulated, or this thread receives no signals."""
 
 
 @contextmanager
 def deadlines() -> Iterator[Arm]:
-    """Yields a function that sets a deadline: `OverdueError` interrupts Python code that is past it.
+    """Yields a function that sets a deadline: `OverdueError` interrupts Python code after it.
 
-    Uses the signal of the interval timer, which reaches the main thread alone: other threads get no deadline.
-    Code outside Python is interrupted once it returns to Python; see `deploy/guard.py`.
+    Uses the signal of the interval timer, which only the main thread receives: other threads have no
+        deadline. Native code is interrupted once it returns to Python; see `deploy/guard.py`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield unarmed
@@ -37,7 +37,7 @@ def deadlines() -> Iterator[Arm]:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
     def overdue(*_: object) -> None:
-        if time.monotonic() >= due_s:  # a signal from elsewhere is none of the deadline's
+        if time.monotonic() >= due_s:  # a signal from another source is ignored
             raise OverdueError
 
     before = signal.signal(signal.SIGALRM, overdue)

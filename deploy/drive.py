@@ -1,4 +1,4 @@
-"""Ticks a loop from its begin to the end of its run, with a guard and real-time settings."""
+"""Runs a loop from start to end, with a guard and real-time settings."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ EachTick = Callable[[ControlLoop], None]
 
 @contextmanager
 def realtime_settings(realtime: bool, priority: int | None) -> Iterator[list[str]]:
-    """Real-time settings of the system; in lockstep the garbage collector pauses, nothing else."""
+    """Real-time settings of the system; in lockstep only the garbage collector pauses."""
     if realtime:
         with undisturbed(priority) as refused:
             yield refused
@@ -26,12 +26,12 @@ def realtime_settings(realtime: bool, priority: int | None) -> Iterator[list[str
 
 
 def drive(loop: ControlLoop, duration_s: float, damping_ticks: int, each_tick: EachTick | None) -> None:
-    """Tick until the run is over. An exception is raised again once the robot was damped.
+    """Tick until the run is over. After an exception the robot is damped, then the exception is raised again.
 
     Args:
-        loop: that has not begun.
-        duration_s: of walking, at most.
-        damping_ticks: most ticks that it takes to damp a robot and disable its motors.
+        loop: loop that has not started.
+        duration_s: longest walking time.
+        damping_ticks: largest number of ticks until a robot is damped and its motors are disabled.
         each_tick: called after each tick; None for nothing.
     """
     try:
@@ -47,7 +47,7 @@ def drive(loop: ControlLoop, duration_s: float, damping_ticks: int, each_tick: E
 
 
 def _damp(loop: ControlLoop, ticks: int) -> None:
-    """Tick a failed loop until the robot was damped for long enough, whatever else is raised."""
+    """Tick a failed loop until the robot was damped long enough, despite further exceptions."""
     for _ in range(ticks):
         try:
             if not loop.tick():
@@ -60,7 +60,7 @@ def _damp(loop: ControlLoop, ticks: int) -> None:
 def guarded(
     loop: ControlLoop, taken_over: threading.Event, realtime: bool, safety: SafetyConfig
 ) -> Iterator[None]:
-    """By the wall clock, the loop has a guard, which sets `taken_over`."""
+    """Run a guard beside a loop in real time; it sets `taken_over`."""
     if not realtime:
         yield
         return

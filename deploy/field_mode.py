@@ -1,4 +1,4 @@
-"""The modes that operators know, on top of the supervisor's."""
+"""Modes of a run for operators, derived from the supervisor's modes."""
 
 from enum import StrEnum
 
@@ -6,19 +6,19 @@ from footfall.deploy.modes import Mode
 
 
 class FieldMode(StrEnum):
-    """What a run is doing, in an operator's terms."""
+    """State of a run in an operator's terms."""
 
     OFF = "off"
-    CALIBRATING = "calibrating"  # wiring check and standing up: nobody steers yet
+    CALIBRATING = "calibrating"  # wiring check and standing up: steering is not possible yet
     TELEOPERATION = "teleoperation"  # a person steers
     AUTONOMOUS = "autonomous"  # a program steers: a mission, a fixed command, a scenario
-    RECOVERING = "recovering"  # it fell, and gets up with an operator's consent
-    ENDING = "ending"  # it stops, lies down and is damped, as asked for
-    FAULT = "fault"  # latched: it lies down or is damped, and only a new run clears that
+    RECOVERING = "recovering"  # after a fall it gets up, with an operator's consent
+    ENDING = "ending"  # stops, lies down and is damped on request
+    FAULT = "fault"  # latched: it lies down or is damped, and only a new run clears the fault
 
 
 STEERED = FieldMode.TELEOPERATION  # or autonomous
-TABLE = {  # with a fault every mode but IDLE before a run, and RECOVERING, is FAULT
+TABLE = {  # with a fault every mode is FAULT, except IDLE before a run and RECOVERING
     Mode.IDLE: FieldMode.OFF,
     Mode.CHECKING: FieldMode.CALIBRATING,
     Mode.STANDING: FieldMode.CALIBRATING,
@@ -33,14 +33,14 @@ TABLE = {  # with a fault every mode but IDLE before a run, and RECOVERING, is F
 
 
 def field_mode(mode: Mode, faulty: bool, autonomous: bool) -> FieldMode:
-    """The operator's mode of a run in one of the supervisor's.
+    """Mode for operators from the supervisor's mode.
 
     Args:
-        mode: the supervisor's.
-        faulty: whether it has found a fault.
-        autonomous: whether a program steers, not a person.
+        mode: mode of the supervisor.
+        faulty: whether the supervisor has found a fault.
+        autonomous: whether a program steers, instead of a person.
     """
     found = TABLE[mode]
-    if faulty and found is not FieldMode.RECOVERING:  # which begins with a fall
+    if faulty and found is not FieldMode.RECOVERING:  # RECOVERING begins with a fall
         return FieldMode.FAULT
     return FieldMode.AUTONOMOUS if found is STEERED and autonomous else found

@@ -1,4 +1,4 @@
-"""Whether policy, robot and buses of a run fit together."""
+"""Checks whether policy, robot and buses of a run fit together."""
 
 import math
 
@@ -13,14 +13,14 @@ from footfall.robots.description import Robot
 
 
 def check_contract(policy: Policy, robot: Robot) -> None:
-    """Raise UserError for a policy whose contract does not fit the robot; it names what differs."""
+    """Raise UserError for a policy whose contract does not fit the robot; the message has the differences."""
     differences = [] if policy.contract is None else policy.contract.mismatches(robot)
     if differences:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 
 
 def check_get_up(policy: Policy, robot: Robot) -> None:
-    """Raise UserError for a robot that cannot get up in a run, or not by this policy."""
+    """Raise UserError for a robot that cannot get up in a run, or not with this policy."""
     if robot.description.held_start:
         raise UserError(
             f"{robot.name} cannot get up in a run: it does not stand still (held_start in robot.yaml)"
@@ -28,15 +28,15 @@ def check_get_up(policy: Policy, robot: Robot) -> None:
     if policy.needs_estimate:
         raise UserError(
             f"policy '{policy.name}' cannot get a robot up: it needs the base's velocity,"
-            " which nobody knows then"
+            " which is unknown after a fall"
         )
 
 
 def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
-    """Raise UserError for a rate at which a command and an answer of each motor may not fit on their bus.
+    """Raise UserError for a rate at which command and reply of each motor may not fit on their bus.
 
-    How many stuff bits a frame needs depends on its content: the most possible count, as on simulated wires.
-    What an IMU and force sensors send comes on top, at rates of their own.
+    The number of stuff bits in a frame depends on its content: the largest number is used, as on simulated
+        wires. Frames of an IMU and of force sensors are additional, at their own rates.
     """
     bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
     fullest = int(bits.argmax())
@@ -45,6 +45,6 @@ def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
         motors = np.count_nonzero(wiring.channel == fullest)
         raise UserError(
             f"joint_rate_hz is {rate_hz:g}: {motors} motors on {wiring.buses[fullest]}"
-            f" can be asked {math.floor(fastest_hz)} times a second at most: lower joint_rate_hz (--config),"
+            f" allow at most {math.floor(fastest_hz)} Hz: lower joint_rate_hz (--config),"
             " or give some of them another bus (robot.yaml)"
         )

@@ -1,8 +1,8 @@
-"""A thread that brings the robot to rest when the loop's own thread hangs.
+"""Guard: a thread that stops the robot when the loop's own thread hangs.
 
-A deadline (`deploy/deadline.py`) interrupts Python. For code outside Python that never returns, such as a
-driver that waits for ever, this thread damps the robot and disables its motors. It needs Python's lock: code
-that keeps the lock leaves the robot to its motors' own timeout.
+A deadline (`deploy/deadline.py`) interrupts Python. For native code that never returns, such as a blocking
+driver, this thread damps the robot and disables its motors. It needs the GIL: code that holds the GIL leaves
+the robot to its motors' own timeout.
 """
 
 import os
@@ -13,13 +13,13 @@ from collections.abc import Callable
 
 from footfall.common.in_time import in_time
 
-PATIENCE_S = 1.0  # that the loop's thread has to end the process itself, once the motors are disabled
+PATIENCE_S = 1.0  # time for the loop's thread to end the process itself, after the motors are disabled
 EVERY_S = 0.01  # between two frames
 SAYING_S = 0.1
 
 
 class Guard(threading.Thread):
-    """A watchdog of the loop. Its heartbeat is the start of each tick."""
+    """Watchdog of the loop. The heartbeat is the start of each tick."""
 
     def __init__(
         self,
@@ -34,13 +34,13 @@ class Guard(threading.Thread):
         """Start watching.
 
         Args:
-            heartbeat: when the loop last began a tick, by `time.perf_counter`, s.
+            heartbeat: time of the last tick's start, by `time.perf_counter`, s.
             damp: sends one damping command.
             disable: disables the motors.
             limit_s: longest time between two heartbeats.
             damping_s: duration of damping before the motors are disabled.
-            taken_over: set once the guard has taken the robot over from the loop.
-            end: ends a process whose loop never came back.
+            taken_over: set once the guard controls the robot instead of the loop.
+            end: ends a process whose loop never returned.
         """
         super().__init__(name="guard", daemon=True)
         self._heartbeat, self._damp, self._disable, self._end = heartbeat, damp, disable, end
@@ -50,7 +50,7 @@ class Guard(threading.Thread):
         self.start()
 
     def close(self) -> None:
-        """The run is over."""
+        """Stop watching, at the end of the run."""
         self._done.set()
         self.join()
 
@@ -72,12 +72,12 @@ class Guard(threading.Thread):
         _try(self._disable)
         if self._done.wait(PATIENCE_S):
             return
-        _say("the control loop did not come back: robot damped, motors off")
+        _say("the control loop did not return: robot damped, motors disabled")
         self._end(1)
 
 
 def _try(act: Callable[[], None]) -> None:
-    """Act, and report what fails: the next act is tried in any case."""
+    """Call a function and report its failure: the next call is tried in any case."""
     try:
         act()
     except Exception as error:
@@ -85,5 +85,5 @@ def _try(act: Callable[[], None]) -> None:
 
 
 def _say(line: str) -> None:
-    """Print a line, unless the terminal takes none: that must not hold up what the motors wait for."""
+    """Print a line, unless the terminal is blocked, which must not delay commands to the motors."""
     in_time(lambda: print(line, file=sys.stderr, flush=True), SAYING_S)

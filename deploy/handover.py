@@ -1,9 +1,10 @@
-"""Which policy decides, and how one hands the robot over to another while it runs.
+"""Selection of the policy, and handover between policies during a run.
 
-Two policies place their feet at different times, so the robot is handed over where both stand: the present
-policy stops, then both decide for a moment while the share of the next one grows, then that one goes on. All
-of it follows from the policies' inputs and the changes asked for: a replay repeats it. After a fall the
-get-up policy takes over at once, and so does the one that walked once the robot stands.
+Two policies place their feet at different times, so the handover happens while the robot stands: the present
+    policy stops, then both act for a moment while the weight of the next one grows, then the next one
+    continues. It depends only on the policies' inputs and the requested changes, so a replay repeats it.
+    After a fall the get-up policy takes over immediately, and so does the walking policy once the robot
+    stands.
 """
 
 import math
@@ -24,11 +25,11 @@ STILL = np.zeros(3)
 
 @dataclass(frozen=True)
 class HandoverConfig:
-    """How long the parts of a handover take."""
+    """Durations of a handover."""
 
-    still_s: float = 0.8  # at zero command before the next policy begins
-    wait_s: float = 5.0  # longest time for all feet to be down, by the policy's plan
-    blend_s: float = 0.3  # in which the next policy's share grows from 0 to 1
+    still_s: float = 0.8  # at zero command before the next policy starts
+    wait_s: float = 5.0  # longest time until all feet are in contact, by the policy's plan
+    blend_s: float = 0.3  # time in which the weight of the next policy grows from 0 to 1
 
     def __post_init__(self) -> None:
         require_between(self, 0.0, 60.0, "still_s", "wait_s")
@@ -36,15 +37,15 @@ class HandoverConfig:
 
 
 class Handover:
-    """The policies of a run: the present one, and the one that it hands over to."""
+    """Policies of a run: the present one, and the next one during a handover."""
 
     def __init__(
         self, policies: Sequence[Policy], config: HandoverConfig | None = None, get_up: Policy | None = None
     ) -> None:
-        """The first of the policies decides; `get_up` only where a change names it.
+        """The first policy starts; `get_up` acts only after a change that names it.
 
         Raises:
-            UserError: two have the same name.
+            UserError: two policies have the same name.
         """
         self._config = config or HandoverConfig()
         everyone = [*policies, *([] if get_up is None else [get_up])]
@@ -56,10 +57,10 @@ class Handover:
         self.begin()
 
     def begin(self) -> None:
-        """Walking begins, under the first policy."""
+        """Start walking with the first policy."""
         self.present = self._turns[self.policies[0].name]
         self.present.begin(0)
-        self._next: Turn | None = None  # asked for
+        self._next: Turn | None = None  # requested policy
         self._blends_since_us: int | None = None
         self._asked_us = self._moved_us = 0
 
@@ -70,18 +71,18 @@ class Handover:
 
     @property
     def acting(self) -> tuple[Turn, ...]:
-        """Those that decide now: the present one, and the next one once it takes part."""
+        """Policies that act now: the present one, and the next one during the blend."""
         if self._next is None or self._blends_since_us is None:
             return (self.present,)
         return self.present, self._next
 
     @property
     def period_us(self) -> float:
-        """Time between two steps."""
+        """Time between two policy steps."""
         return min(turn.period_us for turn in self.acting)
 
     def apply(self, change: Change, now_us: int) -> None:
-        """Make a change from now on. Names and values have been checked."""
+        """Apply a change. Its names and values have been checked."""
         policy = self.present.policy
         if change.at_once:
             self.present, self._next, self._blends_since_us = self._turns[change.policy], None, None
@@ -96,15 +97,15 @@ class Handover:
             policy.set_live(change.settings)
 
     def due(self, now_us: int) -> bool:
-        """Whether it is time for a step."""
+        """Whether a policy step is due."""
         return self.present.due(now_us) or (len(self.acting) > 1 and self.acting[1].due(now_us))
 
     def step(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
-        """One step of those that decide, where theirs is due. Returns the decision (5, n).
+        """One step of the acting policies whose step is due. Returns the decision (5, n).
 
         Args:
-            now_us: time since walking began.
-            inputs: their command has to be zero while `leaving`.
+            now_us: time since the start of walking.
+            inputs: the command must be zero while `leaving`.
         """
         if len(self.policies) == 1:
             return self.present.act(now_us, inputs)
@@ -128,7 +129,7 @@ class Handover:
         return blended(decisions[0], decisions[1], 0.5 - 0.5 * math.cos(math.pi * share))
 
     def stance(self) -> np.ndarray | None:
-        """Contact that those that decide plan, (feet,): of each foot the least; None if one has no plan."""
+        """Planned contact of the acting policies, (feet,): minimum for each foot; None if one has no plan."""
         plans = [turn.policy.stance() for turn in self.acting if turn.decision is not None]
         if len(plans) == 1:
             return plans[0]
@@ -136,7 +137,7 @@ class Handover:
         return np.minimum(*known) if len(known) == 2 else None
 
     def _ready(self, now_us: int) -> bool:
-        """Whether the robot stands, so that the next policy can begin."""
+        """Whether the robot stands, so that the next policy can start."""
         config = self._config
         if now_us - self._moved_us < config.still_s * 1e6:
             return False
@@ -146,10 +147,10 @@ class Handover:
 
 
 def blended(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """The joint command between two, each (5, n): its torque is the mean of theirs, weighted by share.
+    """Joint command between two, each (5, n), whose torque is the mean of theirs, weighted by share.
 
-    Gains and torque are means; a target is the mean weighted by the gains as well, which makes the torque
-    law kp (q* - q) + kd (v* - v) + t the mean of both laws at any position and velocity.
+    Gains and torque are means; a target is the mean weighted by the gains, too. So the torque law kp (q* - q)
+    + kd (v* - v) + t is the mean of both laws at any position and velocity.
     """
     weights = np.array([1.0 - share, share])
     both = np.array([first, second])

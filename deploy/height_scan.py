@@ -1,4 +1,4 @@
-"""Height scans for the policies of a run: the newest one, as long as it is fresh."""
+"""Height scans for the policies of a run: the newest one while it is recent."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -11,48 +11,48 @@ from footfall.policies.policy import Policy
 
 NONE_YET = "no height scan has arrived: the policy walks without one"
 LOST = "no height scan has arrived for {:g} s: the policy walks without one until the next"
-WRONG_SIZE = "a height scan has {} heights, the policy reads {}: it is left out"
+WRONG_SIZE = "a height scan has {} heights, the policy needs {}: it is ignored"
 FAILED = "the source of height scans failed, the policy walks without them: {}"
 
 
 class Scanned(NamedTuple):
-    """A height scan, and when it was taken."""
+    """A height scan with its time."""
 
-    taken_us: int  # by the loop's clock
-    heights: np.ndarray  # (points,) m above the base's origin, in the order of `HeightScan`; NaN for unknown
+    taken_us: int  # time of the scan, by the loop's clock
+    heights: np.ndarray  # (points,) m above the base's origin, in the order of `HeightScan`; NaN if unknown
 
 
 class HeightScanSource(Protocol):
-    """Delivers height scans."""
+    """Source of height scans."""
 
     def newest(self, now_us: int) -> Scanned | None:
-        """The newest scan that has arrived; None before the first one. Must not block."""
+        """Newest scan that has arrived; None before the first one. Must not block."""
 
 
 class NoScans:
-    """The source of a robot without one."""
+    """Source for a robot without height scans."""
 
     def newest(self, now_us: int) -> None:
-        """Always None."""
+        """None at any time."""
 
 
 class HeightScans:
-    """What policies get of a source's scans."""
+    """Height scans for policies, checked for size and age."""
 
     def __init__(self, scan: HeightScan, source: HeightScanSource) -> None:
         self._scan, self._source = scan, source
         self._longest_us = scan.max_age_s * 1e6
         self._begun_us: int | None = None
-        self.notes: list[str] = []  # each once
+        self.notes: list[str] = []  # without repetition
 
     def fresh(self, now_us: int) -> np.ndarray | None:
-        """The heights of the newest scan; None if there is none, it is too old, or of another grid."""
+        """Heights of the newest scan; None if there is none, it is too old, or from another grid."""
         if self._begun_us is None:
             self._begun_us = now_us
         try:
             scanned = self._source.newest(now_us)
             trouble = self._trouble(scanned, now_us)
-        except Exception as error:  # whatever it is, the policy can walk without scans
+        except Exception as error:  # of any type: the policy can walk without scans
             scanned, trouble = None, FAILED.format(in_a_line(error))
         if scanned is not None and not trouble:
             return scanned.heights
@@ -62,7 +62,7 @@ class HeightScans:
         return None
 
     def _trouble(self, scanned: Scanned | None, now_us: int) -> str:
-        """Why a scan is of no use; empty if it is."""
+        """Why a scan cannot be used; empty if it can."""
         if scanned is None:
             return NONE_YET
         if scanned.heights.shape != (self._scan.size,):
@@ -72,10 +72,10 @@ class HeightScans:
 
 
 def height_scans_of(policies: Sequence[Policy], source: HeightScanSource | None) -> HeightScans | None:
-    """The height scans that policies of one run read; None if none does.
+    """Height scans for the policies of one run; None if no policy uses them.
 
     Raises:
-        UserError: two of the policies read different ones.
+        UserError: two policies use different scans.
     """
     scan = common_height_scan([policy.contract for policy in policies])
     return None if scan is None else HeightScans(scan, source or NoScans())

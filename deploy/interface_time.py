@@ -10,7 +10,7 @@ from footfall.deploy.frames import frame_bits
 class Pacing:
     """Delays a write while an interface's transmit queue is full.
 
-    Otherwise SocketCAN would answer ENOBUFS.
+    Otherwise SocketCAN would return ENOBUFS.
     """
 
     def __init__(self, interfaces: int, queue_frames: int) -> None:
@@ -19,7 +19,7 @@ class Pacing:
         self._free_at = [0.0] * interfaces
 
     def wait(self, interface: int, bits: int) -> None:
-        """Wait until a frame of so many bits, at 1 Mbit/s, may be written."""
+        """Wait until a frame of this many bits, at 1 Mbit/s, may be written."""
         now = time.monotonic()
         backlog = self._free_at[interface] - now
         if backlog > self._queue_s:
@@ -34,9 +34,9 @@ class Arrivals:
         self._read_s = time.monotonic()
 
     def times_us(self, stamps_s: np.ndarray, now_us: int) -> np.ndarray:
-        """Arrival times, us, (k,), of frames that are read now, from Unix times s. Call it at each read.
+        """Arrival times, us, (k,), of frames read now, from Unix times s. Call it at each read.
 
-        No frame is older than the last read, even if the system's clock was set meanwhile.
+        No frame is older than the last read, even if the system's clock was set in between.
         """
         now_s = time.monotonic()
         longest_s, self._read_s = now_s - self._read_s, now_s

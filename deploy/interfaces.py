@@ -1,4 +1,4 @@
-"""Opens a robot's CAN interfaces by the name of their kind."""
+"""Opens the CAN interfaces of a robot, by kind of interface."""
 
 import os
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from footfall.deploy.socketcan_bus import SOCKETCAN, SocketCanBus
 from footfall.robots.robot_yaml import SERIAL
 
 VIRTUAL = "virtual"
-SIMULATED = (VIRTUAL, MULTICAST)  # a serial line's frames travel there like all others
+SIMULATED = (VIRTUAL, MULTICAST)  # on these, frames of a serial line travel like all others
 
 
 def open_interfaces(
@@ -24,13 +24,13 @@ def open_interfaces(
     """Open all buses of a robot.
 
     Args:
-        kind: `socketcan` (Linux), or another interface of python-can.
-        names: of the buses.
+        kind: `socketcan` (Linux), or another python-can interface.
+        names: names of the buses.
         filters: a frame is received if it passes one of them.
         queue_frames: length of an interface's transmit queue.
 
     Raises:
-        UserError: there is no such kind of interface, or a bus of it cannot be opened.
+        UserError: there is no such kind of interface, or one of the buses cannot be opened.
     """
     serial = next((name for name in names if name.startswith(SERIAL)), None)
     if serial is not None and kind not in SIMULATED:
@@ -49,7 +49,7 @@ def open_interfaces(
 
 @contextmanager
 def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilter, ...]) -> Iterator[Bus]:
-    """The buses of a robot, for the one process that commands it (see `open_interfaces`).
+    """Buses of a robot, locked for the one process that commands it (see `open_interfaces`).
 
     Raises:
         UserError: a bus cannot be opened, or another process commands a robot on it.
@@ -63,8 +63,8 @@ def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilte
 
 
 def _places(kind: str, names: tuple[str, ...]) -> dict[str, str]:
-    """What tells buses that processes share apart, by their names in robot.yaml."""
-    if kind == VIRTUAL:  # of this process alone
+    """Keys that identify buses shared between processes, by their names in robot.yaml."""
+    if kind == VIRTUAL:  # private to this process
         return {}
     if kind == MULTICAST:
         return {name: f"{MULTICAST_GROUP}:{MULTICAST_PORT + index}" for index, name in enumerate(names)}

@@ -1,4 +1,4 @@
-"""Between policies and motors: limits commands and encodes them; has the latest readings."""
+"""Joint layer between policies and motors: limits and encodes commands, and decodes readings."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from footfall.robots.winding import at_temperature
 
 
 class JointLayer:
-    """Soft position limits, target rate limit and torque clamp on the way out; readings on the way in."""
+    """Soft position limits, target rate limit and torque clamp for commands; latest readings."""
 
     def __init__(
         self,
@@ -29,37 +29,37 @@ class JointLayer:
         battery: BatteryMonitor | None = None,
         feet: FootForceReader | None = None,
     ) -> None:
-        """Targets start from the default pose.
+        """Targets start at the default pose.
 
         Args:
-            robot: its soft limits, target rate and motors count.
-            driver: of all motors.
+            robot: robot with soft limits, target rate and motors.
+            driver: driver of all motors.
             imu: driver of the IMU.
             tick_s: time between two commands.
-            scale: share of a command's stiffness, damping and torque, and of each motor's torque, that goes
-                out. `damping` is never scaled.
-            battery: limits the motors' torque, too; None for none.
+            scale: factor of a command's stiffness, damping and torque, and of each motor's torque limit.
+                `damping` is never scaled.
+            battery: also limits the motors' torque; None for none.
             feet: reader of the force sensors; None for a robot without them.
         """
         self._scale, self._weaker = scale, weaker(robot.motor, scale)
         self._robot, self._driver, self._battery = robot, driver, battery
         self._receiver = Receiver(driver, imu, len(robot.joint_names), feet)
-        self._step = robot.description.target_rate_rad_s * tick_s  # of a target in one tick, rad
+        self._step = robot.description.target_rate_rad_s * tick_s  # largest change of a target per tick, rad
         self._lower, self._upper = robot.soft_limits
         self._target = robot.default_pose.copy()
-        self._wanted = b""  # values of the command from which these were computed:
+        self._wanted = b""  # bytes of the last wanted command, from which these are computed:
         self._goal = self._target  # its position target within the soft limits
         self._arrived = False  # whether the target has reached the goal
-        self._encodable = np.zeros((5, len(self._target)))  # it within frames' ranges, this tick's target
-        self.sent = np.zeros_like(self._encodable)  # the last command, before a frame rounds it
-        self._sent_before = self.sent  # the one before
-        self._asked_ticks = 0  # with a command since `take_asked`
-        self._least = self._most = self._target  # torque that these asked for, N m
+        self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
+        self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
+        self._sent_before = self.sent  # previous command
+        self._asked_ticks = 0  # number of commands since `take_asked`
+        self._least = self._most = self._target  # extreme torques of these commands, N m
 
     # -- out -----------------------------------------------------------------------------------------
 
     def begin_at(self, position: np.ndarray) -> None:
-        """Let targets start from joint positions, rad, (n,), clamped to the soft limits."""
+        """Start the targets at joint positions, rad, (n,), clamped to the soft limits."""
         lowest, highest = self._driver.lowest[0], self._driver.highest[0]
         self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
         self._target = position.clip(self._lower, self._upper)
@@ -67,7 +67,7 @@ class JointLayer:
 
     @property
     def target(self) -> np.ndarray:
-        """The last position targets, rad, (n,)."""
+        """Last position targets, rad, (n,)."""
         return self._target
 
     @property
@@ -76,13 +76,13 @@ class JointLayer:
         return self.sent[2]
 
     def command(self, wanted: JointCommand | np.ndarray) -> Frames:
-        """Frames for one tick of a wanted command with finite numbers.
+        """Frames of one tick for a wanted command with finite numbers.
 
-        An array (5, n) holds the command's parts as its rows, which saves joining them.
+        An array (5, n) has the command's parts as rows, which saves joining them.
 
         The position target stays inside the soft limits and moves no faster than the robot's target rate.
-        Where the PD law would ask a motor for more than its limits at the measured position and speed,
-        stiffness, damping and feed-forward torque are lowered together.
+        If the PD law would exceed a motor's limits at the measured position and speed, stiffness, damping and
+        feed-forward torque are reduced together.
         """
         values = np.asarray(wanted, dtype=float)
         key = values.tobytes()
@@ -107,7 +107,7 @@ class JointLayer:
         return frames
 
     def take_asked(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Least torque that commands asked of each motor since the last call, and the greatest one negated.
+        """Smallest torque commanded to each motor since the last call, and the negated largest one.
 
         Returns:
             Two arrays (n,), N m; None if there was no command.
@@ -122,7 +122,7 @@ class JointLayer:
         return self._send(self._damping(kd))
 
     def possible_damping(self, kd: float) -> np.ndarray:
-        """The largest damping up to kd, N m s/rad, that exceeds no motor's limit at its speed, (n,)."""
+        """Largest damping up to kd, N m s/rad, that exceeds no motor's limit at its speed, (n,)."""
         return self._damping(kd)[3]
 
     def _damping(self, kd: float) -> np.ndarray:
@@ -130,11 +130,11 @@ class JointLayer:
         return self._clamped(self._within_frames(values), self._robot.motor)
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
-        """A command (5, n) clamped to the frames' ranges, so that predicted torque is that of the frames."""
+        """A command (5, n) clamped to the frames' ranges, so that the predicted torque matches the frames."""
         return within(values, self._driver.lowest, self._driver.highest)
 
     def _clamped(self, values: np.ndarray, motor: Motor) -> np.ndarray:
-        """A command (5, n) within every motor's torque limits, with all gains of a joint lowered alike."""
+        """A command (5, n) within every motor's torque limits, with all gains of a joint reduced equally."""
         joints = self._receiver.joints
         position, velocity = joints[0], joints[1]
         asked = pd_torque(JointCommand.of(values), position, velocity)
@@ -143,21 +143,21 @@ class JointLayer:
             share = _share(possible, asked)
             values = values.copy()
             values[2:] *= share
-            # Rounding up a gain that pushes would exceed the limit: the position error may be many radians.
+            # Rounding up an accelerating gain would exceed the limit: the position error may be many radians.
             pushes = (share < 1.0) & (asked * (values[:2] - joints[:2]) > 0.0)
             values[2:4] -= pushes * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
         return values
 
     def _send(self, values: np.ndarray) -> Frames:
-        """Frames of a command (5, n)."""
+        """Frames for a command (5, n)."""
         self._sent_before, self.sent = self.sent, values
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
-        """Decode frames that have arrived; frames of other senders are left out."""
+        """Decode received frames; frames of other senders are ignored."""
         receiver, battery = self._receiver, self._battery
         receiver.absorb(batches, now_us)
         lower = battery is not None and battery.look(
@@ -167,44 +167,44 @@ class JointLayer:
             self._weaker = self._limited_motor()
 
     def _limited_motor(self) -> Motor:
-        """The motors with the torque limits of this run, the battery and their reported temperatures."""
+        """Motors with the torque limits of this run, the battery and their reported temperatures."""
         allowed_by_battery = 1.0 if self._battery is None else self._battery.state.allowed
         motor = weaker(self._robot.motor, self._scale * allowed_by_battery)
         return at_temperature(motor, self._receiver.temperature_c, self._robot.winding)
 
     def sensed(self) -> Sensed:
-        """The latest readings; the arrays are not written to afterwards."""
+        """Latest readings; the arrays do not change afterwards."""
         return self._receiver.sensed()
 
     @property
     def joints(self) -> np.ndarray:
-        """The joints' latest position rad, velocity rad/s and torque N m, (3, n)."""
+        """Latest position rad, velocity rad/s and torque N m of the joints, (3, n)."""
         return self._receiver.joints
 
     @property
     def torque_share(self) -> np.ndarray:
-        """Size of the latest reported torques, of the motors' peak torques, (n,)."""
+        """Latest reported torques relative to the motors' peak torques, absolute values, (n,)."""
         share: np.ndarray = np.abs(self._receiver.joints[2]) / self._robot.motor.peak_torque
         return share
 
     @property
     def temperature_c(self) -> np.ndarray:
-        """Latest temperatures, (n,); NaN where a motor does not report it."""
+        """Latest temperatures, (n,); NaN if not reported."""
         return self._receiver.temperature_c
 
     @property
     def voltage(self) -> np.ndarray:
-        """Latest voltages, V, (n,); NaN where a motor does not report it."""
+        """Latest voltages, V, (n,); NaN if not reported."""
         return self._receiver.voltage
 
     @property
     def battery(self) -> BatteryState:
-        """What is known of the battery."""
+        """State of the battery."""
         return NO_BATTERY if self._battery is None else self._battery.state
 
     @property
     def inertial(self) -> Inertial:
-        """The IMU's latest reading."""
+        """Latest reading of the IMU."""
         return self._receiver.inertial
 
     @property
@@ -224,7 +224,7 @@ class JointLayer:
 
     @property
     def imu_damaged(self) -> int:
-        """Number of the IMU's messages so far that were left out for a wrong checksum."""
+        """Number of the IMU's messages so far that were ignored because of a wrong checksum."""
         return self._receiver.imu_damaged
 
     def last_heard(self) -> LastHeard:
@@ -232,14 +232,14 @@ class JointLayer:
         return self._receiver.last_heard()
 
     def health(self, now_us: int) -> MotorHealth:
-        """Age of the latest readings and state of the motors; the arrays are not written to afterwards."""
+        """Age of the latest readings and state of the motors; the arrays do not change afterwards."""
         return self._receiver.health(now_us)
 
     def expected_torque(self) -> np.ndarray:
-        """Torque that motors should report with their latest readings, N m, (n,).
+        """Expected torque in the motors' latest readings, N m, (n,).
 
-        A reply to a command was measured before the command had an effect, another kind of message after:
-        this is the smaller of the torques of the last two commands, and 0 where their signs differ.
+        A reply to a command was measured before the command acts, another kind of message afterwards: so this
+            is the smaller torque of the last two commands, and 0 if their signs differ.
         """
         position, velocity, _ = self.joints
         last = pd_torque(JointCommand.of(self.sent), position, velocity)
@@ -251,9 +251,9 @@ class JointLayer:
 
 
 def _share(possible: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """The possible share of an asked torque, (n,), 0 to 1.
+    """Possible share of a commanded torque, (n,), 0 to 1.
 
-    0 where a motor past its no-load speed can only brake, and the command pushes on.
+    0 if a motor above its no-load speed can only brake, and the command accelerates.
     """
     share = (possible == asked).astype(float)
     np.divide(possible, asked, out=share, where=np.abs(possible) < np.abs(asked))

@@ -1,4 +1,4 @@
-"""What is left when a tick has failed: damping frames that need no reading, and motors off."""
+"""Fallback after a failed tick: damping frames without readings, then disabled motors."""
 
 import traceback
 from contextlib import suppress
@@ -14,8 +14,8 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring
 
-PULLS = 0.03  # of the peak torque: more than a motor without current reports
-OFF_US = 250_000  # how long motors are asked to disable: two heartbeats of those that answer by them
+PULLS = 0.03  # of the peak torque: above the report of a motor without current
+OFF_US = 250_000  # time limit for disabling motors: two heartbeats, by which some confirm it
 
 
 class LastResort:
@@ -31,18 +31,18 @@ class LastResort:
         damping_kd: float,
         tick_us: int,
     ) -> None:
-        """Makes the frames for `damping_kd`, N m s/rad, now, while nothing has failed."""
+        """Prepare the frames for `damping_kd`, N m s/rad, while everything works."""
         self._driver, self._bus, self._clock, self._joints = driver, bus, clock, joints
         self._wiring, self._kd, self._tick_us = wiring, damping_kd, tick_us
         self._frames = cycle(driver.damping(np.full(len(wiring.joint_names), damping_kd)))
-        self._speeds_counted = False  # whether the frames keep to what motors can do at their speeds
-        self.silent_at_the_end: list[str] = []  # motors that did not answer when they were disabled
-        self.on_at_the_end: list[str] = []  # motors that answered, and are on or pull all the same
+        self._speeds_counted = False  # whether the frames respect the motors' limits at their speeds
+        self.silent_at_the_end: list[str] = []  # motors that did not reply when they were disabled
+        self.on_at_the_end: list[str] = []  # motors that replied, but are enabled or report torque
 
     def damping(self) -> Frames:
-        """Frames that damp without a reading, less where motors cannot brake so much at their last speeds.
+        """Frames that damp without readings, reduced to what motors can brake at their last speeds.
 
-        If that cannot be worked out, the frames are those made at the beginning.
+        If this cannot be computed, the frames are the prepared ones.
         """
         if not self._speeds_counted:
             self._speeds_counted = True
@@ -56,11 +56,11 @@ class LastResort:
             self._bus.send(self._driver.disable() if over else self.damping(), now_us)
 
     def disable(self) -> None:
-        """Disable the motors: again and again, until each has answered.
+        """Disable the motors repeatedly, until each has replied.
 
-        Any reply from two ticks after the first request on answers it, since nothing else is sent. A motor
-        that reports its state has to confirm disable, and none may report torque. Ends after `OFF_US`: a
-        motor that has not answered by then is in `silent_at_the_end`, one that is on in `on_at_the_end`.
+        Any reply from two ticks after the first request on is a confirmation, because nothing else is sent. A
+        motor that reports its state must confirm disable, and no motor may report torque. Ends after
+        `OFF_US`: a motor without a reply is then in `silent_at_the_end`, an enabled one in `on_at_the_end`.
         """
         began_us = now_us = self._clock.next_tick()
         while now_us - began_us <= OFF_US:
@@ -80,7 +80,7 @@ class LastResort:
 
 
 def in_one_line(error: BaseException) -> str:
-    """An exception in one line, with the place that raised it."""
+    """An exception in one line, with its position in the source."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     says = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
     return f"{says} ({Path(last.filename).name}, line {last.lineno})"

@@ -1,9 +1,9 @@
-"""The attitude of a standing robot by its legs, against its attitude by the IMU.
+"""Attitude of a standing robot from its legs, compared with that from the IMU.
 
-Standing feet span a plane. The joints give its normal in the base frame, the IMU the world's up in the same
-frame. The angle between the two is the ground's slope. It stays the same while the same feet stand, however
-the base sways and the feet slip in their plane. A biped gives nothing: two feet are in a line, and soles tip
-over their edges without a joint that moves.
+Standing feet span a plane. The joints give its normal in the base frame, the IMU gives the world's up in the
+same frame. The angle between the two is the ground's slope. It is constant while the same feet stand, however
+the base sways and the feet slip in their plane. A biped gives no information: two feet are on a line, and
+soles tip over their edges without a moving joint.
 """
 
 import math
@@ -15,11 +15,11 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.momentum import upward_force
 
-SPREAD = 0.25  # of the standing height: feet in a narrower strip say nothing of the tilt across it
+SPREAD = 0.25  # of the standing height: feet in a narrower strip give no information on the tilt across it
 
 
 class LegAttitude:
-    """Compares legs and IMU while joints are nearly still and the same feet carry the robot."""
+    """Compares legs and IMU while joints are nearly at rest and the same feet carry the robot."""
 
     def __init__(self, robot: Robot, limits: SensorLimits) -> None:
         """Raises UserError for a robot whose limbs are not legs."""
@@ -30,21 +30,21 @@ class LegAttitude:
         self.reset()
 
     def reset(self) -> None:
-        """Forget which feet stand."""
+        """Start without known stance feet."""
         self.slope = 0.0  # rad, between the plane of the feet and the IMU's level
-        self.turn = 0.0  # rad, of the base since these feet stand, by the IMU other than by the legs
-        self._standing = b""  # which feet carry the robot
-        self._first: np.ndarray | None = None  # up less the normal when they began to
+        self.turn = 0.0  # rad, rotation of the base since these feet stand, by the IMU minus by the legs
+        self._standing = b""  # feet that carry the robot
+        self._first: np.ndarray | None = None  # up minus normal when these feet started to stand
         self._stood_s = 0.0
 
     def look(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray, elapsed_s: float) -> None:
-        """Take in the readings of a robot whose joints are nearly still.
+        """Update with the readings of a robot whose joints are nearly at rest.
 
         Args:
-            position: of the joints, rad, (n,).
-            torque: that the motors report, N m, (n,).
-            up: the world's up by the IMU, base frame, (3,).
-            elapsed_s: since the last look.
+            position: joint positions, rad, (n,).
+            torque: reported torques, N m, (n,).
+            up: world's up by the IMU, base frame, (3,).
+            elapsed_s: time since the last call.
         """
         force = self._force(position, torque, up)
         standing = force >= self._loaded
@@ -69,7 +69,7 @@ class LegAttitude:
         return upward_force(legs.pose(position).jacobian, outside[:, :, None], up)[:, 0]
 
     def _normal(self, position: np.ndarray, standing: np.ndarray, up: np.ndarray) -> np.ndarray | None:
-        """Normal of the plane through the standing feet, base frame, (3,); None if they span none."""
+        """Normal of the plane through the standing feet, base frame, (3,); None if they span no plane."""
         if not standing.any():
             return None
         legs = self._legs

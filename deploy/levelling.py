@@ -1,4 +1,4 @@
-"""Keeping a robot on two soles upright while it holds a pose: its ankles turn with the pitch of its base."""
+"""Keeps a robot on two soles upright in a fixed pose: its ankles follow the pitch of its base."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,12 @@ SOLE_M = 0.02  # shortest sole that can press with its toes or its heel
 
 @dataclass(frozen=True)
 class LevellingConfig:
-    """How the ankles answer a pitch of the base while the robot stands up."""
+    """Reaction of the ankles to a pitch of the base while the robot stands up."""
 
     gain: float = 1.0  # share of the pitch; 0 for none
-    rate_gain_s: float = 0.05  # the same for the pitch rate; twice as much shakes a g1
+    rate_gain_s: float = 0.05  # correction per pitch rate; twice as much shakes a g1
     most_rad: float = 0.15  # largest correction
-    fade_s: float = 0.1  # in which it sets in
+    fade_s: float = 0.1  # duration of the fade-in
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gain", "rate_gain_s", "most_rad")
@@ -31,9 +31,9 @@ class LevellingConfig:
 class Levelling:
     """Turns the soles of a robot with two feet against the pitch of its base.
 
-    Held joints are springs hardly stiff enough for a biped: with its centre of mass 2 to 3 cm
-    ahead of where the model has it, the robot falls within a second. Sideways two legs are a stiff frame. A
-    robot with more feet, or with point feet, is left alone.
+    Held joints are springs that are hardly stiff enough for a biped: with its centre of mass 2 to 3 cm ahead
+        of the model's, the robot falls within a second. Sideways, two legs are a stiff frame. A robot with
+        more feet, or with point feet, needs no correction.
     """
 
     def __init__(self, robot: Robot, config: LevellingConfig) -> None:
@@ -41,12 +41,12 @@ class Levelling:
         self._turn = sole_turn(robot) if on_two_soles(robot.legs) else None  # (n,) rad/rad
 
     def applied(self, command: JointCommand, time_s: float, sensed: Sensed) -> JointCommand:
-        """The joint command, turned upright.
+        """Joint command with the correction.
 
         Args:
-            command: of the pose.
-            time_s: since the legs carry the robot.
-            sensed: the latest readings.
+            command: command for the pose.
+            time_s: time since the legs carry the robot.
+            sensed: latest readings.
         """
         if self._turn is None:
             return command
@@ -59,15 +59,15 @@ class Levelling:
 
 
 def on_two_soles(legs: Legs) -> bool:
-    """Whether the robot stands on two feet that can both press with their toes or their heels."""
+    """Whether the robot stands on two feet that can press with their toes or their heels."""
     soles = all(np.ptp(balls.place, axis=0).max() >= SOLE_M for balls in legs.balls)
     return legs.count == 2 and soles
 
 
 def sole_turn(robot: Robot) -> np.ndarray:
-    """Joint motion per pitch of the ground under all feet in the default pose, (n,) rad/rad.
+    """Joint motion per pitch of the ground below all feet in the default pose, (n,) rad/rad.
 
-    Least squares on the Jacobians of each foot's place and direction.
+    Least squares on the Jacobians of each foot's position and direction.
     """
     pose = robot.legs.pose(robot.default_pose)
     turn = []

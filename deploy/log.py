@@ -1,4 +1,4 @@
-"""A run's records, written by another process to an MCAP log and to subscribers of a feed.
+"""Log of a run, written by another process to an MCAP file and to subscribers of a feed.
 
 The loop writes records to a pipe and never waits for the disk or a subscriber. Records in the pipe outlive
 the loop. If both processes are killed, the log lacks the last fraction of a second.
@@ -42,12 +42,12 @@ from footfall.robots.description import Robot
 from footfall.robots.readings import sensed_sizes
 
 FD_KINDS = {Kind.RECEIVED: Kind.RECEIVED_FD, Kind.SENT: Kind.SENT_FD}
-MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
-LAST_WAIT_S = 10.0  # for the writing process after the end of the run
+MAX_WAITING_BYTES = 4 * 2**20  # buffer for a slow disk: some seconds of a run
+LAST_WAIT_S = 10.0  # wait for the writing process at the end of the run
 
 
 class McapLog:
-    """Sends a run's records to a process that writes them to a log, to subscribers, or both."""
+    """Sends a run's records to a process that writes them to a log, to subscribers, or to both."""
 
     def __init__(
         self,
@@ -62,16 +62,15 @@ class McapLog:
         """Open the file and the feed, and start the process.
 
         Args:
-            path: where to write; an older file is replaced. None for no log.
-            robot, policy: of the run.
+            path: log file to write; an older file is replaced. None for no log.
+            robot, policy: robot and policy of the run.
             facts: further metadata, such as the seed.
-            may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
-            feed: where subscribers connect, see `telemetry/feed.py`; None for no feed.
-            store: in which the log lies; it is written in parts then, and old logs make room.
+            may_wait: let the loop wait for a slow disk; otherwise records are dropped, and counted.
+            feed: socket for subscribers, see `telemetry/feed.py`; None for no feed.
+            store: store of the log; the log is then written in parts, and old logs are deleted for space.
 
         Raises:
-            UserError: the file cannot be written, the feed cannot be served, or another run
-                uses one of them.
+            UserError: the file cannot be written, the feed cannot be served, or another run uses one of them.
         """
         self._target = f"the feed {feed}" if path is None else f"the log {path}"
         self._may_wait = may_wait
@@ -96,8 +95,8 @@ class McapLog:
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
         self._left_out = 0
-        self._health: tuple[bytes, ...] | None = None  # the latest that was written
-        self._battery: BatteryState | None = None  # likewise
+        self._health: tuple[bytes, ...] | None = None  # latest written state
+        self._battery: BatteryState | None = None  # latest written state
         self._broken = False
         self._missing: str | None = None
         self._begun = False
@@ -118,7 +117,7 @@ class McapLog:
         self._about = json.dumps(about).encode()
 
     def _open(self, path: Path, opened: ExitStack) -> int:
-        """The descriptor of a log's file, which no other run writes."""
+        """Descriptor of a log's file, locked against other runs."""
         file = opened.enter_context(os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb"))
         if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             self._held.enter_context(held(lock_name(path), f"the log {path}"))
@@ -126,7 +125,7 @@ class McapLog:
         return file.fileno()
 
     def _listen(self, feed: Path, opened: ExitStack) -> int:
-        """The descriptor of a feed's listening socket."""
+        """Descriptor of a feed's listening socket."""
         listener = opened.enter_context(listen(feed))
         self._held.callback(feed.unlink, missing_ok=True)
         return listener.fileno()
@@ -134,14 +133,14 @@ class McapLog:
     # -- called by the loop --------------------------------------------------------------------------
 
     def begin(self, start_ns: int) -> None:
-        """Begin the log, before anything else is logged; `start_ns` is the Unix time of time zero, ns."""
+        """Start the log; called first. `start_ns` is the Unix time of time zero, ns."""
         self._begun = True
         self._put(record(Kind.BEGIN, 0, START.pack(start_ns) + self._about))
 
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
-        """Readings of a joint tick, and the command (5, n) that went out; None if none did.
+        """Log the readings of a joint tick, and the sent command (5, n); None if none was sent.
 
-        The motors' health is written when it has changed.
+        The motors' health is logged after a change.
         """
         records = record(Kind.READINGS, now_us, np.concatenate(sensed).tobytes())
         records += record(Kind.AGES, now_us, motors.age_s.tobytes())
@@ -154,7 +153,7 @@ class McapLog:
         self._put(records)
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
-        """What the policies were given and what they decided; `policy` is the present one."""
+        """Log inputs and decision of a policy step; `policy` is the present policy."""
         records = record(Kind.INPUTS, now_us, flatten(inputs).tobytes())
         records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
         for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
@@ -164,19 +163,20 @@ class McapLog:
         self._put(records)
 
     def change(self, now_us: int, change: Change) -> None:
-        """A change of policy, gait or settings, from the policy step at this time on."""
+        """Log a change of policy, gait or settings, effective from this policy step on."""
         self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
 
     def applied(self, now_us: int, applied: Applied) -> None:
-        """Gait and live settings that the present policy walks with."""
+        """Log gait and live settings of the present policy."""
         self._put(record(Kind.APPLIED, now_us, json.dumps(applied._asdict()).encode()))
 
     def order(self, now_us: int, order: Order) -> None:
-        """An operator's order."""
+        """Log an operator's order."""
         self._put(record(Kind.ORDER, now_us, order.to_json().encode()))
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
-        """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""
+        """Log the estimated motion of the base, and the footholds of a policy that plans them, (feet, 3)
+        m."""
         records = record(Kind.ODOMETRY, now_us, odometry_numbers(found).tobytes())
         records += record(Kind.CONTACTS, now_us, found.contact.tobytes())
         if footholds is not None:
@@ -184,7 +184,7 @@ class McapLog:
         self._put(records)
 
     def battery(self, now_us: int, battery: BatteryState) -> None:
-        """The battery's state, once voltage is known; written when it has changed."""
+        """Log the battery's state after a change, once its voltage is known."""
         if battery is self._battery or math.isnan(battery.voltage_v):
             return
         self._battery = battery
@@ -192,12 +192,12 @@ class McapLog:
         self._put(record(Kind.BATTERY, now_us, numbers))
 
     def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
-        """How long a tick's work took, and how late it began; written with the next record."""
-        if not self._broken and len(self._waiting) <= MOST_WAITING_BYTES:
+        """Log duration and lateness of a tick; written with the next record."""
+        if not self._broken and len(self._waiting) <= MAX_WAITING_BYTES:
             self._waiting += record(Kind.TIMING, now_us, struct.pack("<2d", work_us, lateness_us))
 
     def frames(self, now_us: int, kind: Kind, frames: Frames) -> None:
-        """CAN frames that arrived (`RECEIVED`) or went out (`SENT`)."""
+        """Log CAN frames that were received (`RECEIVED`) or sent (`SENT`)."""
         if frames.data.shape[1] > 8:
             self._put_frames(now_us, FD_KINDS[kind], FD_FRAME, frames.of_fd())
             frames = frames.of_can()
@@ -212,20 +212,20 @@ class McapLog:
             self._put(record(kind, now_us, content))
 
     def state(self, now_us: int, state: State) -> None:
-        """A change of the supervisor's state."""
+        """Log a change of the supervisor's state."""
         text = ": ".join([state.mode.value, *state.faults[-1:]])
         self._put(record(Kind.STATE, now_us, text.encode()))
 
     def note(self, now_us: int, note: str) -> None:
-        """A request that was refused, clipped or changed."""
+        """Log a request that was refused, clipped or changed."""
         self._put(record(Kind.NOTE, now_us, note.encode()))
 
     def close(self) -> str:
-        """End the file. Returns in one line what is missing in it; empty if it is complete."""
+        """End the file. Returns a line on missing parts; empty if it is complete."""
         if self._missing is None:
             try:
                 self._missing = self._close()
-            except OSError as error:  # no file descriptor or thread is left
+            except OSError as error:  # no free file descriptor or thread
                 self._missing = f"{self._target} may lack its end: {error.strerror or error}"
             self._held.close()
         return self._missing
@@ -242,7 +242,7 @@ class McapLog:
             return f"{self._target} has no end: the disk did not accept it within {LAST_WAIT_S:g} s"
         if self._process.returncode:
             why = reason.decode().strip() or "the process that writes it failed"
-            return f"{self._target} is cut short: {why}"
+            return f"{self._target} is truncated: {why}"
         if self._left_out:
             return f"{self._target} lacks {self._left_out} ticks or policy steps: the disk was too slow"
         return ""
@@ -252,9 +252,9 @@ class McapLog:
     def _put(self, records: bytes) -> None:
         if self._broken:
             return
-        if len(self._waiting) > MOST_WAITING_BYTES:
+        if len(self._waiting) > MAX_WAITING_BYTES:
             self._left_out += 1
-            self._health = None  # the records left out may hold a change
+            self._health = None  # a dropped record may have a change
         else:
             self._waiting += records
         try:
@@ -268,7 +268,7 @@ class McapLog:
 
 
 def _start(file: int | None, feed: int | None) -> "subprocess.Popen[bytes]":
-    """Start the writing process in a session of its own: a terminal's signals do not reach it.
+    """Start the writing process in a new session: a terminal's signals do not reach it.
 
     Args:
         file, feed: descriptors of the log's file and of the feed's listening socket; None for none.

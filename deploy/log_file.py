@@ -1,4 +1,4 @@
-"""Reads a run's log back, complete, cut short or damaged."""
+"""Reader of a run's log, complete, truncated or damaged."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -13,8 +13,8 @@ from footfall.deploy.telemetry.mcap_file import ENDED, METADATA
 
 Decoder = Callable[[bytes], Any]
 
-RENAMED = {"/imu": "/imu/data"}  # topics of older logs
-LARGEST_RECORD = 2**26  # bytes; a damaged length may claim anything
+RENAMED = {"/imu": "/imu/data"}  # topics with other names in older logs
+LARGEST_RECORD = 2**26  # bytes; limits a damaged length
 
 
 class Entry(NamedTuple):
@@ -22,37 +22,37 @@ class Entry(NamedTuple):
 
     topic: str
     time_ns: int
-    message: Any  # decoded: fields as attributes; else its bytes
+    message: Any  # decoded, with fields as attributes; or the encoded bytes
 
 
 @dataclass(frozen=True)
 class LogFile:
-    """A log's metadata and messages."""
+    """Metadata and messages of a log."""
 
     path: Path
     metadata: dict[str, Any]
     entries: tuple[Entry, ...]
-    complete: bool  # False if the run was cut short
-    damaged: int  # parts and messages that could not be read
+    complete: bool  # False for a truncated run
+    damaged: int  # number of parts and messages that could not be read
 
     def text(self, name: str) -> str:
-        """An entry of the metadata that is text; raises UserError if it is not there."""
+        """Text entry of the metadata; raises UserError if it is missing."""
         value = self.metadata.get(name)
         if not isinstance(value, str):
-            raise UserError(f"{self.path} does not say its {name.replace('_', ' ')}")
+            raise UserError(f"{self.path} has no {name.replace('_', ' ')} in its metadata")
         return value
 
     @property
     def joints(self) -> list[str]:
-        """The joints' names; raises UserError if they are not there."""
+        """Names of the joints; raises UserError if they are missing."""
         joints = self.metadata.get("joints")
         if not isinstance(joints, list) or not joints or not all(isinstance(each, str) for each in joints):
-            raise UserError(f"{self.path} does not say its joints")
+            raise UserError(f"{self.path} has no joints in its metadata")
         return joints
 
     @property
     def foot_sensors(self) -> int:
-        """Number of force sensors at the feet; 0 in logs that do not say it."""
+        """Number of force sensors at the feet; 0 in logs without this entry."""
         found = self.metadata.get("foot_sensors", 0)
         return found if isinstance(found, int) and found > 0 else 0
 
@@ -65,19 +65,19 @@ class Damage:
 
 
 def read_log(path: Path, topics: Collection[str] | None = None, decoded: bool = True) -> LogFile:
-    """Read a log, also one whose writer was killed. What is damaged is left out and counted.
+    """Read a log, even if its writer was killed. Damaged parts are skipped and counted.
 
     Args:
         path: the file.
-        topics: read only these (default: all).
-        decoded: decode the messages; False leaves their bytes, a hundred times as fast.
+        topics: topics to read (default: all).
+        decoded: decode the messages; False returns their bytes, which is a hundred times faster.
 
     Raises:
-        UserError: the file cannot be read, is no MCAP or no log of a run.
+        UserError: the file cannot be read, is not MCAP, or is not the log of a run.
     """
     from mcap.records import Channel, Message, Metadata, Schema
 
-    decoders: dict[int, Decoder | None] = {}  # by channel; None if its messages cannot be read
+    decoders: dict[int, Decoder | None] = {}  # by channel; None if its messages cannot be decoded
     metadata: dict[str, Any] = {}
     entries: list[Entry] = []
     schemas: dict[int, Schema] = {}
@@ -102,29 +102,29 @@ def read_log(path: Path, topics: Collection[str] | None = None, decoded: bool = 
                         damage.parts += 1
                     else:
                         entries.append(Entry(topic, record.log_time, decode(record.data)))
-        except (Exception, RecursionError):  # a decoder fails in many ways on bytes that are no message
+        except (Exception, RecursionError):  # a decoder fails in many ways on damaged bytes
             damage.parts += 1
     if not metadata:
-        raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
+        raise UserError(f"{path} is not the log of a footfall run: it has no metadata '{METADATA}'")
     return LogFile(path, metadata, tuple(entries), metadata.pop(ENDED, False) is True, damage.parts)
 
 
 def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
-    """The function that decodes a channel's messages; None if there is none."""
+    """Decoding function for a channel's messages; None if there is none."""
     from mcap_ros2.decoder import DecoderFactory
 
     try:
-        with redirect_stderr(StringIO()):  # where it tells of definitions that it does not understand
+        with redirect_stderr(StringIO()):  # its warnings about unsupported definitions
             return DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
     except (Exception, RecursionError):
         return None
 
 
 def definitions_first(found: Iterable[Any]) -> list[Any]:
-    """Records with what defines messages before all others, each kind in its order.
+    """Records with the definitions of messages first, each kind in its order.
 
-    It stands before the first message that needs it, and again at a file's end: a chunk that is lost, as the
-    first with nearly all definitions, costs its own messages alone.
+    A definition comes before the first message that needs it, and again at the end of a file: so a lost
+        chunk, even the first one with nearly all definitions, affects only its own messages.
     """
     from mcap.records import Channel, Schema
 
@@ -132,12 +132,12 @@ def definitions_first(found: Iterable[Any]) -> list[Any]:
 
 
 def records(path: Path, damage: Damage) -> Iterator[Any]:
-    """The records of an MCAP file in their order, up to its end or to where it was torn off.
+    """Records of an MCAP file in their order, up to its end or its truncation.
 
-    A chunk whose check sum is wrong is left out.
+    A chunk with a wrong checksum is skipped.
 
     Raises:
-        UserError: the file cannot be read or is no MCAP.
+        UserError: the file cannot be read or is not MCAP.
     """
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
@@ -154,9 +154,9 @@ def records(path: Path, damage: Damage) -> Iterator[Any]:
                 record = next(source)
             except StopIteration:
                 return
-            except Exception:  # a torn end fails in many ways
+            except Exception:  # a truncated file fails in many ways
                 if not begun:
-                    raise UserError(f"{path} is no MCAP file") from None
+                    raise UserError(f"{path} is not an MCAP file") from None
                 return
             begun = True
             if not isinstance(record, Chunk):
@@ -166,7 +166,7 @@ def records(path: Path, damage: Damage) -> Iterator[Any]:
                 if record.uncompressed_size > LARGEST_RECORD:
                     raise ValueError
                 contents = breakup_chunk(record, validate_crc=True)
-            except Exception:  # in as many ways as there are decompressors
+            except Exception:  # the exceptions depend on the decompressor
                 damage.parts += 1
                 continue
             yield from contents

@@ -1,4 +1,4 @@
-"""A policy's input and the odometry as a log keeps them: vectors of numbers."""
+"""Policy inputs and odometry as vectors of numbers, for a log."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ _PLACE_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, p
 
 
 def flatten(inputs: PolicyInput) -> np.ndarray:
-    """A policy's input as one float64 vector: time, readings in field order, command, velocity, height.
+    """Policy input as one float64 vector: time, readings in field order, command, velocity, height.
 
-    A height scan comes last, if there is one.
+    A height scan, if any, comes last.
     """
     scan = () if inputs.height_scan is None else (inputs.height_scan,)
     return np.concatenate(
@@ -28,20 +28,20 @@ def flatten(inputs: PolicyInput) -> np.ndarray:
 
 
 def input_sizes(joints: int, foot_sensors: int = 0) -> dict[str, int]:
-    """Number of components of each part of a flat policy input, in its order, without a height scan."""
+    """Number of components of each part of a flat policy input, in order, without a height scan."""
     sensed = sensed_sizes(joints, foot_sensors)
     return {"time_s": 1, **sensed, "command": 3, "base_velocity": 3, "base_height": 1}
 
 
 def unflatten(values: np.ndarray, joints: int, scan_points: int = 0, foot_sensors: int = 0) -> PolicyInput:
-    """The policy input of a vector by `flatten`, which may end with a height scan of so many points.
+    """Policy input from a vector by `flatten`, which may end with a height scan of `scan_points` points.
 
     Raises:
-        ValueError: a robot with so many joints has more readings, or the height scan another size.
+        ValueError: the length does not match the robot's readings or the height scan.
     """
     sizes = list(input_sizes(joints, foot_sensors).values())
     if len(values) - sum(sizes) not in (0, scan_points):
-        raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
+        raise ValueError(f"{len(values)} numbers do not match the policy input of {joints} joints")
     time_s, *rest, scan = np.split(values, np.cumsum(sizes))
     *sensed, command, velocity, height = rest
     found = scan if len(scan) else None
@@ -49,7 +49,7 @@ def unflatten(values: np.ndarray, joints: int, scan_points: int = 0, foot_sensor
 
 
 def odometry_numbers(found: Odometry) -> np.ndarray:
-    """The numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
+    """Numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
 
     Covariances of roll, pitch and angular velocity are zero: they are not estimated.
     """

@@ -1,51 +1,51 @@
-"""Records in the pipe from the control loop to the process that writes its log."""
+"""Records in the pipe from the control loop to the process that writes the log."""
 
 import struct
 from collections.abc import Iterator
 from enum import IntEnum
 
-START = struct.Struct("<q")  # Unix time of time zero, ns: at the head of the first record
-FRAME = struct.Struct("<qBBI8s")  # of a CAN frame: time us, bus, length, identifier of `Frames`, data
-FD_FRAME = struct.Struct("<qBBI64s")  # of a CAN FD frame, likewise
-HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of the loop's clock
+START = struct.Struct("<q")  # Unix time of time zero, ns: start of the first record
+FRAME = struct.Struct("<qBBI8s")  # CAN frame: time us, bus, length, identifier of `Frames`, data
+FD_FRAME = struct.Struct("<qBBI64s")  # CAN FD frame, the same fields
+HEAD = struct.Struct("<BIq")  # kind, length of the content, time in microseconds of the loop's clock
 
 
 class Kind(IntEnum):
-    """Content of a record. Numbers are float64, those of the network float32; n is the number of joints."""
+    """Content of a record. Numbers are float64, float32 for the network; n is the number of joints."""
 
-    BEGIN = 0  # `START`, then JSON: joints, sizes of readings and inputs, metadata, links, URDF, file's name
+    BEGIN = 0  # `START`, then JSON: joints, sizes of readings and inputs, metadata, links, URDF, file name
     READINGS = 1  # the fields of `Sensed` in their order
-    COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
-    INPUTS = 3  # the policy's input: see `log_numbers.flatten`
-    DECISION = 4  # (5n,) its decision
-    OBSERVATION = 5  # the observation of its network
-    ACTION = 6  # the action of its network
+    COMMANDED = 2  # (5n,) sent command: position, velocity, stiffness, damping, torque
+    INPUTS = 3  # policy input: see `log_numbers.flatten`
+    DECISION = 4  # (5n,) decision of the policy
+    OBSERVATION = 5  # observation of the network
+    ACTION = 6  # action of the network
     STATE = 7  # text
     NOTE = 8  # text
     END = 9  # the run ended in order
-    ODOMETRY = 10  # (85,) as a nav_msgs/Odometry has them
-    CONTACTS = 11  # (feet,) probability that each stands
-    AGES = 12  # (n + 1,) of each motor's reading and of the IMU's, s
+    ODOMETRY = 10  # (85,) numbers of a nav_msgs/Odometry
+    CONTACTS = 11  # (feet,) probability that each foot is in stance
+    AGES = 12  # (n + 1,) age of each motor's reading and of the IMU's, s
     HEALTH = 13  # (3n,) temperatures, voltages, error codes
-    FOOTHOLDS = 14  # (3 feet,) planned footholds, from the base, heading frame, m; NaN for a standing foot
+    FOOTHOLDS = 14  # (3 feet,) planned footholds relative to the base, heading frame, m; NaN for stance feet
     CHANGE = 15  # JSON: see `changes.Change`
-    TIMING = 16  # (2,) work of a tick and its lateness, us; wall clock only
-    BATTERY = 17  # (3,) voltage V, current A (negative: drawn), charge 0 to 1; NaN for unknown
+    TIMING = 16  # (2,) duration of a tick and its lateness, us; only in real time
+    BATTERY = 17  # (3,) voltage V, current A (negative: drawn), charge 0 to 1; NaN if unknown
     RECEIVED = 18  # CAN frames: for each, `FRAME`
-    SENT = 19  # likewise
+    SENT = 19  # the same for sent frames
     RECEIVED_FD = 20  # CAN FD frames: for each, `FD_FRAME`
-    SENT_FD = 21  # likewise
+    SENT_FD = 21  # the same for sent frames
     ORDER = 22  # JSON: see `orders.Order`
     APPLIED = 23  # JSON: see `live_settings.Applied`
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:
-    """A record's bytes."""
+    """Encoded record."""
     return HEAD.pack(kind, len(content), now_us) + content
 
 
 def take_records(arrived: bytearray) -> Iterator[tuple[Kind, int, bytes]]:
-    """Remove each whole record from `arrived`; yields its kind, time and content."""
+    """Remove each complete record from `arrived`; yields its kind, time and content."""
     done = 0
     try:
         while len(arrived) - done >= HEAD.size:

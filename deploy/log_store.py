@@ -1,8 +1,8 @@
-"""Logs that real buses write without being asked: where they lie, and how much disk they take.
+"""Store of the logs that runs on real buses write automatically, with a limit of disk space.
 
-They lie in `$XDG_STATE_HOME/footfall/logs`, by default `~/.local/state/footfall/logs`. Only files there with
-such a log's name are ever removed: the oldest first, none that a run writes. A long run is kept in parts:
-of one that outgrows the space, its first and its last part stay.
+The folder is `$XDG_STATE_HOME/footfall/logs`, by default `~/.local/state/footfall/logs`. Only files there
+with the name of such a log are ever deleted: the oldest first, none that a run writes. A long run is stored
+in parts: if it exceeds the space, its first and its last part stay.
 """
 
 import os
@@ -15,36 +15,36 @@ from typing import NamedTuple
 from footfall.common.errors import UserError
 from footfall.common.held import held
 
-PARTS = 8  # of the space, for one part of a log
+PARTS = 8  # one part of a log may use this fraction of the space
 NAME = re.compile(r".+-\d{8}-\d{6}-\d+(\.part\d+)?\.mcap")
 
 
 class LogStore(NamedTuple):
-    """A folder of logs, and the space that they may take."""
+    """A folder of logs, with the space that they may use."""
 
     folder: Path
     most_bytes: int
 
     @property
     def part_bytes(self) -> int:
-        """Size of a file from which a log goes on in another one."""
+        """Size of a file after which a log continues in another file."""
         return self.most_bytes // PARTS
 
     def new_log(self, robot: str) -> Path:
-        """A name for a run's log. Makes the folder, and room in it.
+        """Name for a run's log. Creates the folder, and makes room in it.
 
         Raises:
-            UserError: the folder cannot be made.
+            UserError: the folder cannot be created.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self.make_room()
         except OSError as error:
-            raise UserError(f"cannot keep logs in {self.folder}: {error.strerror}; give --log FILE") from None
+            raise UserError(f"cannot store logs in {self.folder}: {error.strerror}; use --log FILE") from None
         return self.folder / f"{robot}-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.mcap"
 
     def make_room(self) -> None:
-        """Remove the oldest logs until there is room for another part.
+        """Delete the oldest logs until there is room for another part.
 
         Raises:
             OSError: the folder cannot be read.
@@ -55,25 +55,25 @@ class LogStore(NamedTuple):
         for _, size, path in found:
             if taken <= self.most_bytes - self.part_bytes:
                 return
-            with suppress(UserError, OSError):  # a run writes it, or it went away
+            with suppress(UserError, OSError):  # a run writes it, or it was deleted
                 with held(lock_name(path), f"the log {path}"):
                     path.unlink()
                 taken -= size
 
 
 def lock_name(path: Path) -> str:
-    """Name of the lock of whoever writes a log."""
+    """Name of the lock of a log's writer."""
     there = path.stat()
     return f"log/{there.st_dev}:{there.st_ino}"
 
 
 def next_part(path: Path) -> Path:
-    """The file in which a log goes on: `x.mcap`, `x.part2.mcap`, `x.part3.mcap`."""
+    """Next file of a log: `x.mcap`, `x.part2.mcap`, `x.part3.mcap`."""
     stem, _, number = path.stem.partition(".part")
     return path.with_name(f"{stem}.part{int(number or 1) + 1}.mcap")
 
 
 def default_store(most_bytes: int) -> LogStore:
-    """The store of this user."""
+    """Log store of this user."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return LogStore(Path(state) / "footfall" / "logs", most_bytes)

@@ -1,4 +1,4 @@
-"""A bus whose frames go to a run's log."""
+"""A bus that also writes its frames to a run's log."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class LoggedBus(WrappedBus):
-    """Passes frames on, and logs them. A logged frame was handed over: a full queue may have refused it."""
+    """Forwards frames and logs them. A logged frame may have been rejected by a full queue."""
 
     def __init__(self, bus: Bus, log: "McapLog") -> None:
         super().__init__(bus)

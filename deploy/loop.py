@@ -1,4 +1,4 @@
-"""The control loop: readings in, a policy's decision at its own rate, commands out at the joint rate."""
+"""Control loop: readings in, policy decisions at their own rate, commands out at the joint rate."""
 
 import math
 import time
@@ -56,22 +56,22 @@ class ControlLoop:
         wiring_check: WiringCheck | None = None,
         recovery: Recovery | None = None,
     ) -> None:
-        """A loop that has not begun.
+        """Create a loop that has not started.
 
         Args:
-            robot: whose joints and limits count.
-            wiring: which motor is where.
-            driver: of the motors' protocol.
-            bus: leads to the robot.
-            clock: paces the ticks.
+            robot: robot with joints and limits.
+            wiring: buses and ids of the motors.
+            driver: driver of the motors' protocol.
+            bus: bus to the robot.
+            clock: clock of the ticks.
             config: settings of the loop.
-            runner: of the policy.
-            estimate: of the base's velocity and height.
-            log: takes what happens.
-            lie_down: whether the robot lies down at the end, where robot and fault permit it.
-            stand_up: False for a robot that hangs in a frame: it holds the pose in which it is found.
-            taken_over: whether a guard has taken the robot over.
-            wiring_check: made before the robot stands up and walks; None for none.
+            runner: runner of the policy.
+            estimate: estimate of the base's velocity and height.
+            log: log of the run; None for none.
+            lie_down: whether the robot lies down at the end, if robot and fault permit it.
+            stand_up: False for a robot that hangs in a frame: it holds its initial pose.
+            taken_over: whether a guard controls the robot.
+            wiring_check: check before the robot stands up and walks; None for none.
             recovery: consent to get up after a fall; None for none.
         """
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
@@ -99,79 +99,79 @@ class ControlLoop:
             driver, self._joints, self._signals, estimate, self._postures, runner, wiring_check, kd
         )
         self.last_resort = LastResort(driver, bus, clock, self._joints, wiring, kd, config.tick_us)
-        self._sensed: Sensed | None = None  # of this tick
+        self._sensed: Sensed | None = None  # readings of this tick
         self.timing = Timing(policy_ms=runner.durations_ms)
         self.state, self.now_us = State(), 0
-        self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
-        self.walked_s = 0.0  # once the robot walks no more
-        self.ticks_skipped = 0  # that were left out because the loop was late
+        self.heartbeat_s = math.inf  # start of the last tick, by `time.perf_counter`
+        self.walked_s = 0.0  # final value, once the robot no longer walks
+        self.ticks_skipped = 0  # skipped because the loop was late
 
     @property
     def walking(self) -> bool:
-        """Whether the robot walks under its policy."""
+        """Whether the robot walks with its policy."""
         return self.state.mode is Mode.WALKING
 
     @property
     def held_up(self) -> bool:
-        """Whether somebody has to hold the robot up, which cannot stand still."""
+        """Whether a person must hold the robot, which cannot stand still."""
         return self._postures.held_up(self.now_us * 1e-6 - self.state.since_s, self.state.mode)
 
     @property
     def walking_s(self) -> float:
-        """Time since the policy took over, s."""
+        """Time since the policy took control, s."""
         return self._runner.time_s(self.now_us)
 
     @property
     def sensed(self) -> Sensed:
-        """The latest readings. Not every tick needs them in this form."""
+        """Latest readings. Not every tick needs them in this form."""
         if self._sensed is None:
             self._sensed = self._joints.sensed()
         return self._sensed
 
     @property
     def estimate(self) -> tuple[np.ndarray, float]:
-        """The base's velocity (3,) m/s, body frame, and height m; NaN without an estimate."""
+        """Velocity of the base (3,) m/s, body frame, and its height m; NaN without an estimate."""
         return self._estimate.value
 
     @property
     def asked_command(self) -> np.ndarray:
-        """The velocity command of the last policy step, before it was clipped, (3,)."""
+        """Velocity command of the last policy step, before clipping, (3,)."""
         return self._runner.steering.asked_command
 
     @property
     def status(self) -> Status:
-        """The run as it is now, for its command source."""
+        """Snapshot of the run, for its command source."""
         known = *self._estimate.value, self._estimate.pose(self.now_us)
         return self._runner.status(self.now_us, self.state, known, self.battery)
 
     @property
     def battery(self) -> BatteryState:
-        """What is known of the battery."""
+        """State of the battery."""
         return self._joints.battery
 
     @property
     def imu_damaged(self) -> int:
-        """Number of the IMU's messages so far that were left out for a wrong checksum."""
+        """Number of the IMU's messages so far that were ignored because of a wrong checksum."""
         return self._joints.imu_damaged
 
     @property
     def target(self) -> np.ndarray:
-        """Position targets that went out last, rad, (n,)."""
+        """Last position targets, rad, (n,)."""
         return self._joints.target
 
     @property
     def temperature_c(self) -> np.ndarray:
-        """Of the motors, degrees Celsius, (n,); NaN where a motor does not report it."""
+        """Temperatures of the motors, degrees Celsius, (n,); NaN if not reported."""
         return self._joints.temperature_c
 
     def tick(self) -> bool:
-        """One joint tick. Returns False once the run is over and the motors are disabled.
+        """Run one joint tick. Returns False once the run is over and the motors are disabled.
 
-        Whatever fails in it, the robot is damped, and only then are its motors disabled. KeyboardInterrupt
-        and SystemExit are not caught: hand them to `fail`, and go on.
+        After any failure the robot is damped, and then its motors are disabled. KeyboardInterrupt and
+        SystemExit are not caught: pass them to `fail`, and continue.
         """
         before_us, self.now_us = self.now_us, self._clock.next_tick()
-        if self.now_us > before_us:  # the first tick has none before it
+        if self.now_us > before_us:  # the first tick has no previous one
             self.ticks_skipped += (self.now_us - before_us) // self._config.tick_us - 1
         if self._taken_over():
             self._stand_back()
@@ -194,7 +194,7 @@ class ControlLoop:
         return True
 
     def _act(self, elapsed_us: int) -> None:
-        """Readings in, decisions, frames out."""
+        """Process readings, decide, and send frames."""
         now_us, joints, runner = self.now_us, self._joints, self._runner
         joints.absorb(self._bus.receive(now_us), now_us)
         self._sensed = None
@@ -214,7 +214,7 @@ class ControlLoop:
             self._update_estimate()
         since_s = now_us * 1e-6 - self.state.since_s
         frames = self._driver.disable() if self.state.over else self._actions.frames(self.state.mode, since_s)
-        if self._taken_over():  # meanwhile: nothing may go out over a guard's damping
+        if self._taken_over():  # since the tick's start: nothing may be sent after a guard's damping
             self._stand_back()
             return
         self._signals.frames_refused += self._bus.send(frames, now_us)
@@ -222,7 +222,7 @@ class ControlLoop:
             self._log_tick(self._log)
 
     def _decide(self) -> None:
-        """Estimate the base, and take a policy step where one is due."""
+        """Estimate the base, and run a policy step if it is due."""
         now_us, runner, log = self.now_us, self._runner, self._log
         due = runner.due(now_us)
         if self.state.mode in DECIDING:
@@ -254,7 +254,7 @@ class ControlLoop:
             self._actions.begin(before, self.state, self.now_us, self.sensed)
 
     def _enter(self, state: State) -> None:
-        """Take a new state, count how long the robot walked, and log it."""
+        """Set a new state, update the walking time, and log it."""
         before, self.state = self.state, state
         if state is before or (state.mode is before.mode and state.faults == before.faults):
             return
@@ -266,14 +266,15 @@ class ControlLoop:
             self._log.state(self.now_us, state)
 
     def finish(self, skip_lie_down: bool = False) -> None:
-        """Ask for the end of the run: the robot lies down if it can, is damped, then its motors are disabled.
+        """Request the end of the run: the robot lies down if possible, is damped, then its motors are
+        disabled.
 
-        A robot that walks stops first. With `skip_lie_down`, or when asked again, it does neither.
+        A walking robot stops first. With `skip_lie_down`, or at a second request, it does neither.
         """
         self._end.finish(self.state.mode, skip_lie_down)
 
     def fail(self, error: BaseException) -> None:
-        """After an exception: damping frames that need no reading, then motors off. Raises nothing."""
+        """After an exception: send damping frames that need no reading, then disable. Raises nothing."""
         now_s, state = self.now_us * 1e-6, self.state
         self.recovery.revoke()
         if state.mode in DAMPED:
@@ -287,7 +288,7 @@ class ControlLoop:
             self._enter(state)
 
     def _stand_back(self) -> None:
-        """The end of a run that a guard ended: the robot was damped, and its motors are disabled."""
+        """End a run after a guard has damped the robot and disabled its motors."""
         self._enter(State(Mode.ESTOP, self.now_us * 1e-6, (*self.state.faults, TAKEN_OVER), over=True))
 
     def damp(self) -> None:

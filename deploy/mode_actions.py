@@ -1,4 +1,4 @@
-"""What the control loop does in each mode: what begins with it, and what goes out."""
+"""Actions of the control loop in each mode: at its start, and the frames to send."""
 
 from footfall.deploy.base_estimate import BaseEstimate
 from footfall.deploy.drivers.driver import Driver
@@ -14,7 +14,7 @@ from footfall.policies.policy import Sensed
 
 
 class ModeActions:
-    """The parts of a loop at work, by its mode."""
+    """Runs the parts of a loop according to its mode."""
 
     def __init__(
         self,
@@ -27,14 +27,15 @@ class ModeActions:
         wiring_check: WiringCheck | None,
         damping_kd: float,
     ) -> None:
-        """Parts of one loop. `damping_kd`: N m s/rad, of a robot that is damped."""
+        """Parts of one loop. `damping_kd`: N m s/rad, for a damped robot."""
         self._driver, self._damping_kd = driver, damping_kd
         self._joints, self._signals, self._estimate = joints, signals, estimate
         self._postures, self._runner, self._wiring_check = postures, runner, wiring_check
-        self._unfolds = False  # after a fall, until the get-up policy takes over
+        self._unfolds = False  # after a fall, until the get-up policy starts
 
     def begin(self, before: State, state: State, now_us: int, sensed: Sensed) -> None:
-        """Begin the mode of `state` at this time, with these readings; the mode before was another one."""
+        """Start the mode of `state` at this time, with these readings; the previous mode was a different
+        one."""
         mode, recovers = state.mode, before.mode is Mode.RECOVERING
         if before.mode is Mode.IDLE and mode in HELD:
             self._joints.begin_at(sensed.joint_position)
@@ -63,9 +64,9 @@ class ModeActions:
             self._estimate.start()
 
     def let_decide(self, state: State, now_us: int) -> bool:
-        """Let a policy decide where one may; returns whether it does.
+        """Switch to the get-up policy if it is due; returns whether a policy may decide.
 
-        After a fall the get-up policy takes over once the robot has unfolded.
+        After a fall the get-up policy starts once the robot has unfolded.
         """
         if state.mode is not Mode.RECOVERING or not self._unfolds:
             return state.mode in COMMANDED
@@ -76,7 +77,7 @@ class ModeActions:
         return True
 
     def frames(self, mode: Mode, time_s: float) -> Frames:
-        """What goes out in a mode that began so long ago."""
+        """Frames for a mode that began `time_s` ago."""
         decision = self._runner.decision
         if mode in COMMANDED and decision is not None:
             return self._joints.command(decision)

@@ -1,4 +1,4 @@
-"""Orders to a run, with who gave them: logged, so that a log tells who steered, who stopped, and when."""
+"""Orders to a run, with their operators: logged, so that a log shows who steered, who stopped, and when."""
 
 import json
 from enum import StrEnum
@@ -6,24 +6,24 @@ from typing import NamedTuple
 
 
 class OrderKind(StrEnum):
-    """What was ordered. A change of policy, gait or settings is a `changes.Change`."""
+    """Kind of an order. A change of policy, gait or settings is a `changes.Change`."""
 
-    STEER = "steer"  # the velocity commands are this owner's from now on
+    STEER = "steer"  # from now on this operator gives the velocity commands
     WALK = "walk"
     STAND = "stand"
     LIE_DOWN = "lie_down"
     GET_UP = "get_up"
-    STOP = "stop"  # lie down at once
-    DAMP = "damp"  # damp the joints at once
+    STOP = "stop"  # lie down immediately
+    DAMP = "damp"  # damp the joints immediately
 
 
 class Order(NamedTuple):
     """One order."""
 
     kind: OrderKind
-    by: str  # who gave it; empty for the run itself, and for STEER if nobody steers
-    why: str = ""  # of a stop
+    by: str  # operator; empty for the run itself, and for STEER without an operator
+    why: str = ""  # reason of a stop
 
     def to_json(self) -> str:
-        """As text."""
+        """JSON text."""
         return json.dumps({"order": self.kind, "by": self.by} | ({"why": self.why} if self.why else {}))

@@ -1,4 +1,4 @@
-"""Runs a policy at its own rate: what it is given, what it decides, and how long that takes."""
+"""Runs a policy at its own rate: inputs, decisions and timing."""
 
 import math
 import os
@@ -27,18 +27,18 @@ from footfall.robots.actuator import JointCommand
 
 
 class Notes(Protocol):
-    """Has notes: one line each, each once, a sequence that only grows."""
+    """An object with notes: one line each, without repetition, in a list that only grows."""
 
     @property
     def notes(self) -> Sequence[str]: ...
 
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
-FORKED = 1  # exit status of a copy of the process that comes back from a policy's step
+FORKED = 1  # exit status of a forked copy of the process that returns from a policy step
 
 
 class PolicyRunner:
-    """The policies of a run, what they are asked for, and the last decision."""
+    """Policies of a run, requests to them, and the last decision."""
 
     def __init__(
         self,
@@ -52,18 +52,18 @@ class PolicyRunner:
         get_up: Policy | None = None,
         noting: Sequence[Notes] = (),
     ) -> None:
-        """Policies that have not begun.
+        """Create a runner whose policies have not started.
 
         Args:
-            policies: those that may decide.
-            steering: says what they shall do.
-            joint_rate_hz: of the loop.
-            limit_s: how long one step may take.
+            policies: selectable policies.
+            steering: requests to the policies.
+            joint_rate_hz: rate of the loop.
+            limit_s: longest duration of a step.
             realtime: whether steps are timed. Simulated time waits for them.
             arm: sets a deadline for a step.
-            height_scans: for policies that read them.
-            get_up: the one of the policies that decides after a fall; None for none.
-            noting: what else has notes for the log.
+            height_scans: height scans for the policies; None if no policy uses them.
+            get_up: get-up policy for falls; None for none.
+            noting: further sources of notes for the log.
 
         Raises:
             UserError: a policy is faster than the loop.
@@ -78,23 +78,23 @@ class PolicyRunner:
         self._policies, self.steering = policies, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
         self._height_scans, self._get_up = height_scans, get_up
-        self._walker = policies.present.policy.name  # that decides once the robot walks again
+        self._walker = policies.present.policy.name  # policy for walking on after a fall
         self._process = os.getpid()
         self._began_us, self._begun = 0, False
         self.signals = PolicySignals()
-        self.decision: np.ndarray | None = None  # rows as of `JointCommand`
+        self.decision: np.ndarray | None = None  # rows of a `JointCommand`
         self.durations_ms = Durations()
-        self._command = np.zeros(3)  # that the policy was given
+        self._command = np.zeros(3)  # last command to the policy
         self._applied, self._logged = applied_of(policies.present.policy), NOTHING_APPLIED
-        self._changes: list[Change] = []  # that were not told yet
-        self._told = 0  # notes that were
+        self._changes: list[Change] = []  # not logged yet
+        self._told = 0  # number of logged notes
         scanning = [] if height_scans is None else [height_scans]
         self._noting: list[Notes] = [*everyone, *scanning, *noting]
-        self._noted = [0] * len(self._noting)  # notes of each that were taken over
+        self._noted = [0] * len(self._noting)  # number of collected notes of each
 
     @property
     def notes(self) -> list[str]:
-        """What was changed of what was asked for, one line each."""
+        """Notes of the run: changed requests and others, one line each."""
         notes, noted = self.steering.notes, self._noted
         for index, each in enumerate(self._noting):
             if len(each.notes) > noted[index]:
@@ -103,7 +103,7 @@ class PolicyRunner:
         return notes
 
     def tell(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
-        """Log a step, with changes that were not logged before; None for a step that failed."""
+        """Log a step, with changes that are not logged yet; None for a failed step."""
         for change in self._changes:
             log.change(now_us, change)
         self._changes.clear()
@@ -114,7 +114,7 @@ class PolicyRunner:
             log.applied(now_us, self._applied)
 
     def tell_orders_and_notes(self, now_us: int, log: RunLog) -> None:
-        """Log orders and notes that were not logged before, whether or not the robot walks."""
+        """Log orders and notes that are not logged yet, in any mode."""
         for order in self.steering.take_orders():
             log.order(now_us, order)
         notes = self.notes
@@ -125,13 +125,13 @@ class PolicyRunner:
     def status(
         self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
     ) -> Status:
-        """The run as it is now, for the command source.
+        """Snapshot of the run, for the command source.
 
         Args:
-            now_us: the loop's time.
-            state: the supervisor's.
-            known: the base's velocity (3,) m/s, body frame, height m and pose.
-            battery: what is known of it.
+            now_us: time of the loop.
+            state: state of the supervisor.
+            known: velocity of the base (3,) m/s, body frame, its height m and pose.
+            battery: state of the battery.
         """
         walking_s = self.time_s(now_us) if state.mode in DECIDING else 0.0
         steering = self.steering
@@ -151,21 +151,21 @@ class PolicyRunner:
         )
 
     def start(self, now_us: int) -> None:
-        """The policy takes over now."""
+        """Start the policy."""
         self._began_us, self._begun = now_us, True
         self._policies.begin()
 
     def get_up(self, now_us: int) -> None:
-        """The get-up policy takes over now, in the place of the one that walked."""
+        """Switch to the get-up policy, from the walking policy."""
         assert self._get_up is not None
         if not self._begun:  # the robot has not stood yet
             self.start(now_us)
-        if self._policies.present.policy is not self._get_up:  # it is in the second try
+        if self._policies.present.policy is not self._get_up:  # it is already present in a second try
             self._walker = self._policies.present.policy.name
         self._take_over(now_us, self._get_up.name)
 
     def walk_on(self, now_us: int) -> None:
-        """The policy that walked before the fall takes over now, with its own gait and settings."""
+        """Switch back to the policy that walked before the fall, with its own gait and settings."""
         self._take_over(now_us, self._walker)
         self.steering.serve(self._walker)
 
@@ -176,16 +176,17 @@ class PolicyRunner:
         self.decision = None
 
     def time_s(self, now_us: int) -> float:
-        """Time since the policy took over, s."""
+        """Time since the policy took control, s."""
         return (now_us - self._began_us) * 1e-6
 
     def due(self, now_us: int) -> bool:
-        """Whether it is time for a step."""
+        """Whether a step is due."""
         return self._policies.due(now_us - self._began_us)
 
     def stance(self) -> np.ndarray | None:
-        """The policy's contact plan; None before its first step, or if it fails, which `signals` tell."""
-        if self.decision is None:  # before its reset a policy's plan is of another episode
+        """Contact plan of the policy; None before its first step, or after a failure, which is in
+        `signals`."""
+        if self.decision is None:  # before its reset a policy has the plan of another episode
             return None
         try:
             return self._policies.stance()
@@ -205,7 +206,7 @@ class PolicyRunner:
             return None
 
     def poll(self, now_us: int, run: Run) -> None:
-        """Ask the command source while the policy does not decide; `signals` tell if it fails."""
+        """Poll the command source while the policy does not decide; a failure is in `signals`."""
         try:
             self.steering.poll(now_us, run, follow=False)
         except FAILURES as error:
@@ -219,14 +220,14 @@ class PolicyRunner:
         estimate: tuple[np.ndarray, float],
         walking: bool,
     ) -> tuple[PolicyInput, np.ndarray] | None:
-        """One step; returns what the policy was given and its decision, or None if it failed or hung.
+        """Run one step; returns the policy's input and its decision, or None after a failure or timeout.
 
         Args:
-            now_us: the loop's time.
-            run: as it is, for the command source.
-            sensed: the latest readings.
-            estimate: the base's velocity (3,) m/s, body frame, and height m.
-            walking: whether the commands come from the source; otherwise they are zero.
+            now_us: time of the loop.
+            run: the run, for the command source.
+            sensed: latest readings.
+            estimate: velocity of the base (3,) m/s, body frame, and its height m.
+            walking: whether commands come from the source; otherwise they are zero.
         """
         started = time.perf_counter()
         try:
@@ -235,7 +236,7 @@ class PolicyRunner:
                 given, decision = self._decide(now_us, run, sensed, estimate, walking)
             finally:
                 self._arm(0.0)
-                if os.getpid() != self._process:  # a policy that forked: its copy holds no robot
+                if os.getpid() != self._process:  # a forked copy must not control the robot
                     os._exit(FORKED)
         except OverdueError:
             self.signals = self.signals._replace(step_s=math.inf)

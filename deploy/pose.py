@@ -1,4 +1,4 @@
-"""Checks whether the joints can be where their encoders say."""
+"""Check of measured joint positions against the joints' ranges."""
 
 import math
 
@@ -8,21 +8,21 @@ from footfall.robots.description import Robot
 
 
 def beyond(position: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """How far joints are beyond their range, rad, (n,); 0 within."""
+    """Distance of joints beyond their range, rad, (n,); 0 within."""
     return np.maximum(np.maximum(lower - position, position - upper), 0.0)
 
 
 def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margin_rad: float) -> str:
-    """The first joint that cannot be where it says, and the likely reason; empty if all can.
+    """First joint with an impossible position, and the likely reason; empty if all are possible.
 
-    An encoder at the rotor knows its angle within one turn of the rotor, one at the output within one turn of
-    the joint: a motor that counted wrongly while it was off is wrong by a multiple of either.
+    An encoder at the rotor is absolute within one turn of the rotor, one at the output within one turn of the
+        joint: a motor that miscounted while it was disabled is wrong by a multiple of either.
 
     Args:
-        robot: whose joints they are.
-        places: of the joints, for the message.
-        position: measured, rad, (n,).
-        margin_rad: how far beyond its range a joint may be.
+        robot: robot with these joints.
+        places: names of the joints' motors, for the message.
+        position: measured positions, rad, (n,).
+        margin_rad: permitted distance beyond a joint's range.
     """
     excess = beyond(position, robot.lower_rad, robot.upper_rad)
     wrong = np.flatnonzero(~(excess <= margin_rad))
@@ -40,7 +40,7 @@ def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margi
 
 
 def _turns(position: float, lower: float, upper: float, turn: float, of: str) -> str:
-    """How many turns would explain a position outside a range; empty if no whole number does."""
+    """Number of turns that would explain a position outside a range; empty if no integer does."""
     if not math.isfinite(position):
         return ""
     count = (

@@ -1,4 +1,4 @@
-"""A path through joint poses: a smooth curve from each to the next, at rest at each."""
+"""A path through joint poses: a smooth curve between consecutive poses, at rest at each."""
 
 import math
 from collections.abc import Sequence
@@ -12,21 +12,21 @@ class PosePath:
     def __init__(
         self, poses: Sequence[np.ndarray], rates_rad_s: Sequence[float], least_s: float = 0.0
     ) -> None:
-        """The joint with the longest travel sets the time from one pose to the next.
+        """The joint with the longest travel determines the time between two poses.
 
         Args:
-            poses: (n,) rad each, the first one where the path begins.
-            rates_rad_s: fastest that any joint moves from each pose to the next, rad/s.
-            least_s: shortest time from one pose to the next, s.
+            poses: (n,) rad each; the first is the start of the path.
+            rates_rad_s: largest joint speed between consecutive poses, rad/s.
+            least_s: shortest time between two poses, s.
         """
         self._poses = np.array(poses)
         ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
-        # Half a turn of a cosine is pi / 2 times as fast in its middle as on average.
+        # A cosine's peak speed is pi / 2 times its mean speed.
         self._lasts_s = np.maximum(0.5 * math.pi * ways / np.array(rates_rad_s), least_s).tolist()
         self.duration_s = float(sum(self._lasts_s))
 
     def at(self, time_s: float) -> np.ndarray:
-        """Joint positions (n,), rad; before the beginning the first pose, after the end the last one."""
+        """Joint positions (n,), rad; the first pose before the start, the last pose after the end."""
         for leg, lasts_s in enumerate(self._lasts_s):
             if time_s < lasts_s:
                 start, goal = self._poses[leg : leg + 2]

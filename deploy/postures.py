@@ -13,20 +13,20 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.readings import Sensed
 
-SOFT = 0.3  # share of the stiffness with which limbs push each other aside; all of it hits the ground harder
-MOVING_SHARE = 0.7  # of the time to stand up, at least; the robot settles in the rest
+SOFT = 0.3  # share of the stiffness for unfolding; with all of it the limbs hit the ground harder
+MOVING_SHARE = 0.7  # smallest share of the time to stand up that is motion; the rest is for settling
 
 
 class Ending(Enum):
-    """In which motion lying down begins."""
+    """Motion of the robot when it starts to lie down."""
 
     STANDING = auto()  # on all feet
-    STOPPED = auto()  # maybe with a foot in the air
+    STOPPED = auto()  # possibly with a foot in the air
     WALKING = auto()  # at any speed
 
     @staticmethod
     def of(mode: Mode, faulty: bool) -> "Ending":
-        """The motion of a robot that lies down out of a mode: without a fault it has stopped first."""
+        """Motion of a robot that lies down from a mode: without a fault it has stopped first."""
         if mode is Mode.STANDING:
             return Ending.STANDING
         return Ending.WALKING if faulty else Ending.STOPPED
@@ -36,7 +36,8 @@ class Postures:
     """Joint targets while the robot stands up, lies down or unfolds. Times count from the start of each."""
 
     def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool, stand_up: bool = True) -> None:
-        """`lie_down`: whether the robot may, if it can. Without `stand_up` it holds its initial pose."""
+        """`lie_down`: whether the robot may lie down, if it can. Without `stand_up` it holds its initial
+        pose."""
         self._stands = stand_up
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
@@ -54,7 +55,7 @@ class Postures:
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
-        self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # as well damped
+        self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # the same damping ratio
         self._gains, self._unfold_s = self._stiff, config.safety.recovery.unfold_s
         self._fastest = most
         self._path = PosePath([self._standing], [])
@@ -62,11 +63,11 @@ class Postures:
         self._held_start, self._in_place_s = robot.description.held_start, config.in_place_s
 
     def stand_up(self, here: np.ndarray, quaternion: np.ndarray) -> None:
-        """Begin the path to the default pose; a robot that lies folds its legs first.
+        """Start the path to the default pose; a lying robot folds its legs first.
 
         Args:
             here: joint positions, rad, (n,).
-            quaternion: of the base, w x y z.
+            quaternion: orientation of the base, w x y z.
         """
         self._gains, self._levels = self._stiff, self._stands
         if not self._stands:
@@ -80,11 +81,11 @@ class Postures:
         self._carried_s = self._path.duration_s if lies else 0.0
 
     def lie_down(self, target: np.ndarray, ending: Ending) -> None:
-        """Begin the path to the lying pose. A robot without one does nothing.
+        """Start the path to the lying pose, if the robot has one.
 
         Args:
-            target: position targets that went out last, rad, (n,).
-            ending: the motion of the robot.
+            target: last position targets, rad, (n,).
+            ending: motion of the robot.
         """
         if self._lying is None:
             return
@@ -98,9 +99,9 @@ class Postures:
         self._carried_s = float("inf")
 
     def unfold(self, here: np.ndarray) -> None:
-        """Begin the path of a robot that fell to the default pose, wherever its base lies.
+        """Start the path of a fallen robot to the default pose, in any position of its base.
 
-        Limbs that fell over each other, or a thigh wedged under the trunk, keep a get-up policy from moving.
+        Crossed limbs, or a thigh under the trunk, would block a get-up policy.
 
         Args:
             here: joint positions, rad, (n,).
@@ -109,11 +110,11 @@ class Postures:
         self._path = PosePath([here, self._standing], [self._fastest], MOVING_SHARE * self._unfold_s)
 
     def unfolded(self, time_s: float) -> bool:
-        """Whether the time to unfold is over."""
+        """Whether the time for unfolding is over."""
         return time_s >= self._unfold_s - 1e-9
 
     def command(self, time_s: float, sensed: Sensed | None = None) -> JointCommand:
-        """The joint command at this time; with readings, that of a biped which stands up is levelled."""
+        """Joint command at this time; with readings, a biped that stands up is levelled."""
         command = JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
         if sensed is None or not self._levels:
             return command
@@ -124,11 +125,11 @@ class Postures:
         return time_s >= self._path.duration_s + self._hold_s - 1e-9
 
     def held_up(self, time_s: float, mode: Mode) -> bool:
-        """Whether somebody holds the robot up, this long after the mode began."""
+        """Whether a person holds the robot, `time_s` after the start of the mode."""
         walks = mode is Mode.WALKING and time_s >= self._in_place_s
         return self._held_start and mode in (Mode.CHECKING, *MOVING) and not walks
 
     def on_legs(self, time_s: float, mode: Mode) -> bool:
-        """Whether the legs should carry the base; the policy takes over once they do."""
+        """Whether the legs should carry the base; the policy takes control once they do."""
         carried = mode in DECIDING or time_s >= self._carried_s
         return self._stands and carried and not self.held_up(time_s, mode)

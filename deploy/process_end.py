@@ -1,6 +1,6 @@
 """Signals, and `os._exit` in foreign code, end the run in order instead of the process.
 
-If the process ended, only the motors' timeouts would stop the robot, and the user would have no result.
+Otherwise only the motors' timeouts would stop the robot, and there would be no result.
 """
 
 import os
@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
-# Ctrl-C, `kill`, a terminal that goes away (a dropped SSH), Ctrl-\\, and all others that end a process which
-# has no handler. SIGALRM is the deadline's.
+# Ctrl-C, `kill`, a closed terminal (a lost SSH connection), Ctrl-\\, and all other signals that end a process
+# without a handler. SIGALRM is for the deadline.
 ENDING = tuple(
     getattr(signal, name)
     for name in (
@@ -20,14 +20,15 @@ ENDING = tuple(
     )
     if hasattr(signal, name)
 )  # fmt: skip
-ONCE = (signal.SIGHUP,)  # kernel and shell both send it when a terminal closes: it counts once
+ONCE = (signal.SIGHUP,)  # both kernel and shell send it when a terminal closes: it counts once
 
 
 @contextmanager
 def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
-    """Signals that would end the process call `finish`, which ends the run in order.
+    """While the context is open, signals that would end the process call `finish`, which ends the run in
+    order.
 
-    A second signal calls `finish` again, which cuts lying down short. Signals of `ONCE` count once.
+    A second signal calls `finish` again, which skips lying down. Signals in `ONCE` count once.
     """
     hung_up = threading.Event()
 
@@ -43,7 +44,8 @@ def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def handling(handler: Callable[[int, object], None]) -> Iterator[None]:
-    """Signals that would end the process call this handler; in the main thread alone, which gets them."""
+    """Set this handler for signals that would end the process; only in the main thread, which receives
+    them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -57,9 +59,9 @@ def handling(handler: Callable[[int, object], None]) -> Iterator[None]:
 
 @contextmanager
 def exit_raises() -> Iterator[None]:
-    """`os._exit` raises SystemExit, so that a policy that calls it has failed, and its robot is damped.
+    """`os._exit` raises SystemExit: then a policy that calls it has failed, and the robot is damped.
 
-    A copy of the process by `os.fork` ends as it wishes. Code outside Python can still end the process.
+    A forked copy of the process can exit normally. Native code can still end the process.
     """
     end, process = os._exit, os.getpid()
 

@@ -1,4 +1,4 @@
-"""CAN interfaces through python-can: makers' adapters, `virtual` and `udp_multicast` without hardware."""
+"""CAN interfaces by python-can: commercial adapters, and `virtual` and `udp_multicast` without hardware."""
 
 import logging
 import operator
@@ -13,22 +13,22 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.common.installation import install
 from footfall.deploy import can_errors
-from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
+from footfall.deploy.bus import HOST_QUEUE, MAX_FRAMES_PER_TICK, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import EXTENDED, FD, LONGEST, NUMBER, Frames, bits_of, takes_fd
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"
-MULTICAST_PORT = 43113  # of the first bus; each further bus has the next port
-MOST_FAILURES_AT_ONCE = 16  # of one bus in one tick: an invalid datagram, or an interface that is down
+MULTICAST_PORT = 43113  # port of the first bus; each further bus has the next port
+MAX_FAILURES_PER_TICK = 16  # for one bus: an invalid datagram, or an interface that is down
 OVER_SERIAL_PORTS = ("robotell", "seeedstudio", "serial", "slcan")
-SERIAL_LIBRARY = "pyserial"  # needed for these, and not installed with python-can
+SERIAL_LIBRARY = "pyserial"  # required for these interfaces, and not installed with python-can
 STATE_EVERY_S = 0.1  # between two queries of a controller's state
 
 
 def interfaces() -> list[str]:
-    """Names of the interfaces that python-can knows."""
+    """Names of python-can's interfaces."""
     import can
 
     return sorted(can.VALID_INTERFACES)
@@ -37,8 +37,8 @@ def interfaces() -> list[str]:
 class PythonCanBus:
     """All buses of a robot on one kind of python-can interface.
 
-    Writes are paced (`Pacing`). A frame that the interface refuses is counted and lost, and an interface that
-    fails goes silent; the supervisor acts on both.
+    Writes are paced (`Pacing`). A frame rejected by the interface is counted and lost, and a failing
+    interface becomes silent; the supervisor reacts to both.
     """
 
     def __init__(
@@ -51,14 +51,14 @@ class PythonCanBus:
         """Open the interfaces (see `deploy.interfaces.open_interfaces`).
 
         Raises:
-            UserError: there is no such interface, or a bus of it cannot be opened.
+            UserError: there is no such interface, or one of its buses cannot be opened.
         """
         import can
 
         if interface not in can.VALID_INTERFACES:
             if interface in names:
                 raise UserError(
-                    f"--bus takes the kind of the interfaces: --bus socketcan; '{interface}' is in robot.yaml"
+                    f"--bus is the kind of interface, such as socketcan; '{interface}' is the name of a bus"
                 )
             raise UserError(
                 f"no bus '{interface}': give one of {', '.join(interfaces())}; deploy also has sim"
@@ -69,7 +69,7 @@ class PythonCanBus:
         self._statistics = [BusStatistics(name) for name in names]
         wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
 
-        @lru_cache(maxsize=MOST_FRAMES_AT_ONCE)
+        @lru_cache(maxsize=MAX_FRAMES_PER_TICK)
         def passes(identifier: int) -> bool:
             return any((identifier & ~FD ^ each) & mask == 0 for each, mask in wanted)
 
@@ -77,7 +77,7 @@ class PythonCanBus:
         self._faults = [""] * len(names)
         self._state_read_s = time.monotonic()
         self._buses: list[Any] = []
-        logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
+        logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported by this module
         for index, name in enumerate(names):
             try:
                 self._buses.append(_open(can, interface, index, name, takes_fd(filters)))
@@ -89,7 +89,7 @@ class PythonCanBus:
                 raise UserError(f"cannot open bus '{name}' on {interface}: {why}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:
-        """Write frames, paced; returns the number that the interfaces refused."""
+        """Write frames, paced; returns the number rejected by the interfaces."""
         refused = 0
         for channel, identifier, data, length, bits in zip(
             frames.channel.tolist(),
@@ -119,7 +119,7 @@ class PythonCanBus:
     def receive(self, now_us: int) -> list[Frames]:
         """Waiting frames of all buses that pass the filters, in one batch.
 
-        All waiting frames are read, foreign ones too: a frame left in the queue would make later ones old.
+        All waiting frames are read, even foreign ones: a frame left in the queue would delay later ones.
         """
         rows: list[tuple[int, int, bytes, float]] = []
         for channel, bus in enumerate(self._buses):
@@ -158,7 +158,7 @@ class PythonCanBus:
     def _waiting(self, channel: int, bus: Any) -> Iterator[tuple[int, bytes, float]]:
         """Identifier, bytes and time stamp of each waiting frame of one bus that passes the filters."""
         failures = 0
-        for _ in range(MOST_FRAMES_AT_ONCE):
+        for _ in range(MAX_FRAMES_PER_TICK):
             try:
                 message = bus.recv(timeout=0)
                 if message is None:
@@ -166,11 +166,11 @@ class PythonCanBus:
                 frame = None
                 if message.is_error_frame:
                     self._note_error(channel, message)
-                elif message.is_rx:  # not the echo of what this end sent
+                elif message.is_rx:  # not the echo of a sent frame
                     frame = _plain_frame(message)
-            except Exception:  # an interface that fails, or a foreign datagram
+            except Exception:  # a failing interface, or a foreign datagram
                 failures += 1
-                if failures >= MOST_FAILURES_AT_ONCE:
+                if failures >= MAX_FAILURES_PER_TICK:
                     return
                 continue
             if frame is not None and self._passes(frame[0]):
@@ -178,7 +178,7 @@ class PythonCanBus:
 
     def _note_error(self, channel: int, message: Any) -> None:
         self._statistics[channel].errors += 1
-        if not self._faults[channel]:  # the first error frame, where its identifier is as in SocketCAN
+        if not self._faults[channel]:  # the first error frame, if its identifier is as in SocketCAN
             self._faults[channel] = can_errors.meaning(message.arbitration_id, bytes(message.data))
 
     def statistics(self) -> list[BusStatistics]:
@@ -191,10 +191,10 @@ class PythonCanBus:
 
 
 def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
-    """Identifier, bytes and Unix time of arrival of a data frame; None for anything else.
+    """Identifier, bytes and Unix arrival time of a data frame; None for anything else.
 
     Raises:
-        TypeError: it is no frame.
+        TypeError: it is not a frame.
     """
     if message.is_remote_frame:
         return None
@@ -209,7 +209,7 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
 def _open(can: Any, interface: str, index: int, name: str, fd: bool) -> Any:
     """Open one bus, for CAN FD if `fd`.
 
-    It has none of python-can's filters: with them, `recv` returns None for a foreign frame, too.
+    It has no python-can filters: with them, `recv` returns None for a foreign frame, too.
     """
     if interface == MULTICAST:
         return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=fd)

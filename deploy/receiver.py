@@ -1,4 +1,4 @@
-"""The latest readings of a robot's motors, IMU and feet, from frames as they arrive."""
+"""Latest readings of a robot's motors, IMU and feet, from frames as they arrive."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from footfall.policies.policy import Sensed
 from footfall.robots.readings import NO_FORCES
 
 NEVER = -(10**15)  # microseconds: long ago
-MAX_LAYOUTS = 64  # kept: some protocols carry values in identifiers, whose layouts never repeat
+MAX_LAYOUTS = 64  # limit of the cache: some protocols have values in identifiers, whose layouts never repeat
 _NO_ROWS = np.zeros(0, np.intp)
 
 
@@ -26,16 +26,16 @@ class LastHeard(NamedTuple):
 
 
 class MotorHealth(NamedTuple):
-    """Age of the latest readings and what n motors report of their own state."""
+    """Age of the latest readings and reported state of n motors."""
 
-    age_s: np.ndarray  # (n + 1,) since each motor's reading arrived, and the oldest part of the IMU's
-    temperature_c: np.ndarray  # (n,) NaN where a motor does not report it
-    voltage: np.ndarray  # (n,) likewise
+    age_s: np.ndarray  # (n + 1,) age of each motor's reading, and of the oldest part of the IMU's
+    temperature_c: np.ndarray  # (n,) NaN if not reported
+    voltage: np.ndarray  # (n,) V, NaN if not reported
     error: np.ndarray  # (n,) codes, 0 for none
 
 
 class Receiver:
-    """Decodes frames of motors and sensors. Arrays that were handed out are never written to afterwards."""
+    """Decodes frames of motors and sensors. Returned arrays do not change afterwards."""
 
     def __init__(
         self, driver: Driver, imu: ImuDriver, joints: int, feet: FootForceReader | None = None
@@ -46,17 +46,17 @@ class Receiver:
         self._rows_of: dict[bytes, tuple[np.ndarray, ...]] = {}  # by identifiers
         self._now_us = NEVER
         self.joints = np.zeros((3, joints))  # latest position rad, velocity rad/s and torque N m
-        self.temperature_c = np.full(joints, np.nan)  # latest; NaN where a motor does not report it
-        self.voltage = np.full(joints, np.nan)  # likewise, V
-        self.current = np.full(joints, np.nan)  # likewise, A
+        self.temperature_c = np.full(joints, np.nan)  # latest; NaN if not reported
+        self.voltage = np.full(joints, np.nan)  # V, the same
+        self.current = np.full(joints, np.nan)  # A, the same
         self._motor_us = np.full(joints, NEVER)
         self._error = np.zeros(joints, dtype=np.uint8)
         self._absorbed_us = NEVER  # time of the latest replies
-        self._whole_batches = 0  # of all motors, one reply each
-        self._single_replies = np.zeros(joints, np.intp)  # in other batches
+        self._whole_batches = 0  # number of batches with one reply of each motor
+        self._single_replies = np.zeros(joints, np.intp)  # number of replies in other batches
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
-        """Decode frames that have arrived; frames of other senders are left out."""
+        """Decode received frames; frames of other senders are ignored."""
         self._now_us = now_us
         for frames in batches:
             from_imu, from_feet, from_motors = self._rows(frames)
@@ -71,7 +71,7 @@ class Receiver:
                 self._absorb_replies(frames.take(from_motors), now_us)
 
     def _rows(self, frames: Frames) -> tuple[np.ndarray, ...]:
-        """Rows of the IMU's, the feet's and other frames, kept by identifiers: `np.isin` takes 15 us."""
+        """Rows of the IMU's, the feet's and other frames, cached by identifiers: `np.isin` takes 15 us."""
         key = frames.id.tobytes()
         rows = self._rows_of.get(key)
         if rows is None:
@@ -87,7 +87,7 @@ class Receiver:
         return rows
 
     def sensed(self) -> Sensed:
-        """The latest readings."""
+        """Latest readings."""
         gyro, acceleration, quaternion = self._imu.reading
         joints = self.joints[0], self.joints[1], self.joints[2]
         force = NO_FORCES if self._feet is None else self._feet.force(self._now_us)
@@ -95,7 +95,7 @@ class Receiver:
 
     @property
     def inertial(self) -> Inertial:
-        """The IMU's latest reading."""
+        """Latest reading of the IMU."""
         return self._imu.reading
 
     @property
@@ -115,12 +115,13 @@ class Receiver:
 
     @property
     def imu_older(self) -> int:
-        """Number of the IMU's samples so far that were older than its latest; 0 if its driver has none."""
+        """Number of the IMU's samples so far that were older than its latest; 0 if its driver does not
+        count."""
         return getattr(self._imu, "older", 0)
 
     @property
     def imu_damaged(self) -> int:
-        """Number of the IMU's messages so far with a wrong checksum; 0 if its driver checks none."""
+        """Number of the IMU's messages so far with a wrong checksum; 0 if its driver does not check."""
         return getattr(self._imu, "damaged", 0)
 
     def health(self, now_us: int) -> MotorHealth:

@@ -1,4 +1,4 @@
-"""Copies logs: one that was cut short or damaged gets its end, and a long one is cut to a time range."""
+"""Copies logs: a truncated or damaged log gets an end, and a long log is cut to a time range."""
 
 import json
 from collections.abc import Iterable
@@ -9,36 +9,36 @@ from footfall.common.errors import UserError
 from footfall.deploy.log_file import Damage, definitions_first, records
 from footfall.deploy.telemetry.mcap_file import ENDED, METADATA
 
-CUT = "cut_s"  # metadata: start and end in the log that this one was cut from
+CUT = "cut_s"  # metadata: start and end in the original log
 
 
 class Recovered(NamedTuple):
-    """What a recovered copy holds."""
+    """Content of a recovered copy."""
 
     messages: int
-    damaged: int  # parts and messages that could not be read and are left out
+    damaged: int  # number of parts and messages that could not be read and are skipped
 
 
 def recover(torn: Path, whole: Path) -> Recovered:
-    """Copy what is left of a log into a complete file.
+    """Copy the readable part of a log into a complete file.
 
     Raises:
-        UserError: the log cannot be read or the copy not written.
+        UserError: the log cannot be read, or the copy cannot be written.
     """
     damage = Damage()
     return _copy(_read(torn, whole, damage), whole, damage)
 
 
 def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
-    """Copy a time range of a log, with the last message before it of each latched topic, as of its start.
+    """Copy a time range of a log; the last earlier message of each latched topic moves to its start.
 
     Args:
-        path: the log.
-        out: its cut copy.
+        path: log to cut.
+        out: copy to write.
         from_s, to_s: seconds since the log's first message.
 
     Raises:
-        UserError: the log cannot be read, the range holds no messages, or the copy cannot be written.
+        UserError: the log cannot be read, the range has no messages, or the copy cannot be written.
     """
     from mcap.records import Message
 
@@ -46,12 +46,12 @@ def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
     found = _read(path, out, damage)
     times = [record.log_time for record in found if isinstance(record, Message)]
     if not times:
-        raise UserError(f"{path} holds no messages")
+        raise UserError(f"{path} has no messages")
     first, last = min(times), max(times)
     start_ns, end_ns = first + round(from_s * 1e9), first + round(min(to_s, 1e9) * 1e9)
     if not any(start_ns <= each <= end_ns for each in times):
         raise UserError(
-            f"{path} is {(last - first) * 1e-9:.3f} s long: nothing is from {from_s:g} to {to_s:g} s"
+            f"{path} is {(last - first) * 1e-9:.3f} s long: it has nothing from {from_s:g} to {to_s:g} s"
         )
     return _copy(_within(found, start_ns, end_ns, end_ns >= last, (from_s, to_s)), out, damage)
 
@@ -59,7 +59,7 @@ def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
 def _within(
     found: list[Any], start_ns: int, end_ns: int, to_the_end: bool, span: tuple[float, float]
 ) -> list[Any]:
-    """The records of a time range, those without a time included."""
+    """Records of a time range, including those without a time."""
     from mcap.records import Channel, Message, Metadata
 
     latched = {
@@ -127,6 +127,6 @@ def _copy(found: Iterable[Any], whole: Path, damage: Damage) -> Recovered:
 
 
 def _register(writer: Any, channel: Any, schema: int) -> int:
-    """A channel of a log in its copy; returns its new number."""
+    """Register a channel of a log in its copy; returns its new number."""
     number: int = writer.register_channel(channel.topic, channel.message_encoding, schema, channel.metadata)
     return number

@@ -1,4 +1,4 @@
-"""Getting up after a fall: consent, a body at rest, a robot that stands again."""
+"""Getting up after a fall: consent, rest, and standing again."""
 
 import math
 from typing import NamedTuple
@@ -17,54 +17,54 @@ from footfall.robots.description import Robot
 
 
 class GetUp(NamedTuple):
-    """An operator's consent: the robot may get up after a fall, by this policy."""
+    """Consent of an operator to get up after a fall, with this policy."""
 
     policy: Policy
-    spec: str = ""  # its name or path, kept in the log for a replay
+    spec: str = ""  # name or path of the policy, logged for a replay
 
 
 class Recovered(NamedTuple):
-    """A fall from which the robot got up."""
+    """A fall after which the robot got up."""
 
-    fault: str  # why it counted as fallen
+    fault: str  # reason why it counted as fallen
     fell_s: float  # by the loop's clock
-    stood_s: float  # likewise, when it stood again
+    stood_s: float  # when it stood again
     tries: int
 
 
 NO_RECOVERY = RecoverySignals()
-SMOOTH_S = 0.1  # time constant of speeds: joints of a robot that lies on a slope chatter in place
+SMOOTH_S = 0.1  # time constant of speeds: joints of a robot on a slope chatter in place
 
 
 class Recovery:
-    """What a robot that fell does next, as far as its readings tell."""
+    """Next action of a fallen robot, according to its readings."""
 
     def __init__(self, robot: Robot, config: RecoveryConfig, consent: bool) -> None:
         self._config, self._clearance, self._pose = config, Clearance(robot), robot.default_pose
-        self._since_us: int | None = None  # when the robot came to rest, or began to stand
+        self._since_us: int | None = None  # since the robot is at rest, or stands
         self._mode = Mode.IDLE
         self._speeds, self._seen_us = np.zeros(len(robot.joint_names) + 3), 0  # of joints and base, rad/s
         self._fault, self._fell_s = "", 0.0
         self._consent = consent
-        self._left_s = -1.0  # when the robot walked last
-        self.away_s = 0.0  # time from falls until the robot walked again
+        self._left_s = -1.0  # time of the last walking
+        self.away_s = 0.0  # total time between a fall and walking again
         self.recovered: list[Recovered] = []
 
     def revoke(self) -> None:
-        """The program fails: the robot stays down."""
+        """Revoke the consent after a failure of the program: the robot stays down."""
         self._consent = False
 
     def signals(
         self, now_us: int, state: State, joints: JointLayer, ending: bool, asked: bool
     ) -> RecoverySignals:
-        """The supervisor's part of it.
+        """Signals on getting up, for the supervisor.
 
         Args:
-            now_us: the loop's time.
-            state: the supervisor's.
-            joints: have the latest readings.
-            ending: whether somebody has asked for a stop, or for the end of the run.
-            asked: whether an operator asks the robot to get up.
+            now_us: time of the loop.
+            state: state of the supervisor.
+            joints: joint layer with the latest readings.
+            ending: whether a stop, or the end of the run, is requested.
+            asked: whether an operator requests getting up.
         """
         if state.mode is not self._mode:
             self._mode, self._since_us = state.mode, None
@@ -82,7 +82,7 @@ class Recovery:
         return NO_RECOVERY
 
     def follow(self, before: State, state: State) -> str:
-        """Take in a change of the state. Returns what to note of it; empty for nothing."""
+        """Follow a change of the state. Returns a note on it; empty for none."""
         lay_from_the_start = state.mode is Mode.RECOVERING and self._left_s < 0.0
         if before.mode is Mode.WALKING or lay_from_the_start:
             self._left_s = state.since_s
@@ -98,7 +98,7 @@ class Recovery:
         return f"stood up again {took_s:.1f} s after a fall ({found.fault}), in try {found.tries}"
 
     def _for_s(self, now_us: int, met: bool) -> float:
-        """How long a condition has been met, s."""
+        """Duration for which a condition has been met, s."""
         if not met:
             self._since_us = None
             return -1.0
@@ -107,7 +107,7 @@ class Recovery:
         return (now_us - self._since_us) * 1e-6
 
     def _fastest(self, now_us: int, joints: JointLayer) -> float:
-        """Greatest speed of the joints and the base, smoothed since the mode began, rad/s."""
+        """Largest speed of the joints and the base, smoothed since the start of the mode, rad/s."""
         kept = math.exp(-1e-6 * (now_us - self._seen_us) / SMOOTH_S)
         self._speeds = kept * self._speeds + (1.0 - kept) * _speeds(joints)
         self._seen_us = now_us
@@ -124,5 +124,5 @@ class Recovery:
 
 
 def _speeds(joints: JointLayer) -> np.ndarray:
-    """Of the joints and the base, rad/s, (n + 3,)."""
+    """Speeds of the joints and the base, rad/s, (n + 3,)."""
     return np.concatenate([joints.joints[1], joints.inertial.gyro])

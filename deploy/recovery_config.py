@@ -1,4 +1,4 @@
-"""How a robot gets up after a fall: `safety.recovery` in robot.yaml and in a file for --config."""
+"""Settings for getting up after a fall: `safety.recovery` in robot.yaml and in a file for --config."""
 
 import math
 from dataclasses import dataclass
@@ -8,21 +8,21 @@ from footfall.common.config import require_between
 
 @dataclass(frozen=True)
 class RecoveryConfig:
-    """When a try begins, when it has succeeded, and when the robot stays down."""
+    """Start, success and end of the tries."""
 
-    tries: int = 3  # after one fall; then the robot stays down
-    again_s: float = 3.0  # of walking: a fall before that counts as the same fall
+    tries: int = 3  # after one fall; afterwards the robot stays down
+    again_s: float = 3.0  # walking time before which a fall counts as the same fall
     try_s: float = 6.0  # longest time of a try
-    unfold_s: float = 1.0  # of it, at first: the joints go to the default pose, so that limbs come apart
-    asked: bool = False  # each fall waits for an operator to ask; otherwise --recover is enough
-    wait_s: float = 20.0  # longest time until the robot lies still, and an operator has asked
-    rest_rad_s: float = 0.3  # a robot lies still whose base and joints are all slower
-    rest_s: float = 0.5  # for so long
-    upright_rad: float = 0.5  # a robot stands whose base tilts by less: as steep as ground may be
-    height_share: float = 0.7  # of its standing clearance, at least
-    pose_rad: float = 1.0  # of each joint from the default pose, at most
-    stand_rad_s: float = 1.0  # of base and joints, at most
-    stand_s: float = 0.4  # for so long
+    unfold_s: float = 1.0  # motion of the joints to the default pose at first, which separates crossed limbs
+    asked: bool = False  # each fall waits for an operator's request; otherwise --recover is enough
+    wait_s: float = 20.0  # longest time until the robot is at rest and an operator has requested it
+    rest_rad_s: float = 0.3  # largest speed of base and joints of a robot at rest
+    rest_s: float = 0.5  # required duration of rest
+    upright_rad: float = 0.5  # largest tilt of the base, including the slope of the ground
+    height_share: float = 0.7  # smallest clearance of a standing robot, as a share of its standing clearance
+    pose_rad: float = 1.0  # largest distance of each joint from the default pose
+    stand_rad_s: float = 1.0  # largest speed of base and joints of a standing robot
+    stand_s: float = 0.4  # required duration of standing
 
     def __post_init__(self) -> None:
         require_between(self, 1, 100, "tries")

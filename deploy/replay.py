@@ -1,4 +1,4 @@
-"""Runs policies again on the inputs in a run's log, with the changes that were made meanwhile."""
+"""Replay: runs policies again on the inputs in a run's log, with the changes during the run."""
 
 import math
 from collections import deque
@@ -21,18 +21,18 @@ from footfall.robots.actuator import JointCommand
 
 INPUTS, DECISIONS, CHANGES = "/policy/inputs", "/policy/command", "/policy/changes"
 OTHERS, HANDOVER = "other_policies", "handover"  # metadata of a run with several policies
-GET_UP = "get_up_policy"  # metadata of a run in which the robot may get up after a fall
+GET_UP = "get_up_policy"  # metadata of a run with consent to get up after a fall
 
 
 @dataclass(frozen=True)
 class Replay:
-    """How a policy's decisions compare with those in a log."""
+    """Comparison of a policy's decisions with those in a log."""
 
     steps: int
     complete: bool  # whether the run ended in order
     damaged: int  # parts of the log that could not be read
     worst_difference: float  # largest absolute difference of any number; inf if one is NaN
-    first_difference: str  # place of the first, in words; empty if all numbers are the same
+    first_difference: str  # text on the first difference; empty if all numbers are equal
 
 
 def replay(
@@ -42,18 +42,18 @@ def replay(
     others: Sequence[Policy] = (),
     get_up: Policy | None = None,
 ) -> Replay:
-    """Give a policy the inputs in a log; compare its decisions with those in the log.
+    """Give a policy the inputs in a log, and compare its decisions with those in the log.
 
     Args:
         path: the log.
-        policy: usually the same one.
-        tolerance: differences up to this are not reported.
+        policy: policy to run, usually that of the log.
+        tolerance: smaller differences are not reported.
         others: further policies of the run.
-        get_up: the policy that got the robot up; None for none.
+        get_up: get-up policy of the run; None for none.
 
     Raises:
-        UserError: the log cannot be read, holds no policy steps, or is another robot's; the tolerance is
-            no number from 0.
+        UserError: the log cannot be read, has no policy steps, or is from another robot; or the tolerance is
+            not a number from 0.
     """
     if not 0.0 <= tolerance < math.inf:
         raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
@@ -77,9 +77,9 @@ def replay(
             again = policies.step(now_us, inputs).ravel()
         except WrongSizeError:
             raise UserError(
-                f"{path} is of a robot with {len(joints)} joints: the policy does not fit"
+                f"{path} is from a robot with {len(joints)} joints: the policy does not fit"
             ) from None
-        except Exception as error:  # whatever a policy raises on a damaged log, or one that is not its own
+        except Exception as error:  # a policy may raise anything on a damaged log, or another policy's log
             raise UserError(
                 f"{path}: the policy fails at step {index}: {type(error).__name__}: {error}"
             ) from None
@@ -94,12 +94,12 @@ def replay(
                 f" is {again[difference.argmax()]:.9g}"
             )
     if not steps:
-        raise UserError(f"{path} holds no policy steps: the run ended before it walked")
+        raise UserError(f"{path} has no policy steps: the run ended before it walked")
     return Replay(steps, log.complete, log.damaged, worst, first)
 
 
 def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
-    """Inputs and decisions, paired by their time; the last input may lack its decision."""
+    """Inputs and decisions, paired by time; the last input may have no decision."""
     decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECISIONS}
     given = [entry for entry in log.entries if entry.topic == INPUTS]
     return [(entry, decided[entry.time_ns]) for entry in given if entry.time_ns in decided]
@@ -118,7 +118,7 @@ def _changes(log: LogFile) -> deque[tuple[int, Change]]:
 
 
 def _config(log: LogFile) -> HandoverConfig:
-    """How policies took over from each other in the run."""
+    """Settings of handovers in the run."""
     given = log.metadata.get(HANDOVER)
     return HandoverConfig() if given is None else structure(given, HandoverConfig, str(log.path))
 
@@ -131,15 +131,15 @@ def _inputs(log: LogFile, given: Entry, scan_points: int) -> PolicyInput:
 
 
 def _numbers(log: LogFile, entry: Entry) -> np.ndarray:
-    """A message's numbers; raises UserError if it holds none, since the log may say anything of its kind."""
+    """Numbers of a message; raises UserError if it has none, because a log may have anything as its type."""
     try:
         return np.array(entry.message.data, dtype=float).reshape(-1)
     except (AttributeError, TypeError, ValueError):
-        raise UserError(f"{log.path}: {entry.topic} holds no numbers at {entry.time_ns} ns") from None
+        raise UserError(f"{log.path}: {entry.topic} has no numbers at {entry.time_ns} ns") from None
 
 
 def _difference(again: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Absolute differences of numbers; infinite where only one of the two is a number."""
+    """Absolute differences of numbers; infinite if only one of the two is NaN."""
     with np.errstate(invalid="ignore"):
         difference = np.abs(again - before)
     same = (again == before) | (np.isnan(again) & np.isnan(before))

@@ -1,8 +1,8 @@
-"""Everything that limits what a robot does, as one table: what is looked at, its limit, and what follows.
+"""Table of all limits of a robot's behaviour: checked quantity, limit and consequence.
 
 The rows are those of the supervisor (`safety_checks.SIGNAL_CHECKS`), of the sensors
-(`sensor_checks/table.py`), and the limits that the joint layer keeps in every command. `docs/safety.md` shows
-the table, which `python -m footfall.deploy.rules` prints.
+(`sensor_checks/table.py`), and the limits of the joint layer for every command. `docs/safety.md` shows the
+table, which `python -m footfall.deploy.rules` prints.
 """
 
 from collections.abc import Sequence
@@ -14,18 +14,18 @@ from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.sensor_checks.check import SensorCheck
 from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 
-SETTING = "`safety`"  # in robot.yaml, changed by a file for --config
-SENSOR_SETTING = "`safety.sensors`"  # likewise
+SETTING = "`safety`"  # in robot.yaml, or in a file for --config
+SENSOR_SETTING = "`safety.sensors`"  # in robot.yaml, or in a file for --config
 MOTOR = "`motors` in robot.yaml"
 
 
 class Rule(NamedTuple):
-    """One row."""
+    """One row of the table."""
 
     looks_at: str
-    limit: str  # with its default, where it has one
+    limit: str  # with its default, if any
     source: str
-    follows: str  # the state that it leads to, or what becomes of a command
+    follows: str  # resulting state, or effect on a command
 
 
 COMMANDS = (
@@ -50,7 +50,7 @@ COMMANDS = (
 def _of_signals(check: Check) -> Rule:
     defaults = SafetyConfig()
     limit = ", ".join(f"`{name}` {attrgetter(name)(defaults):g}" for name in check.limits)
-    return Rule(check.looks_at, limit or "none at all", SETTING if limit else "", check.leads_to)
+    return Rule(check.looks_at, limit or "none", SETTING if limit else "", check.leads_to)
 
 
 def _of_sensors(check: type[SensorCheck]) -> Rule:
@@ -70,8 +70,8 @@ def rules(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> tuple[R
 
 
 def table(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> str:
-    """All rules as Markdown."""
-    lines = ["| looked at | limit | from | what follows |", "| --- | --- | --- | --- |"]
+    """All rules as a Markdown table."""
+    lines = ["| quantity | limit | source | consequence |", "| --- | --- | --- | --- |"]
     return "\n".join([*lines, *(f"| {' | '.join(rule)} |" for rule in rules(sensor_checks))])
 
 

@@ -1,4 +1,4 @@
-"""What the control loop writes to a log."""
+"""Interface of the control loop to a log."""
 
 from typing import Protocol
 
@@ -16,34 +16,35 @@ from footfall.robots.actuator import JointCommand
 
 
 class RunLog(Protocol):
-    """Takes what happens in a run. Nothing here may block."""
+    """Records the events of a run. No method may block."""
 
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
-        """Readings of a joint tick, and the command (5, n) that went out; None if none did."""
+        """Record the readings of a joint tick, and the sent command (5, n); None if none was sent."""
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
-        """What the policies were given and what they decided; `policy` is the present one."""
+        """Record inputs and decision of a policy step; `policy` is the present policy."""
 
     def change(self, now_us: int, change: Change) -> None:
-        """What changes of the policy, its gait or its settings, from the policy step at this time on."""
+        """Record changes of the policy, its gait or its settings, effective from this policy step on."""
 
     def applied(self, now_us: int, applied: Applied) -> None:
-        """Gait and live settings that the present policy walks with, where they have changed."""
+        """Record gait and live settings of the present policy after a change."""
 
     def order(self, now_us: int, order: Order) -> None:
-        """What somebody ordered the run to do."""
+        """Record an order to the run."""
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
-        """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""
+        """Record the estimated motion of the base, and the footholds of a policy that plans them, (feet, 3)
+        m."""
 
     def battery(self, now_us: int, battery: BatteryState) -> None:
-        """The battery's state; nothing is known where none is declared."""
+        """Record the battery's state, if robot.yaml has a battery."""
 
     def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
-        """How long a tick's work took, and how late it began; by the wall clock alone."""
+        """Record duration and lateness of a tick; only in real time."""
 
     def state(self, now_us: int, state: State) -> None:
-        """A change of the supervisor's state."""
+        """Record a change of the supervisor's state."""
 
     def note(self, now_us: int, note: str) -> None:
-        """What was changed of what was asked for."""
+        """Record a changed request."""

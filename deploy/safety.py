@@ -1,7 +1,7 @@
-"""The safety supervisor: a pure state machine. The robot stands, walks, lies down or is damped.
+"""Safety supervisor: a pure state machine. The robot stands, walks, lies down or is damped.
 
-Its rules are rows of tables (`safety_checks.py`). A fault is latched: FALLING and ESTOP end a run, and only
-a new run clears them. With an operator's consent a robot that fell may get up, which clears that fall.
+Its rules are rows of tables (`safety_checks.py`). A fault is latched: FALLING and ESTOP end a run, and only a
+new run clears them. With an operator's consent a fallen robot may get up, which clears that fall.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,8 @@ class State(NamedTuple):
     mode: Mode = Mode.IDLE
     since_s: float = 0.0
     faults: tuple[str, ...] = ()
-    over: bool = False  # the run has ended and the motors may be switched off
-    tries: int = 0  # to get up since the robot fell
+    over: bool = False  # the run has ended and the motors may be disabled
+    tries: int = 0  # number of tries to get up since the fall
 
 
 CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}
@@ -37,11 +37,11 @@ PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
     Mode.STOPPING: (lambda s, _: s.end.stopped, Mode.LOWERING),
     Mode.RECOVERING: (lambda s, _: s.recovery.stands, Mode.STANDING),
 }
-CHECKED_FIRST = {Mode.IDLE: Mode.STANDING, Mode.STANDING: Mode.WALKING}  # a wiring check may come between
+CHECKED_FIRST = {Mode.IDLE: Mode.STANDING, Mode.STANDING: Mode.WALKING}  # a wiring check may come in between
 
 
 def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
-    """The state after one tick. Faults come first, then a request to end, then progress."""
+    """State after one tick. Faults have priority, then a request to end, then progress."""
     if state.over:
         return state
     now = signals.now_s
@@ -71,19 +71,19 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
         following = Mode.WALKING
     if following is Mode.LOWERING:
         following = _lowered_or(Mode.RELEASING, state.mode, signals)
-    faults = () if state.mode is Mode.RECOVERING else state.faults  # it stands again: the fall is over
+    faults = () if state.mode is Mode.RECOVERING else state.faults  # it stands again: the fall is cleared
     failed = _failure(state, following, signals, config)
     return failed or State(following, now, faults, tries=state.tries)
 
 
 def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
-    """The state one tick later, of a robot that is damped and may get up: it waits until it lies still."""
+    """Next state of a damped robot that may get up: it waits until the robot is at rest."""
     now, limits = signals.now_s, config.recovery
     waited_s = now - state.since_s
     if state.tries >= limits.tries:
         return damped(state, now, config)
     if waited_s >= max(limits.wait_s, config.damping_s):
-        lacking = f"it stays down: for {limits.wait_s:g} s it did not lie still, or nobody asked it to get up"
+        lacking = f"it stays down: for {limits.wait_s:g} s it was not at rest, or nobody asked it to get up"
         return State(state.mode, now, (*state.faults, lacking), over=True)
     if waited_s < config.damping_s or not signals.recovery.ready:
         return state
@@ -93,7 +93,7 @@ def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
 
 
 def damped(state: State, now_s: float, config: SafetyConfig) -> State:
-    """The state one tick later, of a robot that is damped."""
+    """Next state of a damped robot."""
     if now_s - state.since_s < config.damping_s:
         return state
     final = Mode.IDLE if state.mode is Mode.RELEASING else state.mode
@@ -101,12 +101,12 @@ def damped(state: State, now_s: float, config: SafetyConfig) -> State:
 
 
 def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -> State | None:
-    """The state after the first fault that counts in a mode; None without one."""
+    """State after the first fault that applies in a mode; None without one."""
     for check in CHECKS_IN[mode]:
         fault = check.find(signals, config)
         if fault:
             leads_to = check.leads_to
-            if leads_to is Mode.LOWERING and state.mode is Mode.LOWERING:  # it lies down already
+            if leads_to is Mode.LOWERING and state.mode is Mode.LOWERING:  # it already lies down
                 if fault in state.faults:
                     continue
                 return state._replace(faults=(*state.faults, fault))
@@ -118,12 +118,12 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
 
 
 def _walked_well(state: State, signals: Signals, config: SafetyConfig) -> bool:
-    """Whether what happens now has nothing to do with the fall before."""
+    """Whether the robot has walked long enough that a new fault is unrelated to the fall."""
     return state.mode in DECIDING and signals.now_s - state.since_s >= config.recovery.again_s
 
 
 def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
-    """LOWERING for a robot that can lie down and whose joints have stiffness, else another mode."""
+    """LOWERING for a robot that can lie down and whose joints have stiffness, otherwise the other mode."""
     stands = mode in MOVING or (mode is Mode.CHECKING and signals.wiring.stood)
     can_lie = signals.end.may_lie and not signals.end.skip_lie_down and stands
     return Mode.LOWERING if can_lie else otherwise

@@ -1,4 +1,4 @@
-"""What the supervisor takes for a fault: one row for each reason to stop."""
+"""Faults detected by the supervisor: one row for each reason to stop."""
 
 import math
 from collections.abc import Callable
@@ -9,26 +9,26 @@ from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.signals import Signals
 
 DECIDED = (*MOVING, Mode.RECOVERING)  # a policy decides, or is about to
-ENDED = (Mode.IDLE, Mode.CHECKING, *DECIDED)  # by a stop or an empty battery
+ENDED = (Mode.IDLE, Mode.CHECKING, *DECIDED)  # modes that a stop or an empty battery ends
 
 
 class Check(NamedTuple):
-    """One reason to stop: the modes in which it counts, the fault that it finds, the mode that it leads to.
+    """One reason to stop: modes in which it applies, detected fault, resulting mode.
 
-    A check that leads to LOWERING leaves joints, buses and IMU trustworthy: the robot lies down if it can.
+    After a check that leads to LOWERING, joints, buses and IMU still work: the robot lies down if it can.
     """
 
     looks_at: str
     modes: tuple[Mode, ...]
-    find: Callable[[Signals, SafetyConfig], str]  # the fault in one line; empty if none
+    find: Callable[[Signals, SafetyConfig], str]  # fault in one line; empty if none
     leads_to: Mode
     limits: tuple[str, ...] = ()  # fields of `SafetyConfig`; empty if any occurrence is a fault
 
 
 def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
-    """Why nothing was heard, where the loop itself was silent for most of that time; else empty.
+    """Reason of a silence if the loop itself sent nothing for most of it; otherwise empty.
 
-    Motors answer frames, and none goes out while the policy decides or the loop pauses.
+    Motors reply to frames, and none is sent while the policy computes or the loop pauses.
     """
     if silence_s - s.time.pause_s > c.silence_timeout_s or s.time.pause_s < 0.5 * silence_s:
         return ""
@@ -39,7 +39,7 @@ def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
 
 
 def _silent(silence_s: float, missing: str, s: Signals, c: SafetyConfig) -> str:
-    """The fault of a silence that has lasted for too long; `missing` is what was not heard."""
+    """Fault after a silence that is too long; `missing` is the expected message."""
     if silence_s <= c.silence_timeout_s:
         return ""
     return _own_silence(silence_s, s, c) or f"no {missing} for {c.silence_timeout_s * 1e3:.0f} ms"
@@ -57,11 +57,11 @@ def _never_started(s: Signals, c: SafetyConfig) -> str:
 def _tilted(s: Signals, c: SafetyConfig) -> str:
     if s.imu.tilt_rad <= c.tilt_limit_rad:
         return ""
-    return f"tilt of {s.imu.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad, by the IMU"
+    return f"tilt of {s.imu.tilt_rad:.2f} rad exceeds the limit of {c.tilt_limit_rad:.2f} rad, by the IMU"
 
 
 def _overdue(s: Signals, c: SafetyConfig) -> str:
-    """Motors get no command while a step lasts, and disable themselves in the end."""
+    """A step that is too long: motors get no command meanwhile, and finally disable themselves."""
     if s.policy.step_s <= c.late_limit_s:
         return ""
     if s.policy.step_s == math.inf:
@@ -80,7 +80,7 @@ def _paused(s: Signals, c: SafetyConfig) -> str:
         return f"the loop paused for {s.time.pause_s * 1e3:.0f} ms"
     if s.time.skipped_share > c.skipped_share:
         return (
-            f"the loop ran late: {s.time.skipped_share:.0%} of the last second's ticks were left out"
+            f"the loop ran late: {s.time.skipped_share:.0%} of the last second's ticks were skipped"
             f" (skipped_share allows {c.skipped_share:.0%})"
         )
     return ""
@@ -102,33 +102,33 @@ def _not_up(s: Signals, c: SafetyConfig) -> str:
         return ""
     done, most = s.recovery.tries, c.recovery.tries
     following = ": it stays down" if done >= most else ""
-    return f"not on its legs {c.recovery.try_s:g} s after it began to get up, try {done} of {most}{following}"
+    return f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {most}{following}"
 
 
 SIGNAL_CHECKS = (
     Check(
-        "the time until every motor and the IMU have answered, and the robot has kept still",
+        "time until every motor and the IMU reply and the robot is at rest",
         (Mode.IDLE,),
         _never_started,
         Mode.ESTOP,
         ("start_timeout_s", "still_s"),
     ),
     Check(
-        "a joint's first position beyond its range",
+        "initial position of a joint beyond its range",
         (Mode.IDLE,),
         lambda s, _: s.start.first_pose,
         Mode.ESTOP,
         ("first_pose_rad",),
     ),
     Check(
-        "the age of each motor's reading: silence",
+        "age of each motor's reading: silence",
         HELD,
         lambda s, c: _silent(s.motors.silence_s, f"reply from {s.motors.silent}", s, c),
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),
     Check(
-        "the age of each part of the IMU's reading: silence",
+        "age of each part of the IMU's reading: silence",
         HELD,
         lambda s, c: _silent(s.imu.silence_s, f"new IMU reading ({s.imu.oldest_part})", s, c),
         Mode.ESTOP,
@@ -141,7 +141,7 @@ SIGNAL_CHECKS = (
     Check("frames that a bus refuses", (Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
     Check("the base's tilt", UPRIGHT, _tilted, Mode.FALLING, ("tilt_limit_rad",)),
     Check(
-        "the responses of joints to small motions against the robot's model: wrong wiring",
+        "responses of joints to small motions, compared with the model: wrong wiring",
         (Mode.CHECKING,),
         lambda s, _: s.wiring.fault,
         Mode.ESTOP,
@@ -149,12 +149,12 @@ SIGNAL_CHECKS = (
     Check("a stop from outside that damps at once", (Mode.IDLE, *HELD), _stopped(damp=True), Mode.ESTOP),
     Check(
         "a stop from outside",
-        (*ENDED, Mode.LOWERING),  # there it changes how the run ends: it is latched
+        (*ENDED, Mode.LOWERING),  # in LOWERING it changes how the run ends: it is latched
         _stopped(damp=False),
         Mode.LOWERING,
     ),
     Check(
-        "the battery's charge, and its voltage under load, where motors report it",
+        "the battery's charge, and its voltage under load, if motors report it",
         ENDED,
         lambda s, _: s.battery,
         Mode.LOWERING,
@@ -169,7 +169,7 @@ SIGNAL_CHECKS = (
     ),
     Check("policy steps in a row that outlast their period", DECIDED, _late, Mode.LOWERING, ("late_steps",)),
     Check(
-        "the time that a robot takes to get up",
+        "duration of getting up",
         (Mode.RECOVERING,),
         _not_up,
         Mode.FALLING,
@@ -185,7 +185,7 @@ def _implausible(leads_to: Mode) -> Callable[[Signals, SafetyConfig], str]:
     return find
 
 
-# The result of the sensor checks, whose own rows are in `sensor_checks/table.py`.
+# Result of the sensor checks, whose rows are in `sensor_checks/table.py`.
 READING_CHECKS = tuple(
     Check("readings that contradict each other", modes, _implausible(leads_to), leads_to)
     for modes, leads_to in ((HELD, Mode.ESTOP), (UPRIGHT, Mode.FALLING), (DECIDED, Mode.LOWERING))

@@ -1,9 +1,9 @@
-"""Which motors are on a robot's buses, found without enabling any: their ids and makers.
+"""Scan for the motors on a robot's buses, without enabling any: ids and makers.
 
-First the scan only listens: some motors broadcast their state. Then it sends each id the frames that motors
-of each protocol answer while they are off (`MotorDriver.probes`). Identifiers of a motor that was heard
-before are left out: there the same frame would mean something else. Frames of CAN FD go only to buses that
-have such a motor in robot.yaml: nodes without CAN FD would destroy them.
+First the scan only listens, because some motors broadcast their state. Then it sends each id the frames to
+which disabled motors of each protocol reply (`MotorDriver.probes`). Identifiers of a motor that was found
+before are skipped, because the same frame would have another meaning there. CAN FD frames are sent only on
+buses that have such a motor in robot.yaml: nodes without CAN FD would destroy them.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,10 +21,10 @@ from footfall.deploy.wiring import Wiring
 
 PERIOD_US = 10_000
 LISTENING_TICKS = 25  # two heartbeats
-ROUNDS = 2  # probes of each id: a frame may be lost
-MOST_ROUNDS = 5  # while a motor of robot.yaml is missing: a busy machine loses frames of a whole round
-LATE_TICKS = 30  # for late answers
-AT_ONCE = 8  # ids that are probed in a tick: an interface queues ten frames
+ROUNDS = 2  # probes of each id, because a frame may be lost
+MAX_ROUNDS = 5  # while a motor of robot.yaml is missing: a busy machine can lose the frames of a whole round
+LATE_TICKS = 30  # ticks for late replies
+AT_ONCE = 8  # ids probed per tick: an interface queues ten frames
 
 Drivers = Sequence[type[MotorDriver]]
 Probe = tuple[int, int, bytes]  # bus, identifier, data
@@ -39,19 +39,19 @@ class Found(NamedTuple):
 
 
 def everything(wiring: Wiring) -> tuple[CanFilter, ...]:
-    """Filters that all frames pass, those of CAN FD included where robot.yaml has motors that send them."""
+    """Filters that all frames pass, including CAN FD frames if robot.yaml has motors that send them."""
     fd = bool(_fd_channels(wiring))
     return tuple({"can_id": 0, "can_mask": 0, "extended": extended, "fd": fd} for extended in (False, True))
 
 
 def _fd_channels(wiring: Wiring) -> set[int]:
-    """Buses with a motor of CAN FD."""
+    """Buses with a CAN FD motor."""
     channels = zip(wiring.channel.tolist(), wiring.models, strict=True)
     return {channel for channel, model in channels if takes_fd(driver_class(model).filters)}
 
 
 def expected(wiring: Wiring) -> dict[Found, str]:
-    """The motors of robot.yaml, each with its joint."""
+    """Motors of robot.yaml, each with its joint."""
     rows = zip(
         wiring.channel.tolist(), wiring.motor_id.tolist(), wiring.models, wiring.joint_names, strict=True
     )
@@ -59,9 +59,9 @@ def expected(wiring: Wiring) -> dict[Found, str]:
 
 
 def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
-    """All motors on a robot's buses, which must be open for `everything`.
+    """All motors on a robot's buses, which must be open with the filters of `everything`.
 
-    Motors of robot.yaml that do not answer are probed again, up to `MOST_ROUNDS` times.
+    Motors of robot.yaml without a reply are probed again, up to `MAX_ROUNDS` times.
     """
     clock = clock or WallClock(PERIOD_US)
     drivers = dict.fromkeys([*DRIVERS, *map(driver_class, wiring.models)])
@@ -84,7 +84,7 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     fd_channels, channels = _fd_channels(wiring), range(len(wiring.buses))
     batches = _probes(channels, [each for each in answering if not takes_fd(each.filters)], is_free)
     batches += _probes(sorted(fd_channels), [each for each in answering if takes_fd(each.filters)], is_free)
-    for done in range(MOST_ROUNDS):
+    for done in range(MAX_ROUNDS):
         if done >= ROUNDS and wanted <= found:
             break
         for frames in [*batches, *[no_frames()] * LATE_TICKS]:
@@ -98,7 +98,7 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
 
 
 def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
-    """The motors of some protocols that sent frames."""
+    """Motors of some protocols that sent frames."""
     found = set()
     for driver in drivers:
         own = frames.of_fd() if takes_fd(driver.filters) else frames.of_can()
@@ -110,7 +110,7 @@ def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
 
 
 def _probes(channels: Sequence[int], drivers: Drivers, is_free: Callable[[int, int], bool]) -> list[Frames]:
-    """Probes of all motor ids on some buses; each batch has those of one protocol to some ids."""
+    """Probes of all motor ids on some buses; each batch has those of one protocol for some ids."""
     batches: dict[tuple[Probe, ...], Frames] = {}  # protocols with the same probes share a batch
     for first in range(0, len(MOTOR_IDS), AT_ONCE):
         for driver in drivers:

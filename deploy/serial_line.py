@@ -1,4 +1,4 @@
-"""A serial port in a place of a CAN interface: an IMU's bytes, as frames (`deploy/drivers/serial_imu.py`)."""
+"""A serial port in place of a CAN interface: bytes of an IMU as frames (`deploy/drivers/serial_imu.py`)."""
 
 from typing import Any, NamedTuple
 
@@ -11,30 +11,30 @@ from footfall.deploy.drivers.serial_imu import to_frames
 from footfall.deploy.frames import Frames
 from footfall.robots.robot_yaml import SERIAL
 
-BAUD = 921_600  # where the name gives none
+BAUD = 921_600  # if the name has none
 
 
 class Port(NamedTuple):
-    """A serial port by its name in robot.yaml: `serial:/dev/ttyUSB0@460800`."""
+    """A serial port from its name in robot.yaml: `serial:/dev/ttyUSB0@460800`."""
 
     path: str
     baud: int
 
 
 def port_of(name: str) -> Port:
-    """The port that a bus's name means.
+    """Port from the name of a bus.
 
     Raises:
         UserError: the name has another form.
     """
     path, at, baud = name.removeprefix(SERIAL).partition("@")
     if not path or (at and not baud.isdecimal()):
-        raise UserError(f"bus '{name}': a serial port is named like serial:/dev/ttyUSB0@{BAUD}")
+        raise UserError(f"bus '{name}': expected a name such as serial:/dev/ttyUSB0@{BAUD}")
     return Port(path, int(baud) if at else BAUD)
 
 
 class SerialLine:
-    """One serial port, read without blocking. A port that fails goes silent, with a line in `fault`."""
+    """One serial port, read without blocking. A failing port becomes silent, with a line in `fault`."""
 
     def __init__(self, name: str, channel: int) -> None:
         """Open the port of a bus; `channel` is its index.
@@ -53,12 +53,12 @@ class SerialLine:
             raise UserError(f"cannot open bus '{name}': {' '.join(str(error).split())}") from None
 
     def receive(self, now_us: int) -> list[Frames]:
-        """The bytes that have arrived. The kernel does not stamp them: their time is that of the reading."""
+        """Received bytes. The kernel does not stamp them: their time is that of the call."""
         if self._failure:
             return []
         try:
             content = self._port.read(self._port.in_waiting)
-        except OSError as error:  # as when its plug was pulled
+        except OSError as error:  # e.g. an unplugged adapter
             self._failure = f"bus {self.statistics.name} failed: {' '.join(str(error).split())}"
             return []
         if not content:
@@ -69,7 +69,7 @@ class SerialLine:
 
     @property
     def fault(self) -> str:
-        """Why the port fails, in one line; empty if it works."""
+        """Reason for a failure of the port, in one line; empty if it works."""
         return self._failure
 
     def close(self) -> None:
@@ -78,10 +78,11 @@ class SerialLine:
 
 
 class WithSerialLine:
-    """CAN interfaces, and a serial port as one of the robot's buses. Frames for the port are left out."""
+    """CAN interfaces, and a serial port as one of the robot's buses. Its frames do not go to the
+    interfaces."""
 
     def __init__(self, can: Bus, line: SerialLine, channel: int) -> None:
-        """`channel` is the port's place among the robot's buses; the interfaces have the others, in order."""
+        """`channel` is the port's index among the robot's buses; the interfaces have the others, in order."""
         self._can, self._line, self._channel = can, line, channel
 
     def send(self, frames: Frames, now_us: int) -> int:

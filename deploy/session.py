@@ -1,4 +1,4 @@
-"""One run of a policy on a robot, on any bus: stand up, walk, lie down, damp, motors off."""
+"""One run of a policy on a robot, on any bus: stand up, walk, lie down, damp, disable the motors."""
 
 import threading
 import time
@@ -51,44 +51,44 @@ class Session:
     """Settings of a run."""
 
     command_source: CommandSource | VelocityFunction
-    duration_s: float  # of walking, at most
+    duration_s: float  # maximum duration of walking
     realtime: bool = True
     log: Path | None = None
-    log_store: LogStore | None = None  # in which the log lies, if nobody has named a file for it
-    log_frames: bool = False  # CAN frames go to the log, too
+    log_store: LogStore | None = None  # stores the log, if no file was given
+    log_frames: bool = False  # whether to log CAN frames, too
     feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
-    facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
+    facts: dict[str, Any] = field(default_factory=dict)  # additional metadata for the log
     config: DeployConfig = field(default_factory=DeployConfig)
-    display: Display | None = None  # a context around the run, given its loop
-    lie_down: bool = True  # before the motors are disabled, where robot and fault permit it
-    stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
+    display: Display | None = None  # context for the duration of the run, given its loop
+    lie_down: bool = True  # before the motors are disabled, if the robot and any fault permit it
+    stand_up: bool = True  # False for a suspended robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
-    stop_sources: Sequence[StopSource] = ()  # beside the command source
-    height_scans: HeightScanSource | None = None  # for policies that read them
-    stop_inputs: bool = False  # open those that the robot declares, too
-    others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
-    get_up: GetUp | None = None  # consent to get up after a fall
-    wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
+    stop_sources: Sequence[StopSource] = ()  # in addition to the command source
+    height_scans: HeightScanSource | None = None  # for policies that use them
+    stop_inputs: bool = False  # whether to open the robot's own stop inputs, too
+    others: Mapping[str, Policy] = field(default_factory=dict)  # further selectable policies, by spec
+    get_up: GetUp | None = None  # permission to get up after a fall
+    wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called after a successful check
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """Outcome of a run by the robot's own sensors."""
+    """Outcome of a run, according to the robot's own sensors."""
 
     final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
     faults: tuple[str, ...]
     walked_s: float
-    run_s: float  # of the loop's clock, standing up and damping included
+    run_s: float  # by the loop's clock, including standing up and damping
     wall_s: float
-    compute_ms: np.ndarray  # of each policy step; in a very long run, of the latest
+    compute_ms: np.ndarray  # of each policy step; in a very long run, only of the latest
     timing: dict[str, float]  # see deploy.timing.Timing.summary
     buses: tuple[BusStatistics, ...]
-    notes: tuple[str, ...]  # what was changed of the request, or was missing
+    notes: tuple[str, ...]  # what was changed of the request, or is missing
     recoveries: tuple[Recovered, ...]  # falls from which the robot got up
 
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
-    """A session on the CAN interfaces of one kind that `robot.yaml` names (see `run_session`)."""
+    """Run a session on CAN interfaces of one kind, as named in `robot.yaml` (see `run_session`)."""
     from footfall.deploy.interfaces import robots_interfaces
 
     wiring = wire(robot)
@@ -107,19 +107,20 @@ def run_session(
     """Stand up, walk for the session's duration, lie down, damp, disable the motors.
 
     Args:
-        robot: the robot that the policy and the limits assume.
-        policy: decides what the joints do.
-        bus: leads to the robot.
+        robot: the robot that the policy and the limits are for.
+        policy: computes the joint commands.
+        bus: connects to the robot.
         session: settings of the run.
         each_tick: called after each joint tick.
-        base_state: gives the true base velocity and height in the place of an estimate.
+        base_state: returns the true base velocity and height, used instead of an estimate.
 
     Raises:
-        UserError: policy, robot or log do not fit; nothing has moved then.
-        BaseException: raised by `each_tick`, or to end the program; the motors are disabled by then.
+        UserError: policy, robot or log do not match; nothing has moved in this case.
+        BaseException: raised by `each_tick`, or to end the program; the motors have been disabled in this
+            case.
     """
     if not 0.0 < session.duration_s <= LONGEST_S:
-        raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
+        raise UserError(f"duration is {session.duration_s:g} s: it must be positive, and at most a day")
     policies = (policy, *session.others.values())
     get_up = None if session.get_up is None else session.get_up.policy
     if get_up is not None:
@@ -237,7 +238,7 @@ def _begin(log: "McapLog | None", start_ns: int, refused: list[str]) -> None:
 
 
 def _end(log: "McapLog", runner: PolicyRunner, now_us: int, notes: list[str]) -> str:
-    """End the log with the notes that no tick has logged; returns what it lacks."""
+    """Close the log after adding remaining notes; returns what is missing in it."""
     runner.tell_orders_and_notes(now_us, log)
     for note in notes:
         log.note(now_us, note)
@@ -257,13 +258,13 @@ def _unheard(loop: ControlLoop) -> list[str]:
 
 def _damaged(loop: ControlLoop) -> list[str]:
     count = loop.imu_damaged
-    return [f"{count} of the IMU's messages had a wrong checksum and were left out"] if count else []
+    return [f"{count} of the IMU's messages had a wrong checksum and were ignored"] if count else []
 
 
 def _estimate(
     robot: Robot, policies: Sequence[Policy], config: DeployConfig, base_state: BaseState | None
 ) -> BaseEstimate:
-    """The estimate of the base that a policy, the command source or the log needs."""
+    """Create the base estimate if a policy, the command source or the log needs one."""
     needed = config.odometry or any(policy.needs_estimate for policy in policies)
     if base_state is not None or not needed:
         return BaseEstimate(config.estimator_rate_hz, base_state=base_state)

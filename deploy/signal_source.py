@@ -32,15 +32,15 @@ from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
-POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
-OFF_LEGS = (Mode.CHECKING, Mode.RECOVERING)  # the legs need not carry the base
-RESTING = (Mode.CHECKING, Mode.STANDING)  # the rates that arrive then are the budget of later ones
+POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
+OFF_LEGS = (Mode.CHECKING, Mode.RECOVERING)  # the legs need not support the base
+RESTING = (Mode.CHECKING, Mode.STANDING)  # the message rates measured then are the reference for later ones
 NOTHING_AT_START = StartSignals()
 NO_WIRING_CHECK = WiringSignals()
 
 
 class SignalSource:
-    """Readings, buses and time, as the supervisor needs them."""
+    """Collects readings and the states of buses and loop for the supervisor."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class SignalSource:
     def _at_start(
         self, now_us: int, motor_silence_us: int, imu_silence_us: int
     ) -> tuple[StartSignals, Implausible | None]:
-        """Why the motors do not get stiffness yet, once all of them have answered."""
+        """What blocks the start, once all motors have answered."""
         heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
         if heard and imu_silence_us <= self._silence_us:
             rest.look(now_us, joints.inertial, joints.joints[1])
@@ -157,7 +157,8 @@ class SignalSource:
         return StartSignals(not_ready, pose), implausible
 
     def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
-        """Place of the motor that is silent longest; "any motor" (on its bus) if all of them are silent."""
+        """Name of the motor that has been silent longest; "any motor" (on its bus) if all of them are
+        silent."""
         if now_us - motor_us[oldest] > self._silence_us:
             silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
             of_bus = silent[self._channel == channel]

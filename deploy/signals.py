@@ -1,4 +1,4 @@
-"""What the supervisor looks at in each tick. A text is empty where there is nothing to report."""
+"""Inputs of the supervisor in each tick. A text is empty if there is nothing to report."""
 
 from typing import NamedTuple
 
@@ -7,89 +7,89 @@ from footfall.deploy.modes import Mode
 
 
 class Implausible(NamedTuple):
-    """Readings that contradict each other."""
+    """Contradictory sensor readings."""
 
     fault: str  # in one line
     leads_to: Mode
 
 
 class MotorSignals(NamedTuple):
-    """The motor that has been silent longest, and the first error that a motor reports."""
+    """Motor that has been silent longest, and the first error that a motor reports."""
 
     silence_s: float
-    silent: str  # its place
+    silent: str  # motor's name
     error: str = ""
 
 
 class ImuSignals(NamedTuple):
-    """The IMU's reading."""
+    """State of the IMU."""
 
     silence_s: float
     tilt_rad: float
-    oldest_part: str = ""  # that has been silent longest
+    oldest_part: str = ""  # part of the IMU that has been silent longest
 
 
 class PolicySignals(NamedTuple):
-    """The policy's last step."""
+    """Result of the policy's last step."""
 
     command_finite: bool = True
-    late_steps: int = 0  # policy steps in a row that were late
+    late_steps: int = 0  # consecutive late policy steps
     step_s: float = 0.0  # duration of the last step; infinite if it was interrupted
     error: str = ""
 
 
 class BusSignals(NamedTuple):
-    """The buses."""
+    """State of the buses."""
 
-    frames_refused: int = 0  # so far
-    fault: str = ""  # which bus does not work, and why
+    frames_refused: int = 0  # total so far
+    fault: str = ""  # name of a failed bus, and the reason
 
 
 class TimeSignals(NamedTuple):
-    """How the loop keeps time."""
+    """Timing of the loop."""
 
-    pause_s: float = 0.0  # between this tick and the one before
-    skipped_share: float = 0.0  # of the ticks of the last second
+    pause_s: float = 0.0  # time since the previous tick
+    skipped_share: float = 0.0  # of the last second's ticks
 
 
 class StartSignals(NamedTuple):
-    """What keeps motors from being given stiffness."""
+    """What prevents the motors from being enabled."""
 
-    not_ready: str = ""  # which motor may not be enabled yet, and why
-    first_pose: str = ""  # why the joints cannot be where they say that they begin
+    not_ready: str = ""  # motor that may not be enabled yet, and the reason
+    first_pose: str = ""  # reason why the reported initial joint positions are impossible
 
 
 class EndSignals(NamedTuple):
-    """The end of the run."""
+    """Requests to end the run."""
 
-    finish: bool = False  # the run shall end
-    may_lie: bool = False  # the robot can lie down, and may
-    caught: bool = False  # somebody takes hold of the robot while it steps in place
-    stopped: bool = False  # the policy was given the time to stand still
-    skip_lie_down: bool = False  # the run shall end without lying down
+    finish: bool = False  # end the run
+    may_lie: bool = False  # the robot is able and permitted to lie down
+    caught: bool = False  # a person takes hold of the robot while it steps in place
+    stopped: bool = False  # the policy has had enough time to stop
+    skip_lie_down: bool = False  # end the run without lying down
 
 
 class WiringSignals(NamedTuple):
-    """The wiring check; nothing in a run without one."""
+    """State of the wiring check; defaults in a run without one."""
 
-    due: bool = False  # before the robot stands up, or walks
-    stood: bool = False  # the robot has stood up before it
-    done: bool = False  # the wiring is right
-    fault: str = ""  # the wiring is wrong
+    due: bool = False  # it must run before the robot stands up or walks
+    stood: bool = False  # the robot has stood up before the check
+    done: bool = False  # successful
+    fault: str = ""  # what is wrong with the wiring
 
 
 class RecoverySignals(NamedTuple):
-    """Getting up after a fall; nothing in a run without consent."""
+    """State of getting up after a fall; defaults in a run without permission for it."""
 
-    allowed: bool = False  # the robot may get up: nobody has asked for a stop, or for the end
-    ready: bool = False  # it lies still, and whoever has to ask for it has asked
-    stands: bool = False  # on its legs, for long enough
-    tries: int = 0  # since the fall, the present one included
-    tried_s: float = 0.0  # duration of the present one
+    allowed: bool = False  # nobody has requested a stop or the end of the run
+    ready: bool = False  # the robot lies still, and any required request has been made
+    stands: bool = False  # on its legs for long enough
+    tries: int = 0  # number since the fall, including the current one
+    tried_s: float = 0.0  # duration of the current one
 
 
 class Signals(NamedTuple):
-    """All of it."""
+    """All signals of one tick."""
 
     now_s: float
     motors: MotorSignals
@@ -101,7 +101,7 @@ class Signals(NamedTuple):
     end: EndSignals = EndSignals()
     implausible: Implausible | None = None
     wiring: WiringSignals = WiringSignals()
-    posture_done: bool = False  # the robot has stood up, or has lain down
-    stop: Stop | None = None  # that was asked for from outside
-    battery: str = ""  # why it ends the run
+    posture_done: bool = False  # the robot has finished standing up or lying down
+    stop: Stop | None = None  # requested from outside
+    battery: str = ""  # reason why the battery ends the run
     recovery: RecoverySignals = RecoverySignals()

@@ -1,6 +1,6 @@
-"""CAN interfaces of Linux through raw sockets: the kernel filters frames and stamps their arrival.
+"""Linux CAN interfaces through raw sockets: the kernel filters frames and adds arrival times.
 
-The standard library takes a fifth of the processor time of python-can's `socketcan`.
+It takes a fifth of the processor time of python-can's `socketcan`.
 """
 
 import errno
@@ -11,17 +11,18 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy import can_errors
-from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
+from footfall.deploy.bus import HOST_QUEUE, MAX_FRAMES_PER_TICK, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import EXTENDED, Frames, bits_of
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 SOCKETCAN = "socketcan"
 
-# <linux/can.h>, <linux/can/raw.h>, <asm/socket.h>; Python names them only where its builder's headers did.
+# From <linux/can.h>, <linux/can/raw.h>, <asm/socket.h>; Python defines them only if its build found those
+# headers.
 SOL_CAN_RAW, CAN_RAW_FILTER, CAN_RAW_ERR_FILTER, SO_TIMESTAMPNS = 101, 1, 2, 35
-REMOTE, ERROR = 1 << 30, 1 << 29  # beside EXTENDED in an identifier: a request without data; an error frame
-EVERY_ERROR = ERROR - 1
+REMOTE, ERROR = 1 << 30, 1 << 29  # flags in an identifier, like EXTENDED: request without data; error frame
+ALL_ERRORS = ERROR - 1
 FRAME = np.dtype([("id", "=u4"), ("length", "u1"), ("unused", "u1", 3), ("data", "u1", 8)])
 FILTER = struct.Struct("=II")  # identifier, mask
 STAMP = np.dtype([("s", "l"), ("ns", "l")])  # struct timespec
@@ -30,16 +31,16 @@ DOWN = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
 
 
 class Layout:
-    """What batches share from tick to tick: identifiers, lengths and buses of their frames."""
+    """What consecutive batches usually have in common: identifiers, lengths and buses of their frames."""
 
     def __init__(self, packed: np.ndarray, counts: list[int]) -> None:
-        """`packed` as `FRAME`, (k,); `counts` of frames from each bus in turn."""
+        """Args: `packed` as `FRAME`, (k,); `counts` of frames of each bus."""
         self._key = self._key_of(packed, counts)
         self._channel = np.repeat(np.arange(len(counts)), counts)
         self._id, self._length = packed["id"].astype(np.intp), packed["length"].astype(np.intp)
         self._valid = np.arange(8) < self._length[:, None]
         self._whole = bool(self._valid.all())
-        self.errors = self._id & ERROR != 0  # (k,) which are error frames
+        self.errors = self._id & ERROR != 0  # (k,) marks error frames
 
     @staticmethod
     def _key_of(packed: np.ndarray, counts: list[int]) -> tuple[bytes, bytes, list[int]]:
@@ -50,17 +51,17 @@ class Layout:
         return self._key_of(packed, counts) == self._key
 
     def frames(self, data: np.ndarray, time_us: np.ndarray) -> Frames:
-        """A batch of this layout; bytes beyond a frame's length become zero."""
+        """Frames with this layout; bytes beyond a frame's length are set to zero."""
         if not self._whole:
             data = np.where(self._valid, data, 0)
         return Frames(self._channel, self._id, data, self._length, time_us)
 
 
 class SocketCanBus:
-    """All buses of a robot on CAN interfaces of Linux.
+    """All CAN buses of a robot on Linux interfaces.
 
-    Writes are paced (`Pacing`). A frame that the interface refuses is counted and lost, and an interface that
-    fails goes silent, with a line in `fault`; the supervisor acts on both.
+    Sending is paced (see `Pacing`). A frame that an interface refuses is counted and lost. An interface that
+    fails stays silent and is reported by `fault`; the supervisor acts on both.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class SocketCanBus:
         """
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()
-        self._usual = Layout(np.zeros(0, FRAME), [0] * len(names))  # of the last batch
+        self._usual = Layout(np.zeros(0, FRAME), [0] * len(names))  # layout of the previous batch
         self._statistics = [BusStatistics(name) for name in names]
         self._faults = [""] * len(names)
         self._sockets: list[socket.socket] = []
@@ -85,7 +86,7 @@ class SocketCanBus:
                 raise UserError(f"cannot open bus '{name}' on {SOCKETCAN}: {error}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:
-        """Write frames, paced; returns the number that the interfaces refused."""
+        """Send frames, paced; returns the number that the interfaces refused."""
         packed = np.zeros(len(frames.id), FRAME)
         packed["id"], packed["length"], packed["data"] = frames.id, frames.length, frames.data
         content, size, refused = packed.tobytes(), FRAME.itemsize, 0
@@ -102,7 +103,7 @@ class SocketCanBus:
         return refused
 
     def receive(self, now_us: int) -> list[Frames]:
-        """Waiting frames of all buses that passed the filters, in one batch."""
+        """Waiting frames of all buses that passed the filters, as one batch."""
         contents: list[bytes] = []
         stamps: list[bytes] = []
         counts = [self._take(channel, contents, stamps) for channel in range(len(self._sockets))]
@@ -122,10 +123,10 @@ class SocketCanBus:
         return [frames] if len(frames.id) else []
 
     def _take(self, channel: int, contents: list[bytes], stamps: list[bytes]) -> int:
-        """Append each waiting frame of one bus, and its time stamp; returns their number."""
+        """Append each waiting frame of a bus and its arrival time; returns their number."""
         receive, before = self._sockets[channel].recvmsg, len(contents)
         try:
-            for _ in range(MOST_FRAMES_AT_ONCE):
+            for _ in range(MAX_FRAMES_PER_TICK):
                 content, ((_, _, stamp),), _, _ = receive(FRAME.itemsize, ANCILLARY)
                 contents.append(content)
                 stamps.append(stamp)
@@ -162,13 +163,13 @@ class SocketCanBus:
 
 
 def open_socket(name: str, filters: tuple[CanFilter, ...]) -> socket.socket:
-    """A raw socket on one interface: data frames that pass one of the filters, and all error frames.
+    """Open a raw socket on an interface, for data frames that pass one of the filters and all error frames.
 
-    The masks leave out remote frames and identifiers of the other length.
+    The masks exclude remote frames, and extended identifiers where standard ones are meant, and the reverse.
 
     Raises:
-        OSError: there is no such interface, or the kernel has no CAN.
-        AttributeError: this system's Python has no CAN.
+        OSError: the interface does not exist, or the kernel has no CAN.
+        AttributeError: Python has no CAN on this system.
     """
     masks = b"".join(
         FILTER.pack(each["can_id"] | each["extended"] * EXTENDED, each["can_mask"] | EXTENDED | REMOTE)
@@ -177,7 +178,7 @@ def open_socket(name: str, filters: tuple[CanFilter, ...]) -> socket.socket:
     opened = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     try:
         opened.setsockopt(SOL_CAN_RAW, CAN_RAW_FILTER, masks)
-        opened.setsockopt(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, EVERY_ERROR)
+        opened.setsockopt(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ALL_ERRORS)
         opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         opened.setblocking(False)
         opened.bind((name,))

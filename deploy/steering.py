@@ -1,4 +1,4 @@
-"""What the command source asks for: polled, checked, clipped to what the present policy takes."""
+"""Requests of the command source: polled, checked, clipped to the current policy's ranges."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,28 +25,28 @@ from footfall.policies.policy import Policy
 from footfall.robots.commands import CommandRange
 
 STILL = np.zeros(3)
-NO_GET_UP = "this run has no policy that gets the robot up: start it with --recover"
-POLL_EVERY_US = 20_000  # while the policy does not decide
+NO_GET_UP = "this run has no policy for getting up: start it with --recover"
+POLL_EVERY_US = 20_000  # while the policy is not in control
 
 
 class Run(Protocol):
-    """A run as it is now."""
+    """Current state of a run."""
 
     @property
     def walking_s(self) -> float:
-        """Time since walking began."""
+        """Time since the start of walking."""
 
     @property
     def battery(self) -> BatteryState:
-        """What is known of the battery."""
+        """State of the battery."""
 
     @property
     def status(self) -> Status:
-        """All of it."""
+        """Complete status."""
 
 
 class Steering:
-    """The newest request of a run's source, and the stop that any of its stop sources asked for."""
+    """Latest request of a run's source, and a stop requested by any of its stop sources."""
 
     def __init__(
         self,
@@ -56,18 +56,18 @@ class Steering:
         usual: CommandRange | None = None,
         get_up: str = "",
     ) -> None:
-        """Nothing has been asked for.
+        """Without any request yet.
 
         Args:
-            source: says what the run shall do.
-            policies: those that may decide; the first one does.
-            stop_sources: further ones that can stop the robot.
-            usual: the robot's ranges of commands, which a low battery reduces if the policy has none.
-            get_up: name of the policy that gets the robot up after a fall; empty for none.
+            source: source of commands.
+            policies: selectable policies; starts with the first one.
+            stop_sources: further sources of stops.
+            usual: the robot's command ranges, which are reduced for a low battery if the policy has none.
+            get_up: name of the policy for getting up after a fall; empty for none.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
         self._velocity = source.velocity if isinstance(source, Scheduled) else None
-        self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
+        self.notes: list[str] = []  # what was refused, clipped or changed, one line each; only ever grows
         names = tuple(policy.name for policy in policies)
         self._offers = {
             policy.name: offer_of(policy)._replace(policies=names, get_up=get_up) for policy in policies
@@ -78,37 +78,37 @@ class Steering:
         self._request, self._checked = Request(STILL, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []
         self._orders: list[Order] = []
-        self.asked_command = STILL  # of the newest request, before it was clipped
-        self.command = STILL  # (3,) within the present policy's ranges
+        self.asked_command = STILL  # of the latest request, before clipping
+        self.command = STILL  # (3,) within the current policy's ranges
         self._stop: Stop | None = None
         self._next_us = 0
         self.serve(names[0])
 
     def serve(self, policy: str) -> None:
-        """This policy decides from now on, with its own gait and settings until the next `poll`."""
+        """Switch to a policy, with its own gait and settings until the next `poll`."""
         self._policy = self._wanted = policy
         self.offer, self._limits = self._offers[policy], self._all_limits[policy]
-        self._gait, self._settings = "", dict[str, float]()  # that were asked of it
+        self._gait, self._settings = "", dict[str, float]()  # requested values
         self._checked = False
 
     @property
     def autonomous(self) -> bool:
-        """Whether a program steers, not a person."""
+        """Whether a program gives the commands, not a person."""
         return self._request.autonomous
 
     @property
     def lie_down(self) -> bool:
-        """Whether the source wants the run to end."""
+        """Whether the source requests the end of the run."""
         return self._request.wish is Wish.LIE_DOWN
 
     @property
     def get_up(self) -> bool:
-        """Whether the source wants a robot that fell to get up."""
+        """Whether the source requests that a fallen robot get up."""
         return self._request.wish is Wish.GET_UP
 
     @property
     def stop(self) -> Stop | None:
-        """The latched stop; None if nobody asked for one. One that damps outranks one that does not."""
+        """The stop, latched; None if there was none. One with damping overrides one without."""
         if self._stop is None or not self._stop.damp:
             for source in self._stop_sources:
                 stop = source.stopped
@@ -119,17 +119,17 @@ class Steering:
         return self._stop
 
     def due(self, now_us: int) -> bool:
-        """Whether to poll while the policy does not decide."""
+        """Whether to poll while the policy is not in control."""
         return now_us >= self._next_us
 
     def poll(self, now_us: int, run: Run, follow: bool) -> None:
-        """Take the newest request; without `follow` the command is zero and nothing changes.
+        """Get the latest request; without `follow` the command is zero and nothing changes.
 
         Args:
-            now_us: the loop's time.
-            run: as it is. A function of time is asked without a status: to make one would take a noticeable
-                part of a tick in lockstep.
-            follow: whether the robot walks.
+            now_us: time of the loop.
+            run: its current state. A function of time is called without a status, which would take a
+                noticeable part of a tick in lockstep.
+            follow: whether the robot is walking.
         """
         self._next_us = now_us + POLL_EVERY_US
         if self._velocity is not None:
@@ -157,13 +157,13 @@ class Steering:
             self.command = self._limits.reduce(self.command, allowed)
 
     def refresh(self, policy: Policy) -> None:
-        """Ranges may have changed with the gait of the present policy."""
+        """Update the ranges, which may depend on the current policy's gait."""
         before = self.offer
         self.offer = offer_of(policy)._replace(policies=before.policies, get_up=before.get_up)
         self._offers[policy.name] = self.offer
 
     def take_changes(self) -> list[Change]:
-        """What the request changed since the last call."""
+        """Changes by requests since the last call."""
         changes, self._changes = self._changes, []
         return changes
 
@@ -180,7 +180,7 @@ class Steering:
             self._orders.append(Order(OrderKind(request.wish), owner))
 
     def _check(self, request: Request) -> None:
-        """Find what a request changes; refuse what this run does not have."""
+        """Find what a request changes; refuse what is unavailable in this run."""
         wanted = request.policy or self._wanted
         if wanted not in self._offers:
             self.note(f"there is no policy '{wanted}' in this run: it has {', '.join(self._offers)}")
@@ -189,19 +189,19 @@ class Steering:
             self._wanted = wanted
             self._changes.append(Change(policy=wanted, by=request.owner))
         if wanted != self._policy:
-            return  # gait and settings are for the policy that comes
+            return  # gait and settings are for the next policy
         if request.gait and request.gait != self._gait:
             self._gait = request.gait
             if request.gait in self.offer.gaits:
                 self._changes.append(Change(gait=request.gait, by=request.owner))
             else:
-                has = ", ".join(self.offer.gaits) or "no choice"
+                has = ", ".join(self.offer.gaits) or "no other gait"
                 self.note(f"there is no gait '{request.gait}' of {self._policy}: it has {has}")
         if settings := self._new_settings(request.settings):
             self._changes.append(Change(settings=settings, by=request.settings_by or request.owner))
 
     def _new_settings(self, asked: Mapping[str, float]) -> dict[str, float]:
-        """The values that differ from those before, each within its range."""
+        """Values that changed, each clipped to its range."""
         new = {}
         for name, value in asked.items():
             if self._settings.get(name) == value:
@@ -211,7 +211,7 @@ class Steering:
                 has = ", ".join(self.offer.settings) or "none"
                 self.note(f"there is no setting '{name}' of {self._policy}: it has {has}")
             elif not math.isfinite(value):
-                self.note(f"{name} of {value:g} is refused: it is no number")
+                self.note(f"{name} of {value:g} is refused: it is not a number")
             else:
                 new[name] = self._clipped(name, value, span)
             self._settings[name] = value
@@ -228,13 +228,13 @@ class Steering:
         return inside
 
     def note(self, note: str) -> None:
-        """Add a line to the run's notes, once."""
+        """Add a line to the run's notes unless it is there already."""
         if note not in self.notes:
             self.notes.append(note)
 
 
 def offer_of(policy: Policy) -> Offer:
-    """What a run takes while this policy decides, which is the only one.
+    """What this policy offers to operators, as the only one of a run.
 
     Raises:
         UserError: see `require_steerable`.

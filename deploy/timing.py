@@ -1,15 +1,15 @@
-"""Durations of ticks and policy steps, in memory that does not grow with the run."""
+"""Durations of ticks and policy steps, with bounded memory."""
 
 from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
 
-KEPT = 2**16  # of each kind: two minutes of ticks at 500 Hz
+KEPT = 2**16  # number of each kind: two minutes of ticks at 500 Hz
 
 
 class Durations:
-    """The latest durations of one kind, and the longest of all."""
+    """Latest durations of one kind, and the maximum of all."""
 
     def __init__(self, kept: int = KEPT) -> None:
         self._values = array("d", bytes(8 * kept))
@@ -23,7 +23,7 @@ class Durations:
         self.longest = max(self.longest, value)
 
     def values(self, most: int = KEPT) -> np.ndarray:
-        """The latest durations, so many at most, oldest first."""
+        """Up to `most` latest durations, oldest first."""
         number = min(most, self.count, self._kept)
         end = (self.count - 1) % self._kept + 1
         if number <= end:
@@ -33,15 +33,15 @@ class Durations:
 
 @dataclass
 class Timing:
-    """How the loop kept time."""
+    """Timing of the loop."""
 
     lateness_us: Durations = field(default_factory=Durations)  # of each tick; wall clock only
-    tick_us: Durations = field(default_factory=Durations)  # work of each tick
-    policy_ms: Durations = field(default_factory=Durations)  # work of each policy step
-    overruns: int = 0  # ticks whose work took longer than a tick lasts; wall clock only
+    tick_us: Durations = field(default_factory=Durations)  # duration of each tick's work
+    policy_ms: Durations = field(default_factory=Durations)  # duration of each policy step
+    overruns: int = 0  # ticks whose work took longer than the period; wall clock only
 
     def summary(self, most: int = KEPT) -> dict[str, float]:
-        """By name: p50 and p99 of the latest durations, `most` of them, the longest of all; 0 without any."""
+        """By name: p50 and p99 of up to `most` latest durations, the maximum of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)

@@ -1,4 +1,4 @@
-"""A policy that takes its steps at its own rate."""
+"""Runs a policy at its own rate."""
 
 import math
 
@@ -9,32 +9,33 @@ from footfall.robots.actuator import JointCommand
 
 
 class WrongSizeError(ValueError):
-    """A decision is for another number of joints."""
+    """A policy's command has the wrong number of joints."""
 
 
 class Turn:
-    """A policy, when its next step is due, and its last decision. Times count from when walking began."""
+    """A policy with the time of its next step and its last command. Times start at the beginning of
+    walking."""
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
-        self.period_us = 1e6 / policy.rate_hz if policy.rate_hz > 0.0 else math.inf  # refused later on
+        self.period_us = 1e6 / policy.rate_hz if policy.rate_hz > 0.0 else math.inf  # rejected later
         self.begin(0)
 
     def begin(self, now_us: int) -> None:
-        """The policy decides from now on; it is reset before its first step."""
+        """The policy takes over; it is reset before its first step."""
         self._began_us = now_us
-        self._next_us = now_us - 0.5  # half a microsecond early, so that rounding cannot cost a tick
+        self._next_us = now_us - 0.5  # slightly early: rounding must not delay a step by a tick
         self.decision: np.ndarray | None = None  # (5, n), rows as of `JointCommand`
 
     def due(self, now_us: int) -> bool:
-        """Whether it is time for a step."""
+        """Whether the next step is due."""
         return now_us >= self._next_us
 
     def act(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
-        """One step. Returns the decision (5, n).
+        """Run a step of the policy; returns its command (5, n).
 
         Raises:
-            ValueError: the decision has masked entries or complex numbers.
+            ValueError: the command has masked entries or complex numbers.
             WrongSizeError: it has another shape.
         """
         if self._began_us:
@@ -50,10 +51,10 @@ class Turn:
 def _copied(command: JointCommand, joints: int) -> np.ndarray:
     """A copy of a policy's command, (5, n)."""
     if any(_unreal(row) for row in command):
-        raise ValueError("it decides on masked or complex numbers, expected real ones")
+        raise ValueError("its command has masked or complex numbers, expected real ones")
     values = np.array(command, dtype=float)
     if values.shape != (5, joints):
-        raise WrongSizeError(f"it decides on shape {values.shape}, expected (5, {joints})")
+        raise WrongSizeError(f"its command has shape {values.shape}, expected (5, {joints})")
     return values
 
 

@@ -1,4 +1,4 @@
-"""Lets policies decide before a run, so that the first steps of one that takes over later are not slow."""
+"""Runs policies for a while before a run, so that the first steps of one used later are not slow."""
 
 import numpy as np
 
@@ -6,12 +6,13 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.description import Robot
 
-WARM_UP_S = 1.5  # of its own time: the robot settles, and every foot takes a step
+WARM_UP_S = 1.5  # of the policy's time: enough for the robot to settle and for every foot to take a step
 COMMAND = np.array([0.1, 0.0, 0.0])
 
 
 def warm_up(policy: Policy, robot: Robot) -> None:
-    """Let a policy decide for a robot that stands in its default pose. Its next reset forgets that."""
+    """Run a policy for a robot that stands in its default pose. The policy's next reset discards the
+    effects."""
     pose, still = robot.default_pose, np.zeros(len(robot.joint_names))
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, GRAVITY_M_S2]), upright, pose, still, still)

@@ -1,4 +1,4 @@
-"""Places of motors and IMU on the buses, from `robot.yaml`."""
+"""Buses and ids of motors and IMU, from `robot.yaml`."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,26 +11,26 @@ from footfall.robots.robot_yaml import MotorType
 
 @dataclass(frozen=True)
 class Wiring:
-    """A robot's buses and the place of each motor. Arrays are in joint order."""
+    """A robot's buses, and the bus and id of each motor. Arrays are in joint order."""
 
     buses: tuple[str, ...]
     channel: np.ndarray  # (n,) intp, index into `buses`
     motor_id: np.ndarray  # (n,) intp
     imu_channel: int
     imu_protocol: str  # name or MODULE:NAME of the IMU's driver
-    models: tuple[str, ...]  # (n,) motor models, or MODULE:NAME of a driver of one's own
-    gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
-    timeout_s: np.ndarray  # (n,) longest time without a command after which a motor must disable itself
-    watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
-    drive_gains: np.ndarray  # (n, 2) a moteus' kp, N m per turn, and kd, N m s per turn; 0 for none
-    drive_limit: tuple[str, ...]  # (n,) of the drive, to be set: "torque", "current" or "" for none
-    highest: np.ndarray  # (n,) that limit: N m at the joint, A of the motor; NaN for none
-    current_endpoint: np.ndarray  # (n,) id of an ODrive's current_soft_max, 0 for none
+    models: tuple[str, ...]  # (n,) motor models, or MODULE:NAME of a custom driver
+    gear_ratio: np.ndarray  # (n,) rotor turns per joint turn
+    timeout_s: np.ndarray  # (n,) maximum time without a command until a motor disables itself
+    watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 if not used
+    drive_gains: np.ndarray  # (n, 2) of a moteus: kp, N m per turn, kd, N m s per turn; 0 if unused
+    drive_limit: tuple[str, ...]  # (n,) quantity of the drive's limit: "torque", "current" or "" for none
+    highest: np.ndarray  # (n,) value of that limit: N m at the joint, or A of the motor; NaN for none
+    current_endpoint: np.ndarray  # (n,) id of an ODrive's current_soft_max, 0 if not used
     joint_names: tuple[str, ...]
-    foot_channel: np.ndarray  # (feet,) intp, of each foot's force sensor; (0,) without such sensors
+    foot_channel: np.ndarray  # (feet,) intp, bus of each foot's force sensor; (0,) without such sensors
 
     def take(self, joints: np.ndarray) -> "Wiring":
-        """The same buses with only some joints (indices)."""
+        """The wiring of some joints (indices) on the same buses."""
         return replace(
             self,
             channel=self.channel[joints],
@@ -53,7 +53,7 @@ class Wiring:
 
 
 def wire(robot: Robot) -> Wiring:
-    """The wiring of a robot."""
+    """The wiring of a robot, from its description."""
     joints = robot.description.joints
     of_feet = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]
     buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus, *of_feet]))
@@ -80,7 +80,7 @@ def wire(robot: Robot) -> Wiring:
 
 
 def _highest(motor: MotorType) -> float:
-    """The drive's limit that peak_torque_nm is: N m at the joint, or A; NaN for none."""
+    """The value of the drive's limit that implements peak_torque_nm: N m at the joint, or A; NaN for none."""
     if motor.drive_limit is None:
         return math.nan
     per_unit = motor.gear_ratio * motor.torque_constant_nm_a if motor.drive_limit == "current" else 1.0

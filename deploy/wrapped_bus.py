@@ -1,11 +1,11 @@
-"""A bus around another one, for those that look at its frames or change them."""
+"""Base class of buses that observe or change the frames of another bus."""
 
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.frames import Frames
 
 
 class WrappedBus:
-    """Passes everything on; a derived class overrides what it adds to."""
+    """Forwards everything; derived classes override methods."""
 
     def __init__(self, inner: Bus) -> None:
         self._inner = inner

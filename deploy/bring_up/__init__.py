@@ -1,1 +1,1 @@
-"""A robot's first steps, one after the other, each with a measure of its own."""
+"""First steps of a robot, each with its own test."""

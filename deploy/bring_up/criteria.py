@@ -1,4 +1,4 @@
-"""Criteria of the steps: each is a function of samples that yields a sentence for each failure."""
+"""Criteria of the steps: each function checks samples and yields a sentence for each failure."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -11,24 +11,24 @@ from footfall.deploy.bring_up.recording import Samples
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-LEAST_TILT = 0.3  # of the commanded tilt, from the joints
-MOST_POSES = 50  # evaluated in a window
+MIN_TILT_SHARE = 0.3  # of the commanded tilt, by the joints
+MAX_POSES = 50  # evaluated poses in a window
 
 
 class Window(NamedTuple):
-    """A part of a step, and the joints that move in it."""
+    """A part of a step, with the joints that move in it."""
 
     begin_s: float
     end_s: float
     joints: tuple[int, ...] = ()
-    sways: str = ""  # axis about which the base tilts: roll or pitch
+    sways: str = ""  # axis of the base's tilt: roll or pitch
 
 
 class Case(NamedTuple):
-    """The input of a criterion."""
+    """Input of a criterion."""
 
     robot: Robot
-    places: list[str]  # of the joints, for sentences
+    places: list[str]  # names of the joints with their motors, for sentences
     window: Window
     samples: Samples
     limits: BringUpLimits
@@ -38,7 +38,7 @@ Criterion = Callable[[Case], Iterator[str]]
 
 
 def follow(case: Case) -> Iterator[str]:
-    """Moving joints travel as far as their targets, and the others stay."""
+    """Moving joints travel as far as their targets, and the others stay in place."""
     position, target = (values - values[0] for values in (case.samples.position, case.samples.target))
     moving = list(case.window.joints)
     low, high = case.limits.follows
@@ -50,16 +50,16 @@ def follow(case: Case) -> Iterator[str]:
         if low <= share <= high:
             continue
         if others and abs(share) < low:
-            yield f"{place} should move, and {case.places[others[0]]} does: their ids or plugs are swapped"
+            yield f"{place} should move, but {case.places[others[0]]} does: their ids or plugs are swapped"
             return
         if share < -low:
-            yield f"{place} turns the other way: its sign is wrong"
+            yield f"{place} turns in the wrong direction: its sign is wrong"
         elif share < low:
-            yield f"{place} makes {share:.0%} of its travel: it has no power, or something blocks it"
+            yield f"{place} covers {share:.0%} of its travel: it has no power, or is blocked"
         else:
-            yield f"{place} makes {share:.0%} of its travel: its gear ratio is wrong"
+            yield f"{place} covers {share:.0%} of its travel: its gear ratio is wrong"
     for joint in others:
-        yield f"{case.places[joint]} moves by {travel[joint]:.2f} rad, and should not"
+        yield f"{case.places[joint]} moves by {travel[joint]:.2f} rad, but should not"
 
 
 def calm(case: Case) -> Iterator[str]:
@@ -78,7 +78,7 @@ def calm(case: Case) -> Iterator[str]:
 
 
 def modest(case: Case) -> Iterator[str]:
-    """No motor needs more than a share of its peak torque."""
+    """No motor needs more than a given share of its peak torque."""
     share = np.percentile(np.abs(case.samples.torque), 99, axis=0) / case.robot.motor.peak_torque
     joint = int(share.argmax())
     if share[joint] > case.limits.torque_share:
@@ -86,7 +86,7 @@ def modest(case: Case) -> Iterator[str]:
 
 
 def cool(case: Case) -> Iterator[str]:
-    """No motor is hot; a motor that does not report its temperature passes."""
+    """No motor is hot; a motor without temperature readings passes."""
     hottest = np.nan_to_num(case.samples.temperature_c, nan=-np.inf).max(axis=0)
     joint = int(hottest.argmax())
     if hottest[joint] > case.limits.temperature_c:
@@ -94,24 +94,23 @@ def cool(case: Case) -> Iterator[str]:
 
 
 def level(case: Case) -> Iterator[str]:
-    """The base is level, on average."""
+    """The base is level on average."""
     for name, angle in (("roll", case.samples.roll), ("pitch", case.samples.pitch)):
         mean = float(angle.mean())
         if abs(mean) > case.limits.tilt_rad:
-            yield f"the base's {name} is {mean:+.2f} rad: a joint's zero is wrong, or the IMU is askew"
+            yield f"the base's {name} is {mean:+.2f} rad: a joint's zero or the IMU's mounting is wrong"
 
 
 def upright(case: Case) -> Iterator[str]:
-    """The base never tilts far."""
+    """The tilt of the base stays below its limit."""
     tilt = float(np.hypot(case.samples.roll, case.samples.pitch).max())
     if tilt > case.limits.uneven_tilt_rad:
         yield f"the base tilts by {tilt:.2f} rad: try lower obstacles, or another policy"
 
 
 def carry(case: Case) -> Iterator[str]:
-    """The torques that the motors report carry the robot's weight, and every leg some of it.
-
-    Force f of the ground on a leg at rest: its joint torques are -J^T f.
+    """The reported torques carry the robot's weight, and every leg carries a part of it.
+    For a force f of the ground on a leg at rest, the joint torques are -J^T f.
     """
     robot, limits = case.robot, case.limits
     legs = robot.legs
@@ -124,7 +123,7 @@ def carry(case: Case) -> Iterator[str]:
     share = float(carried.sum()) / weight
     low, high = limits.carries
     if not low <= share <= high:
-        yield f"by their torques the legs carry {share:.0%} of the robot's weight"
+        yield f"according to their torques, the legs carry {share:.0%} of the robot's weight"
         return
     for foot, force in zip(robot.description.feet, carried, strict=True):
         if force < limits.least_leg_share * weight / legs.count:
@@ -132,9 +131,9 @@ def carry(case: Case) -> Iterator[str]:
 
 
 def sway(case: Case) -> Iterator[str]:
-    """The base's tilt from the IMU equals its tilt from the joints, with all feet on the ground."""
+    """The base's tilt by the IMU equals its tilt by the joints, with all feet on the ground."""
     legs, samples = case.robot.legs, case.samples
-    some = slice(None, None, max(1, len(samples.time_s) // MOST_POSES))
+    some = slice(None, None, max(1, len(samples.time_s) // MAX_POSES))
     asked, by_joints = (
         _planes(np.array([legs.pose(row).foot for row in poses[some]]))[case.window.sways]
         for poses in (samples.target, samples.position)
@@ -142,11 +141,11 @@ def sway(case: Case) -> Iterator[str]:
     by_imu = getattr(samples, case.window.sways)[some]
     asked, by_joints, by_imu = asked - asked[0], by_joints - by_joints[0], by_imu - by_imu[0]
     low, high = case.limits.tilts
-    if np.abs(by_joints).max() < LEAST_TILT * np.abs(asked).max():
-        yield "the legs do not tilt the base: too weak?"
+    if np.abs(by_joints).max() < MIN_TILT_SHARE * np.abs(asked).max():
+        yield "the legs do not tilt the base: check gains and torques"
     elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
         yield (
-            f"the base's {case.window.sways} is {share:.0%} of the tilt from the joints:"
+            f"the base's {case.window.sways} by the IMU is {share:.0%} of that by the joints:"
             " a gear ratio, a zero or the IMU's mounting is wrong"
         )
 

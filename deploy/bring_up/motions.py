@@ -11,17 +11,17 @@ from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-Trajectory = Callable[[float], np.ndarray]  # of the time, s: offsets from the first pose, rad, (n,)
+Trajectory = Callable[[float], np.ndarray]  # function of time, s: offsets from the initial pose, rad, (n,)
 RATE_HZ = 100.0
 
 
 def there_and_back(share: float) -> float:
-    """From 0 to 1 and back to 0 while a share goes from 0 to 1, at rest at both ends."""
+    """Rises from 0 to 1 and falls back to 0 while `share` goes from 0 to 1, at rest at both ends."""
     return 0.5 - 0.5 * math.cos(2.0 * math.pi * share)
 
 
 class TrajectoryPolicy:
-    """Follows a trajectory of the joints about the pose found at its reset."""
+    """Follows a joint trajectory relative to the pose at reset."""
 
     name = "trajectory"
     rate_hz = RATE_HZ
@@ -46,7 +46,7 @@ class TrajectoryPolicy:
 
 
 class StandingTrajectoryPolicy(TrajectoryPolicy):
-    """Follows a trajectory about the default pose, wherever the joints are at first."""
+    """Follows a joint trajectory relative to the default pose, from any initial pose."""
 
     def __init__(self, robot: Robot, trajectory: Trajectory, kp: np.ndarray, kd: np.ndarray) -> None:
         super().__init__(trajectory, kp, kd)
@@ -57,7 +57,7 @@ class StandingTrajectoryPolicy(TrajectoryPolicy):
 
 
 def still(robot: Robot) -> Trajectory:
-    """No motion."""
+    """Trajectory without motion."""
     zero = np.zeros(len(robot.joint_names))
     return lambda _: zero
 
@@ -65,7 +65,8 @@ def still(robot: Robot) -> Trajectory:
 def one_after_the_other(
     robot: Robot, groups: Sequence[np.ndarray], by_rad: float, each_s: float
 ) -> Trajectory:
-    """Groups of joints (indices) move in turn, each joint towards the middle of its range."""
+    """Trajectory in which groups of joints (indices) move in turn, each joint towards the middle of its
+    range."""
     lower, upper = robot.soft_limits
     direction = np.where(robot.default_pose < (lower + upper) / 2, 1.0, -1.0)
     masks = np.zeros((len(groups), len(lower)))
@@ -80,14 +81,14 @@ def one_after_the_other(
 
 
 def swaying(robot: Robot, by_rad: float, each_s: float) -> Trajectory:
-    """The base tilts to its right, then to its front, about where its feet stand in the default pose."""
+    """Trajectory that tilts the base to the right, then forward, above its feet in the default pose."""
     legs, pose = robot.legs, robot.default_pose
 
     def trajectory(time_s: float) -> np.ndarray:
         turn = min(int(time_s / each_s), 1)
         tilt = np.zeros(2)
         tilt[turn] = by_rad * there_and_back(min(time_s / each_s - turn, 1.0))
-        feet = level_feet(legs.default_foot, -tilt)  # which turns a base that is tilted by `tilt` back
+        feet = level_feet(legs.default_foot, -tilt)  # which level a base tilted by `tilt`
         return legs.scatter(legs.solve(feet), pose) - pose
 
     return trajectory

@@ -1,4 +1,4 @@
-"""Targets and readings of the joints, tick by tick."""
+"""Recording of joint targets and readings at each tick."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from footfall.deploy.loop import ControlLoop
 
 
 class Recording:
-    """Samples of a run."""
+    """Recorded samples of a run."""
 
     def __init__(self) -> None:
         self._time_s: list[float] = []
@@ -15,7 +15,7 @@ class Recording:
         self._up: list[np.ndarray] = []
 
     def add(self, loop: ControlLoop) -> None:
-        """One more sample of a loop."""
+        """Add one sample of a loop."""
         sensed = loop.sensed
         joints = [
             loop.target, sensed.joint_position, sensed.joint_velocity, sensed.joint_torque, loop.temperature_c
@@ -25,20 +25,20 @@ class Recording:
         self._up.append(rotation_matrix(sensed.quaternion)[2])
 
     def between(self, begin_s: float, end_s: float) -> "Samples":
-        """The samples of a stretch of time."""
+        """Samples in a time range."""
         times = np.array(self._time_s)
         first, last = np.searchsorted(times, [begin_s, end_s])
         return Samples(times[first:last], np.array(self._joints[first:last]), np.array(self._up[first:last]))
 
 
 class Samples:
-    """T samples in joint order, n joints."""
+    """T samples of n joints, in joint order."""
 
     def __init__(self, time_s: np.ndarray, joints: np.ndarray, up: np.ndarray) -> None:
         """Times (T,), five readings of each joint (T, 5, n) and up in the base frame (T, 3)."""
         self.time_s = time_s
         self.target, self.position = joints[:, 0], joints[:, 1]  # rad
         self.velocity, self.torque = joints[:, 2], joints[:, 3]  # rad/s, N m
-        self.temperature_c = joints[:, 4]  # NaN where a motor does not report it
+        self.temperature_c = joints[:, 4]  # NaN if not reported
         self.roll = np.arctan2(up[:, 1], up[:, 2])  # rad, right side down
         self.pitch = np.arctan2(-up[:, 0], up[:, 2])  # rad, front down

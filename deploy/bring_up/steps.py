@@ -1,4 +1,4 @@
-"""The steps of bring-up, from holding a pose to walking: each has to pass before the next one begins."""
+"""Steps of bring-up, from holding a pose to walking: each must pass before the next one starts."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -42,24 +42,24 @@ LOOK_EVERY = 2  # ticks
 
 
 class Setting(NamedTuple):
-    """Robot, policy and settings of all steps."""
+    """Robot, policy and settings for all steps."""
 
     robot: Robot
-    policy: Policy  # of the last two steps
-    command_source: CommandSource | VelocityFunction  # of the last two steps
+    policy: Policy  # for the last two steps
+    command_source: CommandSource | VelocityFunction  # for the last two steps
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
-    wiring_right: Callable[[Sequence[WiringVerdict]], None] = lambda _: None  # called when that is found
+    wiring_right: Callable[[Sequence[WiringVerdict]], None] = lambda _: None  # called after success
 
     @property
     def gains(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and damping of standing, (n,) each."""
+        """Stiffness and damping while standing, (n,) each."""
         return self.deploy.stand_kp_scale * self.robot.kp, self.deploy.stand_kd_scale * self.robot.kd
 
 
 class Plan(NamedTuple):
-    """A step's policy, and the windows in which it is judged, one after the other."""
+    """Policy of a step, and the consecutive windows in which it is tested."""
 
     policy: Policy
     windows: list[Window]
@@ -67,32 +67,32 @@ class Plan(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One step: the robot's place, its motion, and the criteria."""
+    """One step: support of the robot, motion and criteria."""
 
     name: str
-    hangs: bool  # in a frame, feet in the air; else it lies or stands on the ground
+    hangs: bool  # in a frame, with the feet in the air; otherwise it lies or stands on the ground
     about: str
     plan: Callable[[Setting], Plan]
     criteria: tuple[Criterion, ...]
-    least_feet: int = 1  # a robot with fewer skips the step
-    stands_still: bool = False  # a robot that cannot (`held_start`) skips the step
+    least_feet: int = 1  # a robot with fewer feet skips the step
+    stands_still: bool = False  # a robot that cannot stand still (`held_start`) skips the step
     checks_wiring: bool = False
-    uneven: bool = False  # obstacles as high as `uneven_m` lie in its way
+    uneven: bool = False  # with obstacles of height `uneven_m`
 
     def skipped_by(self, robot: Robot) -> str:
         """Why a robot skips the step; empty if it does not."""
         if len(robot.description.feet) < self.least_feet:
-            return f"it takes {self.least_feet} feet"
+            return f"it needs {self.least_feet} feet"
         if self.stands_still and robot.description.held_start:
             return f"{robot.name} cannot stand still"
         return ""
 
 
 class Verdict(NamedTuple):
-    """The result of a step."""
+    """Result of a step."""
 
     step: str
-    findings: tuple[str, ...]  # why it failed; empty if it passed
+    findings: tuple[str, ...]  # reasons of a failure; empty if passed
     outcome: SessionResult
 
     @property
@@ -146,20 +146,20 @@ def _walk(setting: Setting) -> Plan:
 
 ALWAYS = (calm, modest, cool)
 STEPS = (
-    Step("hold", True, "the joints hold the pose in which they are found", _hold, (follow, *ALWAYS)),
-    Step("joints", True, "one joint after the other moves, and no other", _move_joints, (follow, *ALWAYS)),
-    Step("legs", True, "one leg after the other moves", _move_legs, (follow, *ALWAYS)),
-    Step("wiring", False, "one joint after the other moves a little, lying and standing", _stand, ALWAYS,
+    Step("hold", True, "the joints hold their initial pose", _hold, (follow, *ALWAYS)),
+    Step("joints", True, "each joint moves in turn, and no other", _move_joints, (follow, *ALWAYS)),
+    Step("legs", True, "each leg moves in turn", _move_legs, (follow, *ALWAYS)),
+    Step("wiring", False, "each joint moves slightly in turn, lying and standing", _stand, ALWAYS,
          stands_still=True, checks_wiring=True),
     Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS), stands_still=True),
-    Step("shift", False, "it shifts its weight, and the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
-    Step("walk", False, "the policy takes over slowly", _walk, (cool,)),
+    Step("shift", False, "the robot shifts its weight; the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
+    Step("walk", False, "control fades to the policy", _walk, (cool,)),
     Step("uneven", False, "the policy walks over uneven ground", _walk, (upright, cool), uneven=True),
 )  # fmt: skip
 
 
 class _Judge:
-    """Records a run, judges each window at its end, and ends the run at the first finding."""
+    """Records a run, tests each window at its end, and ends the run at the first finding."""
 
     def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
         wiring = wire(setting.robot)
@@ -169,7 +169,7 @@ class _Judge:
         self.findings: list[str] = []
 
     def tick(self, loop: ControlLoop) -> None:
-        """Call it after each joint tick."""
+        """Record and test; called after each joint tick."""
         self._ticks += 1
         if not loop.walking or self._ticks % LOOK_EVERY:
             return
@@ -190,29 +190,29 @@ class _Judge:
             self.findings += criterion(case)
 
     def verdict(self, outcome: SessionResult) -> Verdict:
-        """The result of the whole run, the supervisor's faults first."""
+        """Result of the whole run, with the supervisor's faults first."""
         findings = [*outcome.faults, *self.findings]
         if not findings and self._waiting:
-            findings = ["it was ended before it was done"]
+            findings = ["it ended early"]
         return Verdict(self._step.name, tuple(findings), outcome)
 
 
 def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
-    """One step of bring-up, from motors off to motors off.
+    """Run one step of bring-up, from disabled motors to disabled motors.
 
     Args:
-        step: the step.
+        step: step to run.
         setting: robot, policy and settings.
-        bus: leads to the robot, which must hang or be on the ground as the step requires.
+        bus: bus to the robot, which must hang or be on the ground as the step requires.
 
     Raises:
-        UserError: policy, robot and settings do not fit; nothing has moved then.
+        UserError: policy, robot and settings do not fit; nothing has moved in this case.
     """
     plan = step.plan(setting)
     judge = _Judge(setting, step, plan)
     session = Session(
         command_source=plan.command_source,
-        duration_s=plan.windows[-1].end_s + 0.05,  # so that the last window is judged
+        duration_s=plan.windows[-1].end_s + 0.05,  # so that the last window is tested
         realtime=setting.realtime,
         config=setting.deploy,
         stand_up=not step.hangs,

@@ -1,1 +1,1 @@
-"""Actuator and sensor protocols: numbers to CAN frames and back, one file for each."""
+"""Protocols of actuators and sensors: encoding and decoding of CAN frames, one file each."""

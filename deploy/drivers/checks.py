@@ -1,4 +1,4 @@
-"""Whether a driver class of one's own fits its protocol: each misfit is one line."""
+"""Checks whether an external driver class implements its protocol."""
 
 from collections.abc import Callable
 from types import FunctionType
@@ -15,25 +15,25 @@ from footfall.deploy.frames import FD, LONGEST, Frames, no_frames
 from footfall.deploy.wiring import Wiring
 
 MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
-DATA = ("maker", "models", "motor_end", "filters")  # of a motor driver's class
-IMU_DATA = ("filters", "identifiers", "imu_end")  # of an IMU driver's
+DATA = ("maker", "models", "motor_end", "filters")  # members of a motor driver's class
+IMU_DATA = ("filters", "identifiers", "imu_end")  # members of an IMU driver's class
 
 
 def motor_driver_at(place: str) -> type[MotorDriver]:
-    """The motor driver class at MODULE:NAME.
+    """Motor driver class at MODULE:NAME.
 
     Raises:
-        UserError: there is no such class, or it lacks a part of `MotorDriver`.
+        UserError: there is no such class, or it lacks a member of `MotorDriver`.
     """
     found: type[MotorDriver] = _class_at(place, "motor driver", (*DATA, *_methods(MotorDriver)), MOTOR_PAGE)
     return found
 
 
 def imu_driver_at(place: str) -> type[ImuDriver]:
-    """The IMU driver class at MODULE:NAME.
+    """IMU driver class at MODULE:NAME.
 
     Raises:
-        UserError: there is no such class, it cannot be built, or it lacks a part of `ImuDriver`.
+        UserError: there is no such class, it cannot be built, or it lacks a member of `ImuDriver`.
     """
     found: type[ImuDriver] = _class_at(place, "IMU driver", (*IMU_DATA, *_methods(ImuDriver)), IMU_PAGE)
     driver = _tried(place, "__init__", lambda: found(0))
@@ -46,10 +46,10 @@ def imu_driver_at(place: str) -> type[ImuDriver]:
 
 
 def open_outside(driver: type[MotorDriver], wiring: Wiring) -> Driver:
-    """A driver of one's own for its motors.
+    """An external driver for its motors.
 
     Raises:
-        UserError: it cannot be built, lacks a part of `MotorDriver`, or returns wrong types or shapes.
+        UserError: it cannot be built, lacks a member of `MotorDriver`, or returns wrong types or shapes.
     """
     place, n = wiring.models[0], len(wiring.motor_id)
     tried = _tried(place, "__init__", lambda: driver(wiring))
@@ -62,37 +62,37 @@ def open_outside(driver: type[MotorDriver], wiring: Wiring) -> Driver:
     _check_frames(place, "command", _tried(place, "command", lambda: tried.command(np.zeros((5, n)))))
     damping = _tried(place, "damping", lambda: tried.damping(np.zeros(n)))
     if not isinstance(damping, tuple) or not damping:
-        _refuse(place, "damping", "no tuple of batches")
+        _refuse(place, "damping", "not a tuple of batches")
     for frames in damping:
         _check_frames(place, "damping", frames)
     for name in ("not_ready", "not_enabled"):
         if not isinstance(_tried(place, name, getattr(tried, name)), str):
-            _refuse(place, name, "no text")
+            _refuse(place, name, "not a string")
     _check_shape(
         place, "not_confirmed_off", _tried(place, "not_confirmed_off", tried.not_confirmed_off), (n,)
     )
     replies = _tried(place, "replies", lambda: tried.replies(no_frames()))
     if not isinstance(replies, Replies):
-        _refuse(place, "replies", "no Replies")
+        _refuse(place, "replies", "not Replies")
     _check_shape(place, "replies", replies.values, (3, 0))
-    return driver(wiring)  # whose state no trial has changed
+    return driver(wiring)  # a new object, whose state the checks have not changed
 
 
 def _class_at(place: str, what: str, names: tuple[str, ...], page: str) -> Any:
     found = find(place, what)
     if not isinstance(found, type):
-        raise UserError(f"no {what} '{place}': it is no class")
+        raise UserError(f"no {what} '{place}': it is not a class")
     _require(found, place, what, names, page)
     return found
 
 
 def _require(found: Any, place: str, what: str, names: tuple[str, ...], page: str) -> None:
     if lacking := [name for name in names if not hasattr(found, name)]:
-        raise UserError(f"{place} is no {what}: it has no {', '.join(lacking)} (see {page})")
+        raise UserError(f"{place} cannot be used as {what}: it has no {', '.join(lacking)} (see {page})")
 
 
 def _members(protocol: type) -> tuple[str, ...]:
-    """Public names that a protocol declares."""
+    """Public names in a protocol."""
     names = [
         name for base in protocol.__mro__ for name in (*vars(base), *getattr(base, "__annotations__", ()))
     ]
@@ -100,7 +100,7 @@ def _members(protocol: type) -> tuple[str, ...]:
 
 
 def _methods(protocol: type) -> tuple[str, ...]:
-    """Public names of a protocol that are methods, which a class has before it is built."""
+    """Public methods of a protocol, which a class has before it is built."""
     whole = {name: value for base in protocol.__mro__[:-1] for name, value in vars(base).items()}
     return tuple(
         name for name in _members(protocol) if isinstance(whole.get(name), FunctionType | staticmethod)
@@ -112,7 +112,7 @@ def _tried(place: str, name: str, act: Callable[[], Any]) -> Any:
         return act()
     except UserError:
         raise
-    except Exception as error:  # whatever it is, it is the class's
+    except Exception as error:  # of any type, because the class is external
         raise UserError(f"{place} fails at {name}: {in_a_line(error)}") from error
 
 
@@ -132,4 +132,4 @@ def _check_shape(place: str, name: str, values: Any, shape: tuple[int, ...]) -> 
 
 
 def _refuse(place: str, name: str, found: str) -> NoReturn:
-    raise UserError(f"{place} does not fit: {name} gives {found} (see deploy/drivers)")
+    raise UserError(f"{place} does not fit: {name} returns {found} (see deploy/drivers)")

@@ -1,6 +1,6 @@
-"""Which drivers decode a robot's motors and its IMU.
+"""Choice of the drivers for a robot's motors and its IMU.
 
-A motor protocol is one class in `DRIVERS`, or a class of one's own that robot.yaml names as MODULE:NAME.
+A motor protocol is a class in `DRIVERS`, or an external class that robot.yaml names as MODULE:NAME.
 """
 
 import numpy as np
@@ -46,39 +46,39 @@ _BY_MODEL = {model: driver for driver in DRIVERS for model in driver.models}
 
 
 def driver_class(protocol: str) -> type[MotorDriver]:
-    """The driver class of a motor model or of MODULE:NAME.
+    """Driver class of a motor model or of MODULE:NAME.
 
     Raises:
-        UserError: there is none, or it is no motor driver.
+        UserError: there is none, or it is not a motor driver.
     """
     if protocol in _BY_MODEL:
         return _BY_MODEL[protocol]
     if is_place(protocol):
         return motor_driver_at(protocol)
     known = ", ".join(_BY_MODEL)
-    raise UserError(f"no driver for motor '{protocol}': there are {known}, or MODULE:NAME of one's own")
+    raise UserError(f"no driver for motor '{protocol}': there are {known}, or MODULE:NAME")
 
 
 def imu_driver_class(protocol: str) -> type[ImuDriver]:
-    """The driver class of an `imu_protocol`.
+    """Driver class of an `imu_protocol`.
 
     Raises:
-        UserError: there is none, or it is no IMU driver.
+        UserError: there is none, or it is not an IMU driver.
     """
     if protocol in IMU_DRIVERS:
         return IMU_DRIVERS[protocol]
     if is_place(protocol):
         return imu_driver_at(protocol)
     known = ", ".join(IMU_DRIVERS)
-    raise UserError(f"no imu_protocol '{protocol}': there are {known}, or MODULE:NAME of one's own")
+    raise UserError(f"no imu_protocol '{protocol}': there are {known}, or MODULE:NAME")
 
 
 def open_driver(wiring: Wiring) -> Driver:
-    """The driver of all motors of a robot.
+    """Driver of all motors of a robot.
 
     Raises:
-        UserError: a motor or a motor id without a driver, identifiers that collide on a bus, or a driver of
-            one's own that does not fit.
+        UserError: a motor or a motor id without a driver, conflicting identifiers on a bus, or an external
+            driver that does not fit.
     """
     parts = [(_opened(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
     return parts[0][0] if len(parts) == 1 else MixedDriver(parts)
@@ -89,18 +89,18 @@ def _opened(driver: type[MotorDriver], wiring: Wiring) -> Driver:
 
 
 def _check_drive_limit(wiring: Wiring, joint: int, driver: type[MotorDriver]) -> None:
-    """Raises UserError if a driver does not set the limit of a joint's drive that robot.yaml asks for."""
+    """Raises UserError if a driver cannot set the drive limit that robot.yaml has for a joint."""
     limit, sets = wiring.drive_limit[joint], getattr(driver, "drive_limits", ())
     if limit and limit not in sets:
         instead = f"drive_limit: {' or '.join(sets)}" if sets else "no drive_limit"
         raise UserError(
             f"joint {wiring.joint_names[joint]}: {driver.maker} motors have no {limit} limit that a frame"
-            f" sets: give them {instead}"
+            f" sets: use {instead}"
         )
 
 
 def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
-    """The driver classes of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
+    """Driver classes of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
     drivers = []
     for joint, protocol in zip(wiring.joint_names, wiring.models, strict=True):
         try:
@@ -117,10 +117,10 @@ def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
 
 
 def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDriver:
-    """The driver of a robot's IMU, with an attitude filter where the IMU gives no orientation.
+    """Driver of a robot's IMU, with an attitude filter for an IMU without orientation.
 
     Args:
-        wiring: names the IMU's bus and driver.
+        wiring: has the IMU's bus and driver.
         attitude: settings of the filter; None for the defaults.
 
     Raises:
@@ -137,6 +137,6 @@ def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDrive
 
 
 def filters_of(wiring: Wiring) -> tuple[CanFilter, ...]:
-    """Which frames a robot's motors and sensors send; errors as for `open_driver`."""
+    """Filters for the frames of a robot's motors and sensors; errors as for `open_driver`."""
     of_feet = foot_force.FILTERS if len(wiring.foot_channel) else ()
     return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters, *of_feet)

@@ -1,16 +1,16 @@
 """Damiao motors in MIT mode.
 
-Commands are those of `mit.py`. A reply comes on the motor's host id (MST_ID, to be set to REPLY_ID + the
-motor's id) and differs: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 the
-rotor's.
+Commands are those of `mit.py`. A reply has the motor's host id (MST_ID, to be set to REPLY_ID + the motor's
+id) and a different content: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 that
+of the rotor.
 
 The ranges of the codes are registers of the motor (PMAX, VMAX, TMAX), read before it is enabled. So are its
-control mode, which must be MIT, and its communication time-out, which is written where it is off or too long.
-`id_low id_high 33 register 00 00 00 00` on 0x7FF reads a register. The answer comes on the host id with the
-value, little-endian, in the last four bytes. `id_low id_high 55 register value` writes it until the motor
-loses power, and is answered by the same bytes.
+control mode, which must be MIT, and its communication timeout, which is written if it is off or too long.
+`id_low id_high 33 register 00 00 00 00` on 0x7FF reads a register. The reply has the host id, and the value
+in the last four bytes, little-endian. `id_low id_high 55 register value` writes it until the motor loses
+power; the reply has the same bytes.
 
-Answers about registers share the identifier of the readings, where their bytes would mean a disabled motor at
+Replies on registers share the identifier of the readings, in which their bytes would mean a disabled motor at
 one end of its range. They may be late: bytes 1 to 3 distinguish them from readings at any time.
 """
 
@@ -30,9 +30,9 @@ from footfall.deploy.wiring import Wiring
 REPLY_ID = 0x200
 REGISTER_ID = 0x7FF
 READ, WRITE = 0x33, 0x55
-TIME_OUT_STEP_S = 50e-6  # unit of the time-out by public register tables; not measured on a motor
+TIME_OUT_STEP_S = 50e-6  # unit of the timeout in public register tables; not measured on a motor
 
-# As delivered, by the maker's table. A motor's own registers take precedence.
+# Factory settings in the maker's table. A motor's own registers take precedence.
 RANGES = {
     "DM4310": MotorRange(30.0, 10.0),
     "DM4340": MotorRange(8.0, 28.0),
@@ -45,17 +45,17 @@ RANGES = {
 
 TIME_OUT, MODE, POSITION_MAX, VELOCITY_MAX, TORQUE_MAX = REGISTERS = (9, 10, 21, 22, 23)
 _NAMES = {
-    TIME_OUT: "communication time-out (register 9)",
+    TIME_OUT: "communication timeout (register 9)",
     MODE: "control mode (register 10)",
     POSITION_MAX: "PMAX (register 21)",
     VELOCITY_MAX: "VMAX (register 22)",
     TORQUE_MAX: "TMAX (register 23)",
 }
-WHOLE = (TIME_OUT, MODE)  # registers that are whole numbers; the others are floats
+WHOLE = (TIME_OUT, MODE)  # integer registers; the others are floats
 MIT_MODE = 1
 
-OFF, ON = 0, 1  # the states that are not faults
-WENT_OFF = 16  # code for a motor that was on and reports off: it has rebooted
+OFF, ON = 0, 1  # states that are not faults
+WENT_OFF = 16  # error code for an enabled motor that reports disabled: it has rebooted
 COMMUNICATION_LOST = 13
 ERRORS = {
     5: "sensor error",
@@ -67,15 +67,15 @@ ERRORS = {
     12: "over-temperature of its coil",
     COMMUNICATION_LOST: "a communication timeout, and is disabled",
     14: "overload",
-    WENT_OFF: "that it is switched off",
+    WENT_OFF: "that it is disabled",
 }
 
 _ALL = slice(None)
-_ACCESS, _REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by a byte
+_ACCESS, _REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by byte
 
 
 class DamiaoDriver(PolledDriver):
-    """The controller's end."""
+    """Damiao driver."""
 
     maker = "Damiao"
     models = tuple(RANGES)
@@ -83,7 +83,7 @@ class DamiaoDriver(PolledDriver):
     filters: tuple[CanFilter, ...] = ({"can_id": REPLY_ID, "can_mask": 0x780, "extended": False},)
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that a frame cannot carry."""
+        """Raises UserError for a motor id that does not fit into a frame."""
         n = len(wiring.motor_id)
         orders = (mit.special(word, n) for word in (mit.ENTER, mit.EXIT, mit.ZERO, mit.CLEAR))
         super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
@@ -91,7 +91,7 @@ class DamiaoDriver(PolledDriver):
         self._ranges = [RANGES[model] for model in wiring.models]
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._outgoing = to_every_motor(wiring)
-        self._usual: Layout | None = None  # layout of the last batch of all motors in joint order
+        self._usual: Layout | None = None  # layout of the last batch with all motors in joint order
         self._use(self._ranges)
 
     @staticmethod
@@ -115,7 +115,7 @@ class DamiaoDriver(PolledDriver):
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
 
     def query_settings(self) -> Frames:
-        """Reads of unknown registers; a wrong time-out is written before."""
+        """Frames that read unknown registers; a wrong timeout is written before."""
         rows = []
         for joint, register, value in self._settings.questions():
             motor = int(self._wiring.motor_id[joint])
@@ -133,7 +133,7 @@ class DamiaoDriver(PolledDriver):
         return self._is_on.copy()
 
     def _note_registers(self, data: np.ndarray, motor: np.ndarray) -> None:
-        """Note reported registers until all are right; the echo of a write proves nothing."""
+        """Store reported registers until all are right; the echo of a write is not a confirmation."""
         if not self._settings.problem():
             return
         for joint, row in zip(motor.tolist(), data, strict=True):
@@ -188,15 +188,15 @@ class DamiaoDriver(PolledDriver):
 
 
 def _about_registers(data: np.ndarray) -> np.ndarray:
-    """Which frames (k, 8) report or confirm a register: no possible reading has these bytes."""
+    """Frames (k, 8) that report or confirm a register: no possible reading has these bytes."""
     return (data[:, 1] == 0) & _ACCESS[data[:, 2]] & _REGISTER[data[:, 3]]
 
 
 def _problem(known: Known) -> str:
-    """A wrong setting of a motor; empty for none."""
+    """Wrong setting of a motor; empty for none."""
     if known[MODE] != MIT_MODE:
         return f"is in control mode {known[MODE]:g}: register {MODE} must be {MIT_MODE}, MIT mode"
     for register in (POSITION_MAX, VELOCITY_MAX, TORQUE_MAX):
         if not 0.0 < known[register] < 1e4:
-            return f"has {known[register]:g} for its {_NAMES[register]}"
+            return f"has {known[register]:g} as its {_NAMES[register]}"
     return ""

@@ -1,11 +1,11 @@
-"""What the control loop and the bench require of a motor protocol.
+"""Interface of motor protocols for the control loop and the bench.
 
 A driver encodes and decodes the frames of all motors of one robot at once: arrays are in joint order, and a
-batch of frames takes a few array operations. Each protocol has a file of its own here. Its simulated motors
-are in `plant/motor_ends/`.
+    batch of frames takes a few array operations. Each protocol has its own file here. Its simulated motors
+    are in `plant/motor_ends/`.
 
-A driver of one's own is a class that `protocol` of a motor in robot.yaml names as MODULE:NAME. It implements
-`MotorDriver`; `PolledDriver` (`drivers/polled.py`) has most of that for motors that answer every frame.
+An external driver is a class that a motor's `protocol` in robot.yaml names as MODULE:NAME. It implements
+`MotorDriver`; `PolledDriver` (`drivers/polled.py`) has most of that for motors that reply to every frame.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -16,7 +16,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
 Motors = np.ndarray | slice  # joint indices (k,), or a slice of all joints
-CanFilter = dict[str, Any]  # as python-can takes it: can_id, can_mask, extended; `fd` for CAN FD frames
+CanFilter = dict[str, Any]  # format of python-can: can_id, can_mask, extended; `fd` for CAN FD frames
 
 
 class Replies(NamedTuple):
@@ -25,56 +25,56 @@ class Replies(NamedTuple):
     motor: Motors
     values: np.ndarray  # (3, k): position rad, velocity rad/s, torque N m, at the joint
     error: np.ndarray  # (k,) error code, 0 for none
-    temperature_c: np.ndarray  # (k,) degrees Celsius, NaN where a motor does not report it
-    voltage: np.ndarray  # (k,) V at the motor's supply, NaN where a motor does not report it
-    time_us: np.ndarray | None  # (k,) arrival time of each frame; None where unknown
-    current_a: np.ndarray | None = None  # (k,) drawn from the supply, A; None where none reports it
+    temperature_c: np.ndarray  # (k,) degrees Celsius, NaN if not reported
+    voltage: np.ndarray  # (k,) V at the motor's supply, NaN if not reported
+    time_us: np.ndarray | None  # (k,) arrival time of each frame; None if unknown
+    current_a: np.ndarray | None = None  # (k,) supply current, A; None if no motor reports it
 
 
 def damping_alone(kd: np.ndarray) -> np.ndarray:
-    """A command (5, n) of damping kd (n,), N m s/rad, without stiffness or torque."""
+    """Command (5, n) with only damping kd (n,), N m s/rad."""
     values = np.zeros((5, len(kd)))
     values[3] = kd
     return values
 
 
 class Driver(Protocol):
-    """The controller's end of a protocol, for n motors."""
+    """Controller's side of a protocol, for n motors."""
 
-    filters: tuple[CanFilter, ...]  # which frames motors send
-    exchange_bits: np.ndarray  # (n,) most bits of a command and its answer on the wire, stuff bits included
+    filters: tuple[CanFilter, ...]  # filters for the frames of motors
+    exchange_bits: np.ndarray  # (n,) largest number of bits of a command and its reply, including stuff bits
 
     @property
     def lowest(self) -> np.ndarray:
-        """Least command that a frame can carry, (5, n): the rows of a `JointCommand`."""
+        """Lower limit of a command in a frame, (5, n): the rows of a `JointCommand`."""
         ...
 
     @property
     def highest(self) -> np.ndarray:
-        """Greatest command that a frame can carry, (5, n)."""
+        """Upper limit of a command in a frame, (5, n)."""
         ...
 
     @property
     def gain_rounding(self) -> np.ndarray:
-        """The most that a frame's rounding adds to stiffness and to damping, (2, n)."""
+        """Largest increase of stiffness and damping by the rounding in a frame, (2, n)."""
         ...
 
     def query_settings(self) -> Frames:
-        """Frames that read, or write, the settings that must be right before motors are enabled."""
+        """Frames that read or write the settings that must be right before motors are enabled."""
         ...
 
     def not_ready(self) -> str:
-        """First motor whose settings do not permit enabling it, and why; empty if all permit it."""
+        """First motor whose settings do not permit enabling it, with the reason; empty if all permit it."""
         ...
 
     def enable(self) -> Frames:
-        """Frames that enable every motor: sent at each tick until all answer and `not_enabled` is empty."""
+        """Frames that enable every motor: sent at each tick until all reply and `not_enabled` is empty."""
         ...
 
     def not_enabled(self) -> str:
         """First motor that has not confirmed enable; empty if all have.
 
-        Always empty where a motor's answer to `enable` is the confirmation.
+        Always empty if a motor's reply to `enable` is the confirmation.
         """
         ...
 
@@ -83,9 +83,8 @@ class Driver(Protocol):
         ...
 
     def not_confirmed_off(self) -> np.ndarray:
-        """Mask (n,) of the motors that report their state and have not confirmed disable.
-
-        False where a motor's answer to `disable` is the only confirmation.
+        """Mask (n,) of motors that report their state and have not confirmed disable.
+        False if a motor's reply to `disable` is the only confirmation.
         """
         ...
 
@@ -94,11 +93,11 @@ class Driver(Protocol):
         ...
 
     def zero(self) -> Frames:
-        """Frames that make every motor take its present position for zero."""
+        """Frames that set the zero of every motor to its present position."""
         ...
 
     def command(self, values: np.ndarray) -> Frames:
-        """Frames that carry one command to every motor.
+        """Frames with one command for every motor.
 
         Args:
             values: (5, n), the rows of a `JointCommand`: position rad, velocity rad/s, stiffness N m/rad,
@@ -110,7 +109,7 @@ class Driver(Protocol):
         ...
 
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
-        """Frames that make motors damp joints without a reading: batches to be sent in turn, repeatedly.
+        """Frames that make motors damp joints without readings: batches to be sent in turn, repeatedly.
 
         Args:
             kd: damping of each joint, N m s/rad, (n,).
@@ -118,48 +117,48 @@ class Driver(Protocol):
         ...
 
     def replies(self, frames: Frames) -> Replies:
-        """Decode the frames of this robot's motors; other frames are left out."""
+        """Decode the frames of this robot's motors; other frames are ignored."""
         ...
 
     def error_name(self, code: int, joint: int = 0) -> str:
-        """An error code of a joint's motor in words that complete "the motor reports ..."."""
+        """Text for an error code of a joint's motor that completes "the motor reports ..."."""
         ...
 
 
 class MotorDriver(Driver, Protocol):
-    """A driver class of one protocol, as `drivers/choice.py` lists it or robot.yaml names it.
+    """Driver class of one protocol, listed in `drivers/choice.py` or named in robot.yaml.
 
     A class may have `drive_limits: tuple[str, ...]`: "torque" or "current", which it sets in the drive to
-    `wiring.highest` and reads back where robot.yaml asks for it as `drive_limit`.
+    `wiring.highest` and reads back if robot.yaml has it as `drive_limit`.
     """
 
-    maker: str  # name in tables
-    models: tuple[str, ...]  # motor models that robot.yaml may name; empty for a class that it names itself
+    maker: str  # name for tables
+    models: tuple[str, ...]  # motor models for robot.yaml; empty for an external class
     motor_end: str  # MODULE:NAME of the simulated motors (`plant/motor_ends/motor_end.py`); empty for none
 
     def __init__(self, wiring: Wiring) -> None:
-        """`wiring` has the motors of this protocol alone.
+        """`wiring` has only the motors of this protocol.
 
         Raises:
-            UserError: a motor id that a frame cannot carry.
+            UserError: a motor id that does not fit into a frame.
         """
         ...
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
-        """All 11-bit identifiers that a motor of this id sends or receives."""
+        """All 11-bit identifiers that a motor with this id sends or receives."""
         ...
 
     @staticmethod
     def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:
-        """Frames (identifier, content) that a motor of this id answers, for `footfall can scan`.
+        """Frames (identifier, content) to which a motor with this id replies, for `footfall can scan`.
 
-        The content has 8 bytes, or as many as a frame of CAN FD can have. They disable a motor or read from
-        it. None for motors that broadcast their state.
+        The content has 8 bytes, or up to the length of a CAN FD frame. The frames disable a motor or read
+        from it. Empty for motors that broadcast their state.
         """
         ...
 
     @staticmethod
     def senders(frames: Frames) -> np.ndarray:
-        """The motor id of each frame that only motors of this protocol send, -1 for others, (k,)."""
+        """Motor id of each frame that only motors of this protocol send, -1 for others, (k,)."""
         ...

@@ -1,4 +1,4 @@
-"""Refuses two senders on one bus that share an identifier."""
+"""Check for two senders with the same identifier on one bus."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,16 +6,16 @@ from footfall.common.errors import UserError
 from footfall.deploy.drivers import foot_force
 from footfall.deploy.wiring import Wiring
 
-Identifiers = Callable[[int], tuple[int, ...]]  # from a motor id to all 11-bit identifiers of that motor
+Identifiers = Callable[[int], tuple[int, ...]]  # from a motor id to all its 11-bit identifiers
 
 
 def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu: tuple[int, ...]) -> None:
-    """Raise UserError for a motor that shares an identifier with another motor or with a sensor.
+    """Raise UserError if a motor shares an identifier with another motor or with a sensor.
 
     Args:
-        wiring: places of the motors.
-        identifiers: (n,) identifiers that the motors of each joint's protocol send and receive.
-        of_imu: identifiers that the IMU sends.
+        wiring: buses and ids of the motors.
+        identifiers: (n,) identifiers in the protocol of each joint's motor.
+        of_imu: identifiers of the IMU.
     """
     taken: dict[tuple[int, int], str] = {
         (channel, identifier): "the IMU" for channel in range(len(wiring.buses)) for identifier in of_imu

@@ -1,16 +1,16 @@
-"""footfall's own format of IMU readings on CAN.
+"""footfall's own CAN format of IMU readings.
 
-| id | content | one unit |
+| id | content | unit |
 | --- | --- | --- |
 | 0x300 | gyro x y z (int16), sample counter (uint16) | 0.001 rad/s |
 | 0x301 | proper acceleration x y z (int16), sample counter (uint16) | 0.005 m/s^2 |
 | 0x302 | quaternion w x y z (int16), body to world | 1/32767 |
 
-Big-endian, body axes. Readings past the range are clamped. The sample counter distinguishes a new reading
-from a repeated one, and from one that is older than the latest: that one was replayed, or overtaken, and is
-left out. A shorter frame, and a quaternion whose length is not 1, count as not received.
+Big-endian, body axes. Readings out of range are clamped. The sample counter distinguishes a new reading from
+a repeated one, and from one older than the latest, which was replayed or overtaken and is ignored. A shorter
+frame, and a quaternion whose length is not 1, count as not received.
 
-An IMU without orientation sends the first two frames alone (`footfall-inertial`).
+An IMU without orientation sends only the first two frames (`footfall-inertial`).
 """
 
 import math
@@ -28,12 +28,12 @@ GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
 GYRO_UNIT = 0.001
 ACCELERATION_UNIT = 0.005
 QUATERNION_UNIT = 1.0 / 32767.0
-NORM_ERROR = 0.01  # of a quaternion: rounding makes it 0.00003
+NORM_ERROR = 0.01  # largest error of a quaternion's length; rounding causes 0.00003
 
 _SAMPLE = struct.Struct(">hhhH")
 _QUATERNION = struct.Struct(">hhhh")
 _UNITS = (GYRO_UNIT,) * 3 + (ACCELERATION_UNIT,) * 3 + (QUATERNION_UNIT,) * 4
-_ALL = struct.Struct(">hhhHhhhHhhhh")  # the three frames of a reading, one after another
+_ALL = struct.Struct(">hhhHhhhHhhhh")  # the three frames of a reading, concatenated
 
 
 class Inertial(NamedTuple):
@@ -50,19 +50,19 @@ def encode(reading: Inertial, counter: int) -> np.ndarray:
     codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % COUNTS
     try:
         data = _packed(codes, count)
-    except (struct.error, OverflowError, ValueError):  # past the range, infinite, or NaN
+    except (struct.error, OverflowError, ValueError):  # out of range, infinite, or NaN
         data = _packed([max(-32768.0, min(32767.0, code)) for code in codes], count)
     return np.frombuffer(data, dtype=np.uint8).reshape(3, 8)
 
 
 def _packed(codes: list[float], count: int) -> bytes:
-    """The three frames, one after another. NaN becomes the highest value once it is clamped."""
+    """The three frames, concatenated. A clamped NaN becomes the highest value."""
     gx, gy, gz, ax, ay, az, *quaternion = map(round, codes)
     return _ALL.pack(gx, gy, gz, count, ax, ay, az, count, *quaternion)
 
 
 def decode_gyro(data: bytes) -> tuple[tuple[float, float, float], int]:
-    """Angular velocity, rad/s, and the sample counter."""
+    """Angular velocity, rad/s, and sample counter."""
     x, y, z, counter = _SAMPLE.unpack(data)
     return (x * GYRO_UNIT, y * GYRO_UNIT, z * GYRO_UNIT), counter
 
@@ -74,7 +74,7 @@ def decode_acceleration(data: bytes) -> tuple[float, float, float]:
 
 
 def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
-    """Unit quaternion w x y z, or None for a frame whose quaternion has another length than 1."""
+    """Unit quaternion w x y z, or None for a frame whose quaternion does not have length 1."""
     return _unit_quaternion(*_QUATERNION.unpack(data))
 
 
@@ -86,7 +86,7 @@ def _unit_quaternion(w: int, x: int, y: int, z: int) -> tuple[float, float, floa
 
 
 class ImuReader:
-    """The latest reading of an IMU, from frames as they arrive: an `ImuDriver`."""
+    """Latest reading of an IMU, from frames as they arrive: an `ImuDriver`."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extended": False},)
     identifiers: tuple[int, ...] = IDS
@@ -99,12 +99,12 @@ class ImuReader:
         three = np.ones(len(IDS), np.intp)
         self._whole = layout_of(Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three))
         self._gyro_samples, self._acceleration_samples = SampleCounter(), SampleCounter()
-        self._heard_us: list[int | None] = [None, None, None]  # each part, as in `IDS`
+        self._heard_us: list[int | None] = [None, None, None]  # of each part, in the order of `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
     @property
     def heard_us(self) -> int | None:
-        """Arrival time of the oldest of the three latest parts, us; None until each has arrived once."""
+        """Arrival time of the oldest of the three latest parts, us; None until each has arrived."""
         gyro, acceleration, quaternion = self._heard_us
         if gyro is None or acceleration is None or quaternion is None:
             return None
@@ -122,9 +122,9 @@ class ImuReader:
         return Inertial._fields[ages.index(min(ages))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Decode frames; those of other senders, and shorter ones, are left out.
-
-        A part's time is that of its frame where the bus knows it: a frame that waited in a queue is old.
+        """Decode frames; those of other senders, and shorter ones, are ignored.
+        The time of a part is its frame's arrival time if the bus has it: a frame that waited in a queue is
+        old.
         """
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
         if layout_of(frames) == self._whole:
@@ -137,7 +137,7 @@ class ImuReader:
                 self._absorb_frame(identifier, row.tobytes(), arrived_us)
 
     def _absorb_reading(self, data: bytes, arrived: list[int]) -> None:
-        """The three frames of a reading at once, and when each arrived, us."""
+        """Decode the three frames of a reading at once, with their arrival times, us."""
         gx, gy, gz, gyro_count, ax, ay, az, acceleration_count, *words = _ALL.unpack(data)
         gyro_new = self._gyro_samples.is_new(gyro_count)
         acceleration_new = self._acceleration_samples.is_new(acceleration_count)
@@ -178,7 +178,7 @@ class ImuReader:
 
 
 class InertialReader(ImuReader):
-    """An IMU that sends gyro and acceleration alone; a quaternion is left out."""
+    """An IMU that sends only gyro and acceleration; a quaternion is ignored."""
 
     imu_end = "footfall.plant.imu_ends:InertialImuEnd"
     orientation = False

@@ -1,4 +1,4 @@
-"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK): numbers to frames and back, all motors at once.
+"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK): encoding and decoding for all motors at once.
 
 `mit_driver.py` has the identifiers.
 
@@ -6,9 +6,9 @@ A command is `P16 V12 KP12 KD12 T12`, a reply `id8 P16 V12 T12 [temperature8 err
 the most significant bit first.
 
 Scaling: makers disagree (some encode with 2^n/span and decode with (2^n - 1)/span). Here both directions use
-2^n - 1, rounded to nearest: the lowest and the highest code mean the ends of the range exactly, and a round
-trip is off by half a quantum at most. An even number of intervals has no code for zero, so zero
-velocity or torque is off by half a quantum too.
+    2^n - 1, rounded to nearest: the lowest and the highest code are exactly the ends of the range, and a
+    round trip has an error of at most half a quantum. An even number of intervals has no code for zero, so
+    zero velocity or torque also has an error of half a quantum.
 """
 
 import math
@@ -23,7 +23,7 @@ from footfall.common.errors import UserError
 
 @dataclass(frozen=True)
 class MotorRange:
-    """Values of the highest codes in a motor's frames; ranges are symmetric but for the gains."""
+    """Values of the highest codes in a motor's frames; ranges are symmetric except for the gains."""
 
     velocity: float  # rad/s
     torque: float  # N m
@@ -39,11 +39,11 @@ RANGES = {
     "AK60-6": MotorRange(50.0, 15.0),
     "AK10-9": MotorRange(50.0, 65.0),
     "AK80-64": MotorRange(8.0, 144.0),
-    "MIT-40-150": MotorRange(40.0, 150.0),  # generic: the protocol leaves the ranges to the firmware
-    "MIT-65-500": MotorRange(65.0, 500.0, kp=4000.0, kd=100.0),  # likewise, for heavy machines
+    "MIT-40-150": MotorRange(40.0, 150.0),  # generic: the ranges depend on the firmware
+    "MIT-65-500": MotorRange(65.0, 500.0, kp=4000.0, kd=100.0),  # the same, for heavy machines
 }
 
-COMMUNICATION_LOST = 13  # reported by simulated motors alone: the manual has no code for a timeout
+COMMUNICATION_LOST = 13  # only from simulated motors: the manual has no code for a timeout
 ERRORS = {
     1: "over-temperature",
     2: "over-current",
@@ -58,20 +58,20 @@ _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC
 CLEAR, ENTER, EXIT, ZERO = _SPECIAL - 1, _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  # as 64-bit words
 _HIGHEST_COMMAND = np.uint64(CLEAR - 1)
 
-_WIRE = np.dtype(">u8")  # a word as it stands in a frame
+_WIRE = np.dtype(">u8")  # byte order of a word in a frame
 
 _BITS = np.array([[16], [12], [12], [12], [12]])  # position, velocity, kp, kd, torque
 _COMMAND_SHIFT = np.array([[48], [36], [24], [12], [0]])
 _REPLY_SHIFT = np.array([[40], [28], [16]])
-_REPLIED = [0, 1, 4]  # rows of a command that a motor reports
+_REPLIED = [0, 1, 4]  # rows of a command that are part of a reply
 
 
 class Reply(NamedTuple):
     """Decoded replies of k motors."""
 
     values: np.ndarray  # (3, k): position rad, velocity rad/s, torque N m
-    temperature_c: np.ndarray  # (k,) degrees Celsius; 0 where a short reply left it out
-    error: np.ndarray  # (k,) error code, 0 where a short reply left it out
+    temperature_c: np.ndarray  # (k,) degrees Celsius; 0 in a short reply
+    error: np.ndarray  # (k,) error code, 0 in a short reply
 
 
 def words(data: np.ndarray) -> np.ndarray:
@@ -87,33 +87,32 @@ def bytes_of(word: np.ndarray) -> np.ndarray:
 
 
 def special(word: int, count: int) -> np.ndarray:
-    """`count` frames of one of CLEAR (which Damiao alone knows), ENTER, EXIT and ZERO, (count, 8) uint8."""
+    """`count` frames of CLEAR (supported only by Damiao), ENTER, EXIT or ZERO, (count, 8) uint8."""
     return bytes_of(np.full(count, word, dtype=np.uint64))
 
 
 class _Fields(NamedTuple):
-    """The numbers in one kind of frame: their places in a 64-bit word and their scales, each (fields, k).
-
-    Shifts are repeated for each motor: NumPy takes twice as long where it has to broadcast.
+    """Fields in one kind of frame: their positions in a 64-bit word and their scales, each (fields, k).
+    Shifts are repeated for each motor, because broadcasting takes NumPy twice as long.
     """
 
-    place: np.ndarray  # (fields,) uint64, the word of a code of 1
+    place: np.ndarray  # (fields,) uint64, word for a code of 1
     shift: np.ndarray  # uint64, bits
-    mask: np.ndarray  # uint64, of a field that was shifted down
+    mask: np.ndarray  # uint64, of a field after the shift
     lowest: np.ndarray
     highest: np.ndarray
     quantum: np.ndarray
     codes_per_unit: np.ndarray
 
     def of(self, motor: np.ndarray | slice) -> "_Fields":
-        """The fields of some motors (indices), or of all of them (a slice)."""
+        """Fields of some motors (indices), or of all motors (a slice)."""
         if isinstance(motor, slice):
             return self
         place, *rest = self
         return _Fields(place, *(part[:, motor] for part in rest))
 
     def pack(self, values: np.ndarray) -> np.ndarray:
-        """Words (k,) of values (fields, k), which are clamped to the range."""
+        """Words (k,) from values (fields, k), which are clamped to the range."""
         codes = np.maximum(values, self.lowest)
         np.minimum(codes, self.highest, out=codes)
         codes -= self.lowest
@@ -122,7 +121,7 @@ class _Fields(NamedTuple):
         return self.place.dot(codes.astype(np.uint64))
 
     def unpack(self, word: np.ndarray) -> np.ndarray:
-        """Values (fields, k) of words (k,)."""
+        """Values (fields, k) from words (k,)."""
         values = ((word >> self.shift) & self.mask).astype(float)
         values *= self.quantum
         values += self.lowest
@@ -130,7 +129,7 @@ class _Fields(NamedTuple):
 
 
 def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> _Fields:
-    """Fields at bits (fields, 1) of a word, whose extreme codes mean lowest and highest (fields, k)."""
+    """Fields at bits (fields, 1) of a word, with extreme codes for lowest and highest (fields, k)."""
     quantum = (highest - lowest) / (2.0**bits - 1)
     shifts, masks = (np.tile(part.astype(np.uint64), lowest.shape[1]) for part in (shift, 2**bits - 1))
     place = np.uint64(1) << shift[:, 0].astype(np.uint64)
@@ -138,7 +137,7 @@ def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np
 
 
 class Codec:
-    """The ranges of n motors, ready to encode and decode all of them at once."""
+    """Encodes and decodes frames of n motors at once, with their ranges."""
 
     def __init__(self, models: Sequence[str]) -> None:
         """Raises UserError for a motor that is not in `RANGES`."""
@@ -149,7 +148,7 @@ class Codec:
 
     @classmethod
     def of(cls, ranges: Sequence[MotorRange]) -> "Codec":
-        """A codec with given ranges, one for each motor."""
+        """Codec with given ranges, one for each motor."""
         codec = cls(())
         codec._set(ranges)
         return codec
@@ -169,14 +168,14 @@ class Codec:
         self._encoded = b"", np.zeros((0, 8), np.uint8)  # the last command, and its frames
 
     def encode(self, values: np.ndarray) -> np.ndarray:
-        """Command frames of all motors, (n, 8) uint8, read only. The last result is kept.
+        """Command frames of all motors, (n, 8) uint8, read-only. The last result is cached.
 
         Args:
-            values: (5, n): position, velocity, kp, kd, torque, in the units of `JointCommand`. What lies
-                outside a motor's range is clamped.
+            values: (5, n): position, velocity, kp, kd, torque, in the units of `JointCommand`. Values outside
+                a motor's range are clamped.
 
-        The one command whose bits would read as a special frame (everything at its upper limit) is sent
-        with a torque that is a few codes lower.
+        One command has the bits of a special frame (every value at its upper limit): its torque is sent a few
+        codes lower.
 
         Raises:
             ValueError: a value is not finite; the caller must damp instead.
@@ -189,7 +188,7 @@ class Codec:
         return self._encoded[1]
 
     def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:
-        """Commands (5, k) from their words (k,), addressed to motors (k,) (indices)."""
+        """Commands (5, k) from words (k,), for motors (k,) (indices)."""
         return self._command.of(motor).unpack(word)
 
     def encode_replies(
@@ -198,7 +197,7 @@ class Codec:
         """Reply frames, (k, 8) uint8.
 
         Args:
-            motor: (k,) indices of the motors that reply.
+            motor: (k,) indices of the replying motors.
             head: (k,) uint64, their ids on the bus in the highest byte.
             values: (3, k) position, velocity, torque; clamped to the range.
             tail: (k,) uint64, temperature (degrees Celsius) * 256 + error code.
@@ -206,5 +205,5 @@ class Codec:
         return bytes_of(self._reply.of(motor).pack(values) | head | tail)
 
     def decode_replies(self, data: np.ndarray, motor: np.ndarray | slice) -> Reply:
-        """Replies from their frames (k, 8), short ones zero-padded, of motors (k,) (indices)."""
+        """Replies from frames (k, 8), short ones zero-padded, of motors (k,) (indices)."""
         return Reply(self._reply.of(motor).unpack(words(data)), data[:, 6], data[:, 7])

@@ -1,4 +1,4 @@
-"""MIT mode: which frames go to which motor, and which motor sent which reply."""
+"""MIT mode: identifiers of commands and replies."""
 
 import numpy as np
 
@@ -8,14 +8,14 @@ from footfall.deploy.drivers.polled import MOTOR_IDS, Orders, PolledDriver, to_e
 from footfall.deploy.frames import Frames, Layout, layout_of
 from footfall.deploy.wiring import Wiring
 
-REPLY_ID = 0x100  # a motor replies on REPLY_ID + its id, which loses arbitration against any command
-SHARED_REPLY_ID = 0x000  # reply identifier of motors that know only one host
+REPLY_ID = 0x100  # REPLY_ID + motor id; loses arbitration against any command
+SHARED_REPLY_ID = 0x000  # reply identifier of motors that support only one host
 
 _ALL = slice(None)
 
 
 class MitDriver(PolledDriver):
-    """The controller's end."""
+    """MIT-mode driver."""
 
     maker = "MIT mode"
     models = tuple(mit.RANGES)
@@ -26,7 +26,7 @@ class MitDriver(PolledDriver):
     )
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor model or a motor id that MIT mode does not know."""
+        """Raises UserError for an unknown motor model, or a motor id that does not fit into a frame."""
         n = len(wiring.motor_id)
         orders = (mit.special(word, n) for word in (mit.ENTER, mit.EXIT, mit.ZERO))
         super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
@@ -35,8 +35,8 @@ class MitDriver(PolledDriver):
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._outgoing = to_every_motor(wiring)
         self._ids = wiring.motor_id.astype(np.uint8).tobytes()
-        self._usual: Layout | None = None  # layout of the last batch of all motors in joint order
-        self._all_whole = True  # whether all of these had eight bytes
+        self._usual: Layout | None = None  # layout of the last batch with all motors in joint order
+        self._all_whole = True  # whether all frames of this batch had eight bytes
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
@@ -68,7 +68,7 @@ class MitDriver(PolledDriver):
         return self._decoded(frames.take(usable), motor[usable])
 
     def _decoded(self, frames: Frames, motor: Motors, whole: bool = False) -> Replies:
-        """Replies; those of eight bytes (`whole`) have a temperature."""
+        """Decoded replies; those with eight bytes (`whole`) have a temperature."""
         values, temperature, error = self._codec.decode_replies(frames.data, motor)
         reported = temperature.astype(float) if whole else np.where(frames.length > 6, temperature, np.nan)
         return Replies(motor, values, error, reported, self._no_voltage[motor], frames.time_us)

@@ -1,4 +1,4 @@
-"""A robot with motors of several protocols: each driver has its own joints."""
+"""Driver of a robot with several motor protocols: each part has its own joints."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,10 +12,10 @@ Joints = np.ndarray  # indices
 
 
 class MixedDriver:
-    """The controller's end."""
+    """Combines several drivers."""
 
     def __init__(self, parts: Sequence[tuple[Driver, Joints]]) -> None:
-        """`parts` are drivers, each with its joints: every joint once."""
+        """`parts` are drivers with their joints; each joint belongs to one driver."""
         self._parts = parts
         self._n = sum(len(joints) for _, joints in parts)
         self.filters: tuple[CanFilter, ...] = tuple(each for driver, _ in parts for each in driver.filters)
@@ -23,7 +23,7 @@ class MixedDriver:
         self.exchange_bits = self._by_joint((), lambda driver: driver.exchange_bits)
 
     def _by_joint(self, rows: tuple[int, ...], of: Callable[[Driver], np.ndarray]) -> np.ndarray:
-        """What drivers have for each joint, (*rows, n)."""
+        """Values of all drivers by joint, (*rows, n)."""
         values = [of(driver) for driver, _ in self._parts]
         whole = np.zeros((*rows, self._n), values[0].dtype)
         for part, (_, joints) in zip(values, self._parts, strict=True):
@@ -102,5 +102,5 @@ class MixedDriver:
 
 
 def _current(replies: Replies) -> np.ndarray:
-    """Current of each motor, A; NaN where its maker's do not report it."""
+    """Current of each motor, A; NaN if not reported."""
     return np.full(len(replies.error), np.nan) if replies.current_a is None else replies.current_a

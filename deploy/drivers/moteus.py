@@ -1,19 +1,20 @@
-"""moteus' register protocol on CAN FD: identifiers, subframes, and the frames of a command and its reply.
+"""moteus' register protocol on CAN FD: identifiers, subframes, and frames of a command and its reply.
 
-An identifier of 16 bits is `source << 8 | destination`; the highest bit asks for a reply. A frame holds
+An identifier of 16 bits is `source << 8 | destination`; the highest bit requests a reply. A frame contains
 subframes and is padded with NOP. A subframe writes, reads or reports some registers of one number type:
 
 | byte | content |
 | --- | --- |
-| 0 | 0x00 write, 0x10 read, 0x20 reply; plus 0, 4, 8, 12 for int8, int16, int32, float; plus a count to 3 |
+| 0 | 0x00 write, 0x10 read, 0x20 reply; plus 0, 4, 8, 12 for int8, int16, int32, float; plus a count up to 3
+|
 | next | the count, unless byte 0 has it |
-| next | first register, a number of 7-bit groups, the least significant first |
+| next | first register, a number in 7-bit groups, the least significant first |
 | rest | values, little-endian; none in a read |
 
 Source: moteus' documents "CAN Protocol" and "Register Reference". Positions are turns of the output shaft.
-Two of its documents disagree about a command with damping alone: by the register reference the scale of kd
-is limited to that of kp, by the guide to control modes a kp scale of 0 leaves velocity control. This code
-follows the guide.
+    Two of its documents disagree on a command with only damping: in the register reference the scale of kd is
+    limited to that of kp, in the guide to control modes a kp scale of 0 gives velocity control. This code
+    follows the guide.
 """
 
 import struct
@@ -25,28 +26,28 @@ import numpy as np
 from footfall.deploy.frames import EXTENDED, FD
 
 MODEL = "moteus"
-HOST = 0x7D  # this host's address: replies have no identifier of an IMU or a foot's sensor
+HOST = 0x7D  # address of this host: replies have no identifier of an IMU or a foot sensor
 REPLY_ASKED = 0x80
 NOP = 0x50
-SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # bytes that a CAN FD frame can have
+SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # possible lengths of a CAN FD frame, bytes
 
 WRITE, READ, REPLY = 0x00, 0x10, 0x20
 TYPES = {0: "<b", 4: "<h", 8: "<i", 12: "<f"}
 
 MODE, POSITION_COMMAND, TORQUE_LIMIT, TIME_OUT, OUTPUT_EXACT = 0x000, 0x020, 0x025, 0x027, 0x131
 STOPPED, FAULT, POSITION, TIMED_OUT = 0, 1, 10, 11  # values of MODE
-TIME_OUT_UNIT_S = 0.001  # of an int16
+TIME_OUT_UNIT_S = 0.001  # unit of an int16
 
 QUERY = bytes.fromhex("11 00 1f 01 13 0d")  # mode; position, velocity, torque; voltage, temperature, fault
 STOP = bytes.fromhex("01 00 00") + QUERY
-ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # the present position is 0.0
-# Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, the torque limit,
-# NaN for the drive's own), a time-out; no limit of velocity and acceleration; no integral term.
+ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # sets the present position to 0.0
+# Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, torque limit,
+# where NaN keeps the drive's own), a timeout; no limits of velocity and acceleration; no integral term.
 COMMAND_HEAD, COMMAND_TIME_OUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")
 COMMAND_TAIL = bytes.fromhex("02 28 ff ff 01 2b 00") + QUERY
-FLOATS = slice(len(COMMAND_HEAD), len(COMMAND_HEAD) + 20)  # of a command
+FLOATS = slice(len(COMMAND_HEAD), len(COMMAND_HEAD) + 20)  # in a command
 
-REPLY_HEADS = {0: 0x21, 1: 0x00, 3: 0x2F, 4: 0x01, 17: 0x23, 18: 0x0D}  # bytes of each reply to QUERY
+REPLY_HEADS = {0: 0x21, 1: 0x00, 3: 0x2F, 4: 0x01, 17: 0x23, 18: 0x0D}  # constant bytes of each reply
 REPLY_BYTES, REPLY_LENGTH = 22, 24  # without and with padding
 VOLTAGE_UNIT = 0.5
 
@@ -72,20 +73,20 @@ FAULTS = {
 
 
 class Subframe(NamedTuple):
-    """Registers that are written, read or reported."""
+    """Registers to write or read, or reported registers."""
 
     kind: int  # WRITE, READ or REPLY
     first: int  # register
-    registers: int  # how many
-    form: str  # of a number, as `struct` names it
-    values: tuple[float, ...]  # raw numbers; none in a read
+    registers: int  # number of registers
+    form: str  # number type as a `struct` format
+    values: tuple[float, ...]  # raw numbers; empty for a read
 
 
 def subframes(data: bytes) -> Iterator[Subframe]:
-    """The subframes of a frame.
+    """Subframes of a frame.
 
     Raises:
-        ValueError: the content is no such protocol, or is cut short.
+        ValueError: the content is not this protocol, or is truncated.
     """
     at = 0
 
@@ -115,45 +116,45 @@ def subframes(data: bytes) -> Iterator[Subframe]:
                 at += struct.calcsize(layout)
             yield Subframe(kind, first, count, form[1], values)
     except (IndexError, struct.error):
-        raise ValueError("a subframe is cut short") from None
+        raise ValueError("a subframe is truncated") from None
 
 
 def to_motor(motor_id: np.ndarray) -> np.ndarray:
-    """Identifiers of frames to motors that shall reply."""
+    """Identifiers of frames to motors that request a reply."""
     return (REPLY_ASKED | HOST) << 8 | motor_id | EXTENDED | FD
 
 
 def from_motor(motor_id: np.ndarray) -> np.ndarray:
-    """Identifiers of replies: long ones only where 11 bits do not suffice."""
+    """Identifiers of replies: extended only if 11 bits are not enough."""
     short = motor_id << 8 | HOST
     return np.where(short < 0x800, short, short | EXTENDED) | FD
 
 
 def padded(content: bytes, count: int) -> tuple[np.ndarray, int]:
-    """The content as data of `count` frames, (count, 64) uint8, and their length with NOPs."""
+    """Content as data of `count` frames, (count, 64) uint8, and the length with NOPs."""
     length = int(SIZES[np.searchsorted(SIZES, len(content))])
     row = np.frombuffer(content.ljust(length, bytes([NOP])).ljust(64, b"\0"), np.uint8)
     return np.tile(row, (count, 1)), length
 
 
 def limit_access(highest: float | None) -> bytes:
-    """Content that reads the torque limit, N m, after writing one unless `highest` is None.
+    """Content that reads the torque limit, N m, after writing it unless `highest` is None.
 
-    A write without a mode takes no effect by itself: each command writes the limit again.
+    A write without a mode has no effect by itself: each command writes the limit again.
     """
     write = b"" if highest is None else bytes([0x0D, TORQUE_LIMIT]) + struct.pack("<f", highest)
     return write + bytes([0x1D, TORQUE_LIMIT])
 
 
 def reported_limit(data: bytes) -> float | None:
-    """The torque limit in an answer to `limit_access`, N m; None for other frames."""
+    """Torque limit in a reply to `limit_access`, N m; None for other frames."""
     if data[:2] != bytes([0x2D, TORQUE_LIMIT]) or len(data) < 6:
         return None
     return float(struct.unpack_from("<f", data, 2)[0])
 
 
 def command_rows(timeout_s: np.ndarray, torque_limit: np.ndarray) -> tuple[np.ndarray, int]:
-    """Data of command frames without their floats, (n, 64), and their length."""
+    """Data of command frames with zeros instead of floats, (n, 64), and their length."""
     rows, length = [], 0
     counts = np.rint(timeout_s / TIME_OUT_UNIT_S).astype(int).tolist()
     for count, highest in zip(counts, torque_limit.tolist(), strict=True):

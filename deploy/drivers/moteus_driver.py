@@ -13,12 +13,12 @@ from footfall.deploy.frames import Frames, fd_bits
 from footfall.deploy.wiring import Wiring
 
 TURN = 2.0 * math.pi
-TIME_OUT, WENT_OFF = 200, 201  # codes beside the maker's own
-ERRORS = moteus.FAULTS | {TIME_OUT: "that it has timed out", WENT_OFF: "that it is switched off"}
+TIME_OUT, WENT_OFF = 200, 201  # error codes in addition to the maker's
+ERRORS = moteus.FAULTS | {TIME_OUT: "that it has timed out", WENT_OFF: "that it is disabled"}
 
 
 class MoteusDriver(PolledDriver):
-    """The controller's end. Each command carries the motor's time-out, and asks for a reply."""
+    """moteus driver. Each command contains the motor's timeout, and requests a reply."""
 
     maker = "moteus"
     models: tuple[str, ...] = (moteus.MODEL,)
@@ -30,7 +30,7 @@ class MoteusDriver(PolledDriver):
     )
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that a frame cannot carry, or without `drive_gains`."""
+        """Raises UserError for a motor id that does not fit into a frame, or without `drive_gains`."""
         n = len(wiring.motor_id)
         for joint, gains in zip(wiring.joint_names, wiring.drive_gains.tolist(), strict=True):
             if not all(gains):
@@ -45,7 +45,7 @@ class MoteusDriver(PolledDriver):
         stop, zero = (self._fixed(wiring, content) for content in (moteus.STOP, moteus.ZERO))
         super().__init__(wiring, Orders(self._outgoing, stop, zero, stop))
         gains = wiring.drive_gains.T / TURN  # N m/rad, N m s/rad
-        self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
+        self.highest = np.full((5, n), np.inf)  # a float has no limit below the motor's
         self.highest[2:4] = gains
         self.lowest = -self.highest
         self.lowest[2:4] = 0.0
@@ -59,7 +59,7 @@ class MoteusDriver(PolledDriver):
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
-        """All 11-bit identifiers: two nodes may not share one, whatever the kind of their frames."""
+        """All 11-bit identifiers: two nodes must not share one, independent of the kind of frame."""
         reply = motor_id << 8 | moteus.HOST
         return (reply,) if reply < 0x800 else ()
 
@@ -73,7 +73,7 @@ class MoteusDriver(PolledDriver):
         return np.where(_answers(frames), frames.id >> 8 & 0x7F, -1)
 
     def query_settings(self) -> Frames:
-        """Reads of the torque limit where robot.yaml asks for one; another one is written before."""
+        """Reads of the torque limit if robot.yaml has one; a different limit is written before."""
         asked = self._settings.questions()
         rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in asked]
         motor = np.array([each.motor for each in asked], np.intp)
@@ -86,7 +86,11 @@ class MoteusDriver(PolledDriver):
 
     def not_enabled(self) -> str:
         off = self._mode != moteus.POSITION
-        return f"motor {self._wiring.place(int(off.argmax()))} does not switch on" if off.any() else ""
+        return (
+            f"motor {self._wiring.place(int(off.argmax()))} does not confirm that it is enabled"
+            if off.any()
+            else ""
+        )
 
     def disable(self) -> Frames:
         self._was_on[:] = False
@@ -140,7 +144,7 @@ class MoteusDriver(PolledDriver):
 
 
 def _answers(frames: Frames) -> np.ndarray:
-    """Which frames of CAN FD answer `moteus.QUERY`, (k,) bool."""
+    """Frames of CAN FD that reply to `moteus.QUERY`, (k,) bool."""
     found = (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
     for place, byte in moteus.REPLY_HEADS.items():
         found &= frames.data[:, place] == byte

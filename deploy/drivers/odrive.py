@@ -1,6 +1,6 @@
-"""ODrive's CANSimple protocol: numbers to frames and back.
+"""ODrive's CANSimple protocol: encoding and decoding of frames.
 
-The joint law is closed on the host, and a command frame carries a torque alone.
+The joint law runs on the host, and a command frame contains only a torque.
 
 Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As of firmware 0.6:
 
@@ -9,7 +9,7 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x01 heartbeat | axis, every 100 ms | active errors u32, state u8, result u8, trajectory done u8 |
 | 0x04 read or write | host | 0 to read or 1 to write, u8; endpoint u16; 0 u8; value to write |
 | 0x05 was read | axis, after a read | 0 u8; endpoint u16; 0 u8; value |
-| 0x07 axis state | host | u32: 1 off, 8 closed loop |
+| 0x05 read value | axis, after a read | 0 u8; endpoint u16; 0 u8; value |
 | 0x09 encoder | axis, at its set rate | position f32, velocity f32: turns and turns/s of the rotor |
 | 0x0B controller mode | host | control u32 (1 torque, 2 velocity), input u32 (1 passed through) |
 | 0x0D input velocity | host | f32, turns/s of the rotor; f32, N m at the rotor on top |
@@ -21,12 +21,12 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x1B velocity gains | host | f32, N m/(turn/s) at the rotor; f32, of the integral |
 | 0x1C torques | axis, at its set rate | target f32, estimate f32: N m at the rotor |
 
-Nothing but a read is answered: an axis broadcasts its measurements. `encoder_msg_rate_ms` and
-`torques_msg_rate_ms` must be set to a joint tick. Its watchdog, which is off by default, must be enabled with
-at most `timeout_s` of robot.yaml. It is read before an axis is enabled, where robot.yaml has its
-`watchdog_endpoints`: endpoint ids differ between firmwares, and stand in the `flat_endpoints.json` of each.
-So does that of `axis0.config.motor.current_soft_max` (`current_endpoint`), which is written and read back
-where robot.yaml asks for a current limit.
+Only a read gets a reply: an axis broadcasts its measurements. `encoder_msg_rate_ms` and `torques_msg_rate_ms`
+    must be set to a joint tick. Its watchdog, which is off by default, must be enabled with at most
+    `timeout_s` of robot.yaml. It is read before an axis is enabled, if robot.yaml has its
+    `watchdog_endpoints`: endpoint ids differ between firmwares, and are in the `flat_endpoints.json` of each.
+    The id of `axis0.config.motor.current_soft_max` is `current_endpoint`; it is written and read back if
+    robot.yaml has a current limit.
 """
 
 import math
@@ -37,7 +37,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.wiring import Wiring
 
 MODEL = "ODrive"
-NODES = range(1, 63)  # 63 addresses all
+NODES = range(1, 63)  # 63 addresses all nodes
 
 HEARTBEAT, READ, WAS_READ, STATE, ENCODER, MODE, TORQUE = 0x01, 0x04, 0x05, 0x07, 0x09, 0x0B, 0x0E
 VELOCITY, GAINS = 0x0D, 0x1B
@@ -45,7 +45,7 @@ TEMPERATURE, SUPPLY, CLEAR, POSITION, TORQUES = 0x15, 0x17, 0x18, 0x19, 0x1C
 IDLE, CLOSED_LOOP = 1, 8
 TORQUE_CONTROL, VELOCITY_CONTROL = (1, 1), (2, 1)  # control mode and input mode
 
-# Codes: the number of the lowest bit that is set, plus one. The host finds these two itself.
+# Codes: index of the lowest set bit, plus one. The host sets these two itself.
 NOT_ON, NO_TORQUES = 40, 41
 WATCHDOG = 25
 ERRORS = {
@@ -66,12 +66,12 @@ ERRORS = {
     16: "that its speed went beyond the limit",
     17: "that its position went beyond the limit",
     WATCHDOG: "a communication timeout, and is disabled",
-    26: "that it was asked for an emergency stop",
+    26: "that an emergency stop was requested",
     27: "that its encoder slips",
     28: "that its brake resistor is off",
-    29: "that its thermistor is gone",
+    29: "that its thermistor is disconnected",
     31: "that it is not calibrated",
-    NOT_ON: "that it is switched off",
+    NOT_ON: "that it is disabled",
     NO_TORQUES: "no torque (set torques_msg_rate_ms)",
 }
 
@@ -83,10 +83,10 @@ _SHORTS = np.dtype("<u2")
 
 
 def node_lookup(wiring: Wiring) -> np.ndarray:
-    """Joint index of a node on a bus, -1 for none: (buses, 64).
+    """Joint index for a node on a bus, -1 for none: (buses, 64).
 
     Raises:
-        UserError: a motor id that is no node id.
+        UserError: a motor id that is not a node id.
     """
     for joint, node in zip(wiring.joint_names, wiring.motor_id.tolist(), strict=True):
         if node not in NODES:
@@ -97,25 +97,25 @@ def node_lookup(wiring: Wiring) -> np.ndarray:
 
 
 def floats(data: np.ndarray) -> np.ndarray:
-    """The two numbers in each of k frames (k, 8), as (2, k)."""
-    with np.errstate(invalid="ignore"):  # other makers' frames are decoded, too, and hold any bits
+    """Both numbers in each of k frames (k, 8), as (2, k)."""
+    with np.errstate(invalid="ignore"):  # frames of other makers are decoded, too, and may have any bits
         return np.ascontiguousarray(data).view(_FLOATS).T.astype(float)
 
 
 def error_code(bits: np.ndarray) -> np.ndarray:
-    """Codes (k,) of words of error bits (k,): the lowest bit's number plus one, 0 for none."""
+    """Codes (k,) from words of error bits (k,): index of the lowest set bit plus one, 0 for none."""
     word = bits.astype(np.int64)
     lowest = word & -word
     return np.where(word == 0, 0, np.log2(np.maximum(lowest, 1)).astype(np.int64) + 1)
 
 
 def word_of(data: np.ndarray) -> np.ndarray:
-    """Bytes 0 to 3 of each of k frames (k, 8) as an unsigned number, (k,)."""
+    """Bytes 0 to 3 of each of k frames (k, 8) as an unsigned integer, (k,)."""
     return np.ascontiguousarray(data[:, :4]).view(_WORDS)[:, 0]
 
 
 def endpoint_of(data: np.ndarray) -> np.ndarray:
-    """The endpoint of each of k frames (k, 8) that read or were read, (k,)."""
+    """Endpoint of each of k frames (k, 8) that read a value or return one, (k,)."""
     return np.ascontiguousarray(data[:, 1:3]).view(_SHORTS)[:, 0]
 
 
@@ -142,5 +142,5 @@ def float_bytes(first: np.ndarray, second: np.ndarray | float = 0.0) -> np.ndarr
 
 
 def word_bytes(count: int, first: int, second: int = 0) -> np.ndarray:
-    """Two words, the same in each frame, (count, 8)."""
+    """Two words, equal in each frame, (count, 8)."""
     return np.tile(np.array([first, second], _WORDS).view(np.uint8), (count, 1))

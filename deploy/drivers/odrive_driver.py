@@ -1,4 +1,4 @@
-"""ODrive axes: the joint law on the host, and what the axes broadcast."""
+"""ODrive axes: joint law on the host, and broadcast measurements."""
 
 import math
 
@@ -12,21 +12,21 @@ from footfall.deploy.drivers.settings import Limit, Settings
 from footfall.deploy.frames import Frames, frame_bits, joined
 from footfall.deploy.wiring import Wiring
 
-# A torque that was computed from a reading is right for a moment only: older readings, counted in commands,
-# make no torque, and at most so many readings may come without a torque.
-OLDEST_READING = 5
+# A torque computed from a reading is right only for a short time. With an older reading, counted in commands,
+# no torque is sent, and only this number of readings may come without a torque.
+MAX_READING_AGE = 5
 ENABLE_EVERY = 100  # ticks; longer than a heartbeat takes to confirm enable
-MOST_WITHOUT_TORQUE = 25
-CURRENT_LIMIT = 0  # the only setting of `Settings` here
+MAX_WITHOUT_TORQUE = 25
+CURRENT_LIMIT = 0  # number of the only setting of `Settings` here
 
 
 class _Axes:
-    """What n axes broadcast last."""
+    """Latest broadcast values of n axes."""
 
     def __init__(self, n: int) -> None:
         self.values = np.zeros((3, n))  # position rad, velocity rad/s, torque N m, at the joint
-        self.age = np.full(n, OLDEST_READING)  # commands since the last position
-        self.without_torque = np.full(n, MOST_WITHOUT_TORQUE)  # positions since the last torque
+        self.age = np.full(n, MAX_READING_AGE)  # commands since the last position
+        self.without_torque = np.full(n, MAX_WITHOUT_TORQUE)  # positions since the last torque
         self.state = np.zeros(n, np.uint8)  # 0 before the first heartbeat
         self.was_on = np.zeros(n, bool)
         self.error = np.zeros(n, np.intp)
@@ -34,7 +34,7 @@ class _Axes:
 
 
 class OdriveDriver:
-    """The controller's end. It closes the joint law itself, on the latest readings."""
+    """ODrive driver. It computes the joint law itself, from the latest readings."""
 
     maker = "ODrive"
     models: tuple[str, ...] = (odrive.MODEL,)
@@ -53,7 +53,7 @@ class OdriveDriver:
     )
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that is no node id, or a current limit without its endpoint."""
+        """Raises UserError for a motor id that is not a node id, or a current limit without its endpoint."""
         n = len(wiring.motor_id)
         self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
         self._watchdogs, limited = Watchdogs(wiring), np.isfinite(wiring.highest)
@@ -63,7 +63,7 @@ class OdriveDriver:
         self._limits = Settings(wiring, {}, None, limit=limit)
         self._gear = wiring.gear_ratio
         self._per_turn = odrive.TURN / wiring.gear_ratio  # rad at the joint
-        self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
+        self.highest = np.full((5, n), np.inf)  # a float has no limit below the motor's
         self.lowest = -self.highest
         self.lowest[2:4] = 0.0
         self.gain_rounding = np.zeros((2, n))  # gains stay on the host
@@ -83,7 +83,7 @@ class OdriveDriver:
 
     @staticmethod
     def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:
-        """None: an axis broadcasts its heartbeat."""
+        """Empty: an axis broadcasts its heartbeat."""
         return ()
 
     @staticmethod
@@ -93,7 +93,7 @@ class OdriveDriver:
         return np.where(heartbeat & (node >= odrive.NODES[0]) & (node <= odrive.NODES[-1]), node, -1)
 
     def query_settings(self) -> Frames:
-        """Torque control, and one read of each axis: of its watchdog, then of its current limit."""
+        """Set torque control, and read one value of each axis: of its watchdog, then of its current limit."""
         axes, endpoints = self._watchdogs.questions()
         asked = [] if axes.size else self._limits.questions()  # the interface's queue is short
         limited = np.array([each.motor for each in asked], np.intp)
@@ -116,8 +116,8 @@ class OdriveDriver:
     def not_ready(self) -> str:
         axes = self._axes
         for missing, what in (
-            (axes.age >= OLDEST_READING, "sends no position (set encoder_msg_rate_ms to a joint tick)"),
-            (axes.without_torque >= MOST_WITHOUT_TORQUE, "sends no torque (set torques_msg_rate_ms)"),
+            (axes.age >= MAX_READING_AGE, "sends no position (set encoder_msg_rate_ms to a joint tick)"),
+            (axes.without_torque >= MAX_WITHOUT_TORQUE, "sends no torque (set torques_msg_rate_ms)"),
             (axes.state == 0, "sends no heartbeat (set heartbeat_msg_rate_ms)"),
         ):
             if missing.any():
@@ -125,7 +125,7 @@ class OdriveDriver:
         return self._watchdogs.problem() or self._limits.problem()
 
     def enable(self) -> Frames:
-        """Enable frames now and then only: an axis that is enabled again while it is on starts anew."""
+        """Frames that enable, but only at intervals: an enabled axis restarts when it is enabled again."""
         due = self._enable_ticks % ENABLE_EVERY == 0
         self._enable_ticks += 1
         if not due:
@@ -134,14 +134,18 @@ class OdriveDriver:
 
     def not_enabled(self) -> str:
         off = self._axes.state != odrive.CLOSED_LOOP
-        return f"motor {self._wiring.place(int(off.argmax()))} does not switch on" if off.any() else ""
+        return (
+            f"motor {self._wiring.place(int(off.argmax()))} does not confirm that it is enabled"
+            if off.any()
+            else ""
+        )
 
     def disable(self) -> Frames:
         self._axes.was_on[:], self._enable_ticks = False, 0
         return self._frames(odrive.STATE, 4, odrive.word_bytes(len(self._gear), odrive.IDLE))
 
     def not_confirmed_off(self) -> np.ndarray:
-        """An axis sends its readings whether it is on or off: its heartbeat has its state."""
+        """By heartbeat: an axis sends its readings both enabled and disabled."""
         state = self._axes.state
         return np.asarray((state == 0) | (state == odrive.CLOSED_LOOP))
 
@@ -152,17 +156,17 @@ class OdriveDriver:
         return self._frames(odrive.POSITION, 4, np.zeros((len(self._gear), 8), np.uint8))
 
     def command(self, values: np.ndarray) -> Frames:
-        """The torque of the PD law (`robots/actuator.py`) at the latest reading; none where that is old."""
+        """Torque of the PD law (`robots/actuator.py`) for the latest reading; 0 if that is too old."""
         position, velocity, _ = self._axes.values
         torque = values[2] * (values[0] - position) + values[3] * (values[1] - velocity) + values[4]
         if not math.isfinite(np.add.reduce(values, axis=None)) or not np.isfinite(torque).all():
             raise ValueError("a command that is not finite cannot be sent")
-        torque[self._axes.age >= OLDEST_READING] = 0.0
+        torque[self._axes.age >= MAX_READING_AGE] = 0.0
         self._axes.age += 1
         return self._torque._replace(data=odrive.float_bytes(torque / self._gear))
 
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
-        """Velocity control at rest: an axis closes that law itself, without a reading of the host's.
+        """Velocity control at rest: an axis computes that law itself, without a reading on the host.
 
         The first batch removes the last torque. `query_settings` and `enable` return to torque control.
         """
@@ -175,7 +179,7 @@ class OdriveDriver:
         )
 
     def replies(self, frames: Frames) -> Replies:
-        """A reply is an axis' position and velocity, with the latest of its other messages."""
+        """A reply is an axis' position and velocity, with the latest values of its other messages."""
         axes, message = self._axes, frames.id & 0x1F
         node = np.where(frames.id < 0x800, frames.id >> 5, 0)
         motor = self._lookup[frames.channel, node]
@@ -192,7 +196,7 @@ class OdriveDriver:
         axes.age[motor] = 0
         axes.without_torque[motor] += 1
         error = axes.error[motor]
-        error[(error == 0) & (axes.without_torque[motor] > MOST_WITHOUT_TORQUE)] = odrive.NO_TORQUES
+        error[(error == 0) & (axes.without_torque[motor] > MAX_WITHOUT_TORQUE)] = odrive.NO_TORQUES
         return Replies(
             motor,
             axes.values[:, motor],
@@ -204,7 +208,7 @@ class OdriveDriver:
         )
 
     def _note(self, message: np.ndarray, motor: np.ndarray, data: np.ndarray) -> None:
-        """Note the content of k frames that are no positions."""
+        """Store the content of k frames that are not positions."""
         axes = self._axes
         for kind in set(message.tolist()):
             rows = message == kind
@@ -228,7 +232,7 @@ class OdriveDriver:
                 axes.voltage[sound], axes.current[sound] = first[finite], second[finite]
 
     def _note_heartbeats(self, motor: np.ndarray, data: np.ndarray) -> None:
-        """An axis that was on and reports off is at fault."""
+        """An enabled axis that reports disabled has a fault."""
         axes, state = self._axes, data[:, 4]
         on = state == odrive.CLOSED_LOOP
         axes.state[motor] = state

@@ -1,4 +1,4 @@
-"""Watchdogs of ODrive axes: each is read before its axis is enabled, where robot.yaml has its endpoints."""
+"""Watchdogs of ODrive axes: each is read before its axis is enabled, if robot.yaml has its endpoints."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from footfall.deploy.wiring import Wiring
 
 
 class Watchdogs:
-    """The watchdogs of n axes."""
+    """Watchdogs of n axes."""
 
     def __init__(self, wiring: Wiring) -> None:
         self._wiring = wiring
-        self._endpoints = wiring.watchdog_endpoints.T  # (2, n): switch and time; 0 for none
-        self._known = np.full(self._endpoints.shape, np.nan)  # whether it is on, and its time, s; NaN unknown
+        self._endpoints = wiring.watchdog_endpoints.T  # (2, n): enable and time; 0 for none
+        self._known = np.full(self._endpoints.shape, np.nan)  # enabled, and time in s; NaN: unknown
 
     def questions(self) -> tuple[np.ndarray, np.ndarray]:
         """Axes (k,) with an unknown endpoint, and the first such endpoint of each, (k,)."""
@@ -21,19 +21,19 @@ class Watchdogs:
         return axes, self._endpoints[unknown[:, axes].argmax(axis=0), axes]
 
     def note(self, motor: np.ndarray, data: np.ndarray) -> None:
-        """Note frames (k, 8) of axes (k,) that were read: a switch in byte 4, or a time in bytes 4 to 7."""
+        """Store frames (k, 8) of axes (k,) with values: enable in byte 4, or a time in bytes 4 to 7."""
         endpoint, (_, number) = odrive.endpoint_of(data), odrive.floats(data)
         switch, time = (endpoint == self._endpoints[which, motor] for which in (0, 1))
         self._known[0, motor[switch]] = data[switch, 4] != 0
         self._known[1, motor[time]] = number[time]
 
     def problem(self) -> str:
-        """First axis whose watchdog does not permit enabling it, and why; empty if all permit it."""
+        """First axis whose watchdog does not permit enabling it, with the reason; empty if all permit it."""
         longest_s, given = self._wiring.timeout_s, self._endpoints[0] > 0
         on, waits_s = self._known
         for wrong, what in (
-            (np.isnan(on + waits_s), "has not told its watchdog: has its firmware other watchdog_endpoints?"),
-            (on == 0.0, "has its watchdog off (set enable_watchdog)"),
+            (np.isnan(on + waits_s), "has not reported its watchdog (check watchdog_endpoints)"),
+            (on == 0.0, "has its watchdog disabled (set enable_watchdog)"),
             (~_within(waits_s, longest_s), "has a watchdog of {0:g} s (set watchdog_timeout to {1:g})"),
         ):
             if (wrong & given).any():
@@ -43,5 +43,5 @@ class Watchdogs:
 
 
 def _within(time_s: np.ndarray, longest_s: np.ndarray) -> np.ndarray:
-    """Which times (n,), rounded to floats of four bytes, are above 0 and at most the longest ones."""
+    """Times (n,), rounded to 4-byte floats, above 0 and at most the given ones."""
     return (time_s > 0.0) & (time_s <= longest_s * (1.0 + 1e-6))

@@ -1,4 +1,4 @@
-"""An IMU without orientation, with the attitude that a filter finds from its gyro and accelerometer."""
+"""An IMU without orientation, with an attitude filter on gyro and accelerometer."""
 
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
@@ -8,7 +8,8 @@ from footfall.deploy.frames import Frames
 
 
 class OrientedImu:
-    """An `ImuDriver` whose quaternion is the filter's. It counts as heard once the filter has started."""
+    """An `ImuDriver` whose quaternion comes from a filter. Its reading is valid once the filter has
+    started."""
 
     orientation = True
 
@@ -21,14 +22,14 @@ class OrientedImu:
 
     @property
     def heard_us(self) -> int | None:
-        """Arrival time of the latest reading, us; None until the robot has kept still for long enough."""
+        """Arrival time of the latest reading, us; None until the robot has been at rest long enough."""
         return None if self._estimator.attitude is None else self._driver.heard_us
 
     @property
     def oldest(self) -> str:
         """Name of the oldest part of the reading."""
         if self._estimator.attitude is None and self._driver.heard_us is not None:
-            return "quaternion: the robot has to keep still at first"
+            return "quaternion: the robot must be at rest at first"
         return self._driver.oldest
 
     @property
@@ -42,7 +43,7 @@ class OrientedImu:
         return getattr(self._driver, "damaged", 0)
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Decode frames; a new sample advances the attitude by the time since the one before."""
+        """Decode frames; a new sample advances the attitude by the time since the previous one."""
         self._driver.absorb(frames, now_us)
         heard_us, before_us = self._driver.heard_us, self._updated_us
         if heard_us is None or heard_us == before_us:

@@ -1,4 +1,4 @@
-"""Base of drivers whose motors answer every frame and send nothing unasked."""
+"""Base class of drivers whose motors reply to every frame and send nothing else."""
 
 from typing import NamedTuple
 
@@ -13,33 +13,33 @@ MOTOR_IDS = range(1, 0x80)  # below every reply and IMU identifier
 
 
 class Orders(NamedTuple):
-    """Frames of constant content, each a batch to every motor."""
+    """Frames with constant content, each a batch for every motor."""
 
     enable: Frames
     disable: Frames
     zero: Frames
-    clear: Frames = no_frames()  # for protocols that cannot clear errors
+    clear: Frames = no_frames()  # empty for protocols that cannot clear errors
 
 
 class PolledDriver:
-    """Whatever such drivers have in common. A subclass adds the rest of `MotorDriver`.
+    """Common parts of such drivers. A subclass adds the rest of `MotorDriver`.
 
-    That is `maker`, `models`, `motor_end`, `filters`, `identifiers`, `lowest`, `highest`, `gain_rounding`,
-    `command`, `replies` and `error_name`, and for motors with settings `query_settings` and `not_ready`.
+    `maker`, `models`, `motor_end`, `filters`, `identifiers`, `lowest`, `highest`, `gain_rounding`, `command`,
+    `replies` and `error_name`, and for motors with settings `query_settings` and `not_ready`.
     """
 
-    answers_each_frame = True  # once, and sends nothing else: then a second host shows
+    answers_each_frame = True  # exactly once, and nothing else: then a second host is detectable
 
     def __init__(self, wiring: Wiring, orders: Orders, extended: bool = False) -> None:
-        """Frames of 8 bytes, with identifiers of 29 bits if `extended`.
+        """Frames have 8 bytes, and identifiers of 29 bits if `extended`.
 
         Raises:
-            UserError: a motor id that a frame cannot carry.
+            UserError: a motor id that does not fit into a frame.
         """
         n = len(wiring.motor_id)
         self._wiring, self._orders = wiring, orders
         self._lookup = motor_lookup(wiring)
-        self._no_voltage = np.full(n, np.nan)  # replies have none
+        self._no_voltage = np.full(n, np.nan)  # replies have no voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, extended))
 
     @staticmethod
@@ -82,17 +82,17 @@ class PolledDriver:
 
 
 def to_every_motor(wiring: Wiring, data: np.ndarray | None = None) -> Frames:
-    """A batch with the motor ids for identifiers and 8 bytes each: `data` (n, 8), or zeros."""
+    """A batch with the motor ids as identifiers and 8 bytes each: `data` (n, 8), or zeros."""
     n = len(wiring.motor_id)
     content = np.zeros((n, 8), np.uint8) if data is None else data
     return Frames(wiring.channel, wiring.motor_id, content, np.full(n, 8))
 
 
 def motor_lookup(wiring: Wiring) -> np.ndarray:
-    """Joint index of a motor id on a bus, -1 for none: (buses, 256).
+    """Joint index for a motor id on a bus, -1 for none: (buses, 256).
 
     Raises:
-        UserError: a motor id that the protocol cannot carry.
+        UserError: a motor id out of the protocol's range.
     """
     for joint, motor in zip(wiring.joint_names, wiring.motor_id.tolist(), strict=True):
         if motor not in MOTOR_IDS:

@@ -1,19 +1,19 @@
 """RobStride motors in operation (MIT) mode.
 
-Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 1) carries its torque in the
-identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
-(type 2) carries position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
-and two bits of mode. A parameter (type 17) is read by its index, little-endian, in the first two bytes; the
-answer has its value, little-endian, in the last four. Type 18 writes it until the motor loses power, and is
-answered by a reply. The communication time-out is written where it is off or too long, and the torque limit,
-a float, where robot.yaml asks for one.
+Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 1) has its torque in the
+    identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
+    (type 2) has position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
+    and two bits of mode. A parameter (type 17) is read by its index, little-endian, in the first two bytes;
+    the reply has its value, little-endian, in the last four. Type 18 writes it until the motor loses power,
+    and gets a reply of type 2. The communication timeout is written if it is off or too long, and the torque
+    limit, a float, if robot.yaml has one.
 
-A motor reports its faults (type 21) as a word of bits, little-endian, in the first four bytes. They count for
-its next replies until it reports others or is cleared. The last four bytes are warnings, which are left out:
+A motor reports its faults (type 21) as a word of bits, little-endian, in the first four bytes. They apply to
+its next replies until it reports others or is cleared. The last four bytes are warnings, which are ignored:
 the supervisor has its own temperature limit.
 
-Positions span 4 pi to either side, as the manual says; the maker's sample program has 12.5 rad, half a per
-cent less.
+Positions span 4 pi to either side, according to the manual; the maker's sample program has 12.5 rad, half a
+per cent less.
 """
 
 import math
@@ -30,7 +30,7 @@ from footfall.deploy.wiring import Wiring
 
 HOST = 0xFD
 CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE, FAULT = 1, 2, 3, 4, 6, 17, 18, 21
-TIME_OUT_STEP_S = 50e-6  # unit of the time-out: by the manual 20000 is a second
+TIME_OUT_STEP_S = 50e-6  # unit of the timeout: in the manual, 20000 is a second
 
 _TURNS = 4 * math.pi
 RANGES = {
@@ -46,11 +46,11 @@ RANGES = {
 RUN_MODE, TORQUE_LIMIT, TIME_OUT = PARAMETERS = (0x7005, 0x700B, 0x7028)
 _NAMES = {
     RUN_MODE: "run mode (parameter 0x7005)",
-    TIME_OUT: "communication time-out (parameter 0x7028)",
+    TIME_OUT: "communication timeout (parameter 0x7028)",
 }
-RUNNING = 2  # of the modes in a reply; 0 is off, 1 calibrates
+RUNNING = 2  # mode in a reply; 0 is disabled, 1 calibrates
 
-WENT_OFF = 64  # bit for a motor that was on and reports off: it has rebooted, or has timed out
+WENT_OFF = 64  # bit for an enabled motor that reports disabled: it has rebooted, or timed out
 FAULTS = {
     1: "under-voltage",
     2: "over-current",
@@ -58,10 +58,10 @@ FAULTS = {
     8: "magnetic encoder fault",
     16: "stall overload",
     32: "that it is not calibrated",
-    WENT_OFF: "that it is switched off",
+    WENT_OFF: "that it is disabled",
 }
 
-REPORTED = 128  # codes from here on: the number of the lowest bit that is set in a report of type 21
+REPORTED = 128  # codes from here on: index of the lowest set bit in a report of type 21
 REPORTED_FAULTS = {
     0: "over-temperature",
     1: "a fault of its driver chip",
@@ -70,8 +70,8 @@ REPORTED_FAULTS = {
     4: "over-current of phase B",
     5: "over-current of phase C",
     7: "that its encoder is not calibrated",
-    8: "that it does not know its own hardware",
-    9: "that it cannot find its position",
+    8: "that its hardware identification failed",
+    9: "that its position initialisation failed",
     14: "stall overload",
     16: "over-current of phase A",
 }
@@ -82,12 +82,12 @@ _ALL = slice(None)
 
 
 def identifier_of(kind: np.ndarray | int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
-    """Identifiers of frames of a kind, with 16 bits of data, for one or more addressees."""
+    """Identifiers of frames of a type, with 16 bits of data, for one or more addressees."""
     return np.asarray(EXTENDED | np.asarray(kind) << 24 | np.asarray(data) << 8 | addressee)
 
 
 class Codec:
-    """The ranges of n motors. Both directions use 65535 intervals, rounded to nearest."""
+    """Ranges of n motors. Both directions use 65535 intervals, rounded to nearest."""
 
     def __init__(self, models: tuple[str, ...]) -> None:
         rows = [RANGES[model] for model in models]
@@ -97,14 +97,15 @@ class Codec:
         self.quantum = (self.highest - self.lowest) / 65535
 
     def codes(self, values: np.ndarray, rows: list[int], motor: Motors = _ALL) -> np.ndarray:
-        """Codes (rows, k) of values (rows, k), clamped to the range; `rows` are those of a `JointCommand`."""
+        """Codes (rows, k) from values (rows, k), clamped to the range; `rows` are those of a
+        `JointCommand`."""
         lowest, highest, quantum = (
             part[rows][:, motor] for part in (self.lowest, self.highest, self.quantum)
         )
         return np.rint((np.minimum(np.maximum(values, lowest), highest) - lowest) / quantum).astype(np.intp)
 
     def values(self, codes: np.ndarray, rows: list[int], motor: Motors = _ALL) -> np.ndarray:
-        """Values (rows, k) of codes (rows, k)."""
+        """Values (rows, k) from codes (rows, k)."""
         return self.lowest[rows][:, motor] + codes * self.quantum[rows][:, motor]
 
 
@@ -119,19 +120,19 @@ def words_of(data: np.ndarray) -> np.ndarray:
 
 
 def parameter_value(parameter: int, content: bytes) -> float:
-    """A parameter of the four bytes that carry it: the run mode is a byte, the torque limit a float."""
+    """Parameter from its four bytes: the run mode is a byte, the torque limit a float."""
     if parameter == TORQUE_LIMIT:
         return float(struct.unpack("<f", content)[0])
     return int.from_bytes(content[:1] if parameter == RUN_MODE else content, "little")
 
 
 def parameter_bytes(parameter: int, value: float) -> bytes:
-    """The inverse of `parameter_value`."""
+    """Inverse of `parameter_value`."""
     return struct.pack("<f", value) if parameter == TORQUE_LIMIT else int(value).to_bytes(4, "little")
 
 
 class RobstrideDriver(PolledDriver):
-    """The controller's end."""
+    """RobStride driver."""
 
     maker = "RobStride"
     models = tuple(RANGES)
@@ -143,7 +144,7 @@ class RobstrideDriver(PolledDriver):
     )
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that a frame cannot carry."""
+        """Raises UserError for a motor id that does not fit into a frame."""
         n = len(wiring.motor_id)
         zeros = to_every_motor(wiring)
         one = to_every_motor(wiring, np.tile(np.array([1, 0, 0, 0, 0, 0, 0, 0], np.uint8), (n, 1)))
@@ -159,12 +160,12 @@ class RobstrideDriver(PolledDriver):
         limit = Limit(TORQUE_LIMIT, "torque limit (parameter 0x700b, N m)", wiring.highest)
         self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem, limit)
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
-        self._reported = np.zeros(n, np.uint8)  # codes of reported faults, 0 for none
+        self._reported = np.zeros(n, np.uint8)  # codes of reported faults; 0 for none
         self._outgoing = zeros._replace(id=identifier_of(CONTROL, 0, wiring.motor_id))
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
-        """None: all identifiers have 29 bits."""
+        """Empty: all identifiers have 29 bits."""
         return ()
 
     @staticmethod
@@ -176,7 +177,7 @@ class RobstrideDriver(PolledDriver):
         return np.where(_to_host(frames, FEEDBACK), frames.id >> 8 & 0xFF, -1)
 
     def query_settings(self) -> Frames:
-        """Reads of unknown parameters; a wrong time-out or torque limit is written before."""
+        """Reads of unknown parameters; a wrong timeout or torque limit is written before."""
         rows = []
         for joint, parameter, value in self._settings.questions():
             if value is not None:
@@ -223,7 +224,7 @@ class RobstrideDriver(PolledDriver):
         return Replies(motor, values, error, words[3] * 0.1, self._no_voltage[motor], frames.time_us)
 
     def _note_other_frames(self, frames: Frames) -> None:
-        """Note parameters and reports of faults."""
+        """Store parameters and reported faults."""
         motor = self._lookup[frames.channel, frames.id >> 8 & 0xFF]
         for kind, note in ((READ, self._note_parameter), (FAULT, self._note_faults)):
             rows = _to_host(frames, kind)
@@ -247,18 +248,18 @@ class RobstrideDriver(PolledDriver):
 
 
 def _to_host(frames: Frames, kind: int) -> np.ndarray:
-    """Which frames are whole ones of a kind for this host, (k,)."""
+    """Complete frames of a type for this host, (k,)."""
     addressed = (frames.id >= EXTENDED) & (frames.id & 0xFF == HOST) & (frames.length == 8)
     return np.asarray(addressed & (frames.id >> 24 & 0x1F == kind))
 
 
 def lowest_bit(word: int) -> int:
-    """The number of the lowest bit that is set in a word other than 0."""
+    """Index of the lowest set bit in a word other than 0."""
     return (word & -word).bit_length() - 1
 
 
 def _problem(known: Known) -> str:
-    """A wrong setting of a motor; empty for none."""
+    """Wrong setting of a motor; empty for none."""
     if known[RUN_MODE] != 0:
         return f"is in run mode {known[RUN_MODE]:g}: parameter {RUN_MODE:#06x} must be 0, operation mode"
     return ""

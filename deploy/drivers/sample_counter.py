@@ -1,22 +1,22 @@
-"""The order of an IMU's samples, by the counter that each of them carries."""
+"""Order of an IMU's samples, by their counter."""
 
 COUNTS = 0x10000  # values of a 16-bit counter before it wraps around
-NEAR = 32  # samples: a step that is longer than that may be a flipped bit
+NEAR = 32  # samples: a larger step may be a flipped bit
 
 
 class SampleCounter:
-    """Distinguishes new samples from repeated and from older ones.
+    """Distinguishes new samples from repeated and older ones.
 
-    A step longer than `NEAR` is accepted once the next sample confirms it: forward, the IMU was silent; back,
-    it has restarted or its frames are replayed.
+    A step larger than `NEAR` is accepted once the next sample confirms it: forward, the IMU was silent;
+    backward, it has restarted or its frames are replayed.
     """
 
     def __init__(self) -> None:
-        self._latest = self._far = -1  # the latest sample, and the last one that was far from it
-        self.older = 0  # older samples so far, plus the samples by which the counter ran back
+        self._latest = self._far = -1  # counter of the latest sample, and of the last one far from it
+        self.older = 0  # older samples so far, plus the samples by which the counter went back
 
     def is_new(self, counter: int) -> bool | None:
-        """Whether a sample is new; None for one to be ignored."""
+        """Whether a sample is new; None if it is ignored."""
         step = 1 if self._latest < 0 else (counter - self._latest) % COUNTS
         if step == 0:
             return False

@@ -1,7 +1,7 @@
-"""IMUs on a serial port: their bytes travel as frames of up to 8 bytes, in order, under one identifier.
+"""IMUs on a serial port: their bytes are frames of up to 8 bytes, in order, with one identifier.
 
-So the loop, the log of frames and the simulated wires know one kind of bus alone. A maker's protocol adds
-where a message ends, whether it is intact, and what it holds.
+So the loop, the frame log and the simulated wires have only one kind of bus. A maker's protocol adds the
+length of a message, its checksum and its content.
 """
 
 import math
@@ -14,15 +14,15 @@ from footfall.deploy.drivers.imu import NORM_ERROR, Inertial
 from footfall.deploy.drivers.sample_counter import SampleCounter
 from footfall.deploy.frames import EXTENDED, Frames
 
-BYTES_ID = EXTENDED | 0x1FFF_FFFF  # the last one of 29 bits: it gives way to every other sender
-SYNC = 0xFA  # first byte of a message, of both makers
+BYTES_ID = EXTENDED | 0x1FFF_FFFF  # highest identifier with 29 bits: it has the lowest priority
+SYNC = 0xFA  # first byte of a message, for both makers
 LEVEL = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
 class Sample(NamedTuple):
-    """The content of one message."""
+    """Content of one message."""
 
-    counter: int  # 16 bits, one more at each sample
+    counter: int  # 16 bits, incremented with each sample
     reading: Inertial
 
 
@@ -41,7 +41,7 @@ def is_unit(quaternion: tuple[float, ...]) -> bool:
 
 
 class SerialImu:
-    """The latest reading of an IMU on a serial port: an `ImuDriver`, but for the maker's three functions."""
+    """Latest reading of an IMU on a serial port: an `ImuDriver`, except for the maker's three functions."""
 
     filters: tuple[CanFilter, ...] = (
         {"can_id": BYTES_ID & ~EXTENDED, "can_mask": 0x1FFF_FFFF, "extended": True},
@@ -49,30 +49,30 @@ class SerialImu:
     identifiers: tuple[int, ...] = (BYTES_ID,)
     serial = True
     orientation = True
-    oldest = "gyro"  # a message holds all parts
+    oldest = "gyro"  # a message has all parts
 
     def __init__(self, channel: int) -> None:
         """`channel` is the index of the serial line among the robot's buses."""
         self._channel = channel
         self._waiting = bytearray()
         self._samples = SampleCounter()
-        self.damaged = 0  # messages with a wrong checksum so far
-        self.heard_us: int | None = None  # arrival of the latest message's last byte
+        self.damaged = 0  # number of messages with a wrong checksum so far
+        self.heard_us: int | None = None  # arrival time of the latest message's last byte
         self.reading = LEVEL
 
     @staticmethod
     def length_of(waiting: bytes) -> int | None:
-        """Bytes of the message that begins here; 0 if none does, None if too few bytes have arrived."""
+        """Length of the message that starts here; 0 if none does, None if too few bytes have arrived."""
         raise NotImplementedError
 
     @staticmethod
     def is_intact(message: bytes) -> bool:
-        """Whether the checksum fits."""
+        """Whether the checksum is right."""
         raise NotImplementedError
 
     @staticmethod
     def decode(message: bytes) -> Sample | None:
-        """The content of an intact message; None if it holds no whole sample."""
+        """Content of an intact message; None without a complete sample."""
         raise NotImplementedError
 
     @property
@@ -81,7 +81,7 @@ class SerialImu:
         return self._samples.older
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Decode the messages that these bytes complete."""
+        """Decode the messages completed by these bytes."""
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
         columns = frames.channel.tolist(), frames.id.tolist(), frames.length.tolist()
         for channel, identifier, length, row, arrived_us in zip(*columns, frames.data, arrived, strict=True):
@@ -99,7 +99,7 @@ class SerialImu:
             message = bytes(waiting[:length])
             if not length or not self.is_intact(message):
                 self.damaged += length > 0
-                del waiting[:1]  # a message may begin within what looked like one
+                del waiting[:1]  # a message may start within an invalid one
                 continue
             del waiting[:length]
             sample = self.decode(message)

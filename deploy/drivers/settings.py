@@ -1,4 +1,4 @@
-"""Settings that motors report: which are known, which to read next, and which to write."""
+"""Settings reported by motors: known ones, the next to read, and those to write."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,8 +8,8 @@ import numpy as np
 
 from footfall.deploy.wiring import Wiring
 
-ASK_AGAIN = 10  # ticks until an unanswered question is repeated
-NONE = "no communication time-out"
+ASK_AGAIN = 10  # ticks until a question without a reply is repeated
+NONE = "no communication timeout"
 
 Known = Mapping[int, float]  # settings of one motor by the maker's numbers
 
@@ -19,29 +19,29 @@ class Question(NamedTuple):
 
     motor: int  # joint index
     setting: int
-    write: float | None  # None to leave the setting as it is
+    write: float | None  # None: do not write the setting
 
 
 class TimeOut(NamedTuple):
-    """The setting after whose time a motor without commands disables itself."""
+    """The setting with the time after which a motor without commands disables itself."""
 
-    setting: int  # its number; a value of 0 is never
-    step_s: float  # its unit
+    setting: int  # number of the setting; a value of 0 means never
+    step_s: float  # unit of the value
 
 
 class Limit(NamedTuple):
-    """The setting that bounds what a drive does, whatever it is commanded."""
+    """The setting that limits a drive, independent of its commands."""
 
-    setting: int  # its number
-    name: str  # with its unit, for messages
-    highest: np.ndarray  # (n,) to be set, in that unit; NaN to leave the setting unread
+    setting: int  # number of the setting
+    name: str  # name with unit, for messages
+    highest: np.ndarray  # (n,) limit to set, in this unit; NaN: the setting is not read
 
 
 class Settings:
-    """The settings of n motors.
+    """Settings of n motors.
 
-    A motor's time-out is written where it is off or too long, its limit where it is another one. Both are
-    read back: only the reply counts.
+    A motor's timeout is written if it is off or too long, its limit if it differs. Both are read back: only
+    the reply is a confirmation.
     """
 
     def __init__(
@@ -52,18 +52,18 @@ class Settings:
         check: Callable[[Known], str] = lambda _: "",
         limit: Limit | None = None,
     ) -> None:
-        """Nothing is known at first.
+        """Initially no setting is known.
 
         Args:
-            wiring: names of the motors and their longest time-outs.
+            wiring: names of the motors and their longest timeouts.
             names: settings to read, in this order, with their names for messages.
-            time_out: which of them is the time-out; None for none.
-            check: a problem with the settings of a motor that are all known; empty for none.
-            limit: of the drive, beside `names`; None for none.
+            time_out: the setting that is the timeout; None for none.
+            check: returns a problem of a motor with all settings known; empty for none.
+            limit: limit of the drive, in addition to `names`; None for none.
         """
         self.known: list[dict[int, float]] = [{} for _ in wiring.joint_names]
         self._wiring, self._time_out, self._check, self._limit = wiring, time_out, check, limit
-        self._names = [dict(names) for _ in self.known]  # of each motor
+        self._names = [dict(names) for _ in self.known]  # for each motor
         if time_out is not None:
             self._longest = np.rint(wiring.timeout_s / time_out.step_s).astype(int).tolist()
         if limit is not None:
@@ -73,7 +73,7 @@ class Settings:
         self._good = False
 
     def questions(self) -> list[Question]:
-        """Questions of this tick: one for each motor at most, and none before it is due."""
+        """Questions of this tick: at most one for each motor, and none before it is due."""
         due = []
         for motor, known in enumerate(self.known):
             setting = next((number for number in self._names[motor] if number not in known), None)
@@ -92,41 +92,42 @@ class Settings:
         return due
 
     def note(self, motor: int, setting: int, value: float) -> None:
-        """Note a reported setting. The next question is due at once if it was unknown."""
+        """Store a reported setting. If it was unknown, the next question is due at once."""
         if setting not in self.known[motor]:
             self._waits[motor] = 0
         self.known[motor][setting] = value
 
     def problem(self) -> str:
-        """First motor with a missing or wrong setting, and which; empty if all settings were right once."""
+        """First motor with a missing or wrong setting, and the setting; empty once all settings were
+        right."""
         if self._good:
             return ""
         for motor, known in enumerate(self.known):
             names = self._names[motor].items()
             missing = next((name for number, name in names if number not in known), "")
-            problem = f"has not told its {missing}" if missing else self._check(known)
+            problem = f"has not reported its {missing}" if missing else self._check(known)
             if problem := problem or self._time_out_problem(motor) or self._limit_problem(motor):
                 return f"motor {self._wiring.place(motor)} {problem}"
         self._good = True
         return ""
 
     def _time_out_problem(self, motor: int) -> str:
-        """Problem with a motor's reported time-out; empty for none."""
+        """Problem of a motor's reported timeout; empty for none."""
         if self._time_out is None:
             return ""
         step_s = self._time_out.step_s
         count, longest = self.known[motor][self._time_out.setting], self._longest[motor]
         if 0 < count <= longest:
             return ""
-        found = f"a communication time-out of {count * step_s:g} s" if count else NONE
-        return f"has {found}, and does not take one of {longest * step_s:g} s"
+        found = f"a communication timeout of {count * step_s:g} s" if count else NONE
+        return f"has {found}, and does not accept {longest * step_s:g} s"
 
     def _limit_problem(self, motor: int) -> str:
-        """Problem with a motor's reported limit; empty for none."""
+        """Problem of a motor's reported limit; empty for none."""
         limit = self._limit
         if limit is None or limit.setting not in self._names[motor]:
             return ""
         found, highest = self.known[motor][limit.setting], float(limit.highest[motor])
         if math.isclose(found, highest, rel_tol=1e-6):
             return ""
-        return f"has {found:g} for its {limit.name}, and does not take {highest:g}"
+        return f"has {found:g} as its {limit.name}, and does not accept {highest:g}"

@@ -1,18 +1,18 @@
-"""VectorNav VN-100 on a serial port: a binary output message, after the manual UM001.
+"""VectorNav VN-100 on a serial port: a binary output message, according to the manual UM001.
 
-A message is 0xFA, groups (one byte), fields of each group (two bytes), content, checksum. Content is
-little-endian, the checksum (CRC-16-CCITT over all bytes but the first) big-endian. This driver reads one
+A message is 0xFA, groups (one byte), fields of each group (two bytes), content, checksum. The content is
+little-endian, the checksum (CRC-16-CCITT over all bytes except the first) big-endian. This driver reads one
 message, group 1 with the fields 0x0131:
 
 | field | content |
 | --- | --- |
 | 0 | time since start, uint64, ns |
-| 4 | quaternion x y z w, x forward and z down, to a world whose z is down |
-| 5 | rate of turn, 3 float32, rad/s |
-| 8 | acceleration, 3 float32, m/s^2, gravity included |
+| 4 | quaternion x y z w, x forward and z down, to a world with z down |
+| 5 | angular velocity, 3 float32, rad/s |
+| 8 | acceleration, 3 float32, m/s^2, including gravity |
 
-The time in whole milliseconds is the sample counter: the sensor sends 800 messages a second at most. Readings
-and world are turned half about x, to y left and z up.
+The time in whole milliseconds is the sample counter: the sensor sends at most 800 messages per second.
+    Readings and world are rotated by half a turn about x, to y left and z up.
 """
 
 import binascii
@@ -50,18 +50,18 @@ class VectorNavImu(SerialImu):
 
 
 def checksum(content: bytes) -> int:
-    """CRC-16-CCITT, from 0; 0 over content and checksum together."""
+    """CRC-16-CCITT, starting at 0; 0 for content with checksum."""
     return binascii.crc_hqx(content, 0)
 
 
 def _turned(vector: list[float] | tuple[float, ...]) -> tuple[float, float, float]:
-    """A vector after half a turn about x."""
+    """Vector after half a turn about x."""
     x, y, z = vector
     return x, -y, -z
 
 
 def encode(sample: Sample) -> bytes:
-    """The message of a sample; its time is `sample.counter` milliseconds."""
+    """Message of a sample; its time is `sample.counter` milliseconds."""
     w, x, y, z = sample.reading.quaternion
     gyro, acceleration = _turned(tuple(sample.reading.gyro)), _turned(tuple(sample.reading.acceleration))
     content = _CONTENT.pack(sample.counter * TICK_NS, x, -y, -z, w, *gyro, *acceleration)

@@ -1,17 +1,17 @@
 """Xsens MTi on a serial port: the message MTData2 of Movella's "MT Low Level Communication Protocol".
 
-A message is 0xFA, bus id 0xFF, message id 0x36, length, data, checksum. A length of 0xFF is followed by two
-bytes with the real one. All bytes but the first add up to 0 modulo 256. Data are packets: identifier (two
-bytes), length, content; all big-endian. Needed, as floats of 32 bits in SI units:
+A message is 0xFA, bus id 0xFF, message id 0x36, length, data, checksum. After a length of 0xFF, two bytes
+have the actual length. The sum of all bytes except the first is 0 modulo 256. Data are packets: identifier
+(two bytes), length, content; all big-endian. Required packets, with 32-bit floats in SI units:
 
 | packet | content |
 | --- | --- |
 | 0x1020 | packet counter, uint16 |
-| 0x2010, 0x2018 | quaternion w x y z, sensor to world; ENU and NWU, whose z is up |
+| 0x2010, 0x2018 | quaternion w x y z, sensor to world; ENU and NWU, with z up |
 | 0x4020 | proper acceleration |
-| 0x8020 | rate of turn |
+| 0x8020 | angular velocity |
 
-Other packets are left out. Axes are those of the sensor's housing, z up: mount it along the base's.
+Other packets are ignored. Axes are those of the sensor's housing, z up: align them with the base's.
 """
 
 import struct
@@ -21,7 +21,7 @@ from footfall.deploy.drivers.sample_counter import COUNTS
 from footfall.deploy.drivers.serial_imu import SYNC, Sample, SerialImu
 
 HEADER = bytes((SYNC, 0xFF, 0x36))
-LONG = 0xFF  # in the place of a length: two more bytes hold it
+LONG = 0xFF  # in place of a length: two more bytes have it
 COUNTER, ACCELERATION, GYRO = 0x1020, 0x4020, 0x8020
 QUATERNIONS = (0x2010, 0x2018)
 _COUNT, _THREE, _FOUR = struct.Struct(">H"), struct.Struct(">fff"), struct.Struct(">ffff")
@@ -59,7 +59,7 @@ class XbusImu(SerialImu):
 
 
 def _packets(message: bytes) -> list[tuple[int, bytes]]:
-    """Identifiers and contents of a message's packets; one that is cut off is left out."""
+    """Identifiers and contents of a message's packets; a truncated packet is ignored."""
     found, at, end = [], 4 if message[3] != LONG else 6, len(message) - 1
     while at + _PACKET.size <= end:
         identifier, length = _PACKET.unpack_from(message, at)
@@ -70,7 +70,7 @@ def _packets(message: bytes) -> list[tuple[int, bytes]]:
 
 
 def encode(sample: Sample) -> bytes:
-    """A message with the needed packets."""
+    """A message with the required packets."""
     gyro, acceleration, quaternion = sample.reading
     contents = (
         (COUNTER, _COUNT.pack(sample.counter % COUNTS)),

@@ -1,14 +1,14 @@
-"""Xsens MTi 600 on CAN, after Movella's "MT CAN Protocol Documentation" (MT1604P).
+"""Xsens MTi 600 on CAN, according to Movella's "MT CAN Protocol Documentation" (MT1604P).
 
-| id | content | one unit |
+| id | content | unit |
 | --- | --- | --- |
-| 0x006 | group counter, uint16: it opens the frames of a sample | |
+| 0x006 | group counter, uint16: first frame of a sample | |
 | 0x021 | quaternion w x y z, 4 int16, sensor to world (ENU) | 1/32767 |
-| 0x032 | rate of turn x y z, 3 int16 | 2^-9 rad/s |
+| 0x032 | angular velocity x y z, 3 int16 | 2^-9 rad/s |
 | 0x034 | proper acceleration x y z, 3 int16 | 2^-8 m/s^2 |
 
-Big-endian. Each part counts once in a group: one more belongs to a sample whose counter was lost, and is left
-out. Axes are those of the sensor's housing, z up: mount it along the base's.
+Big-endian. Each part is used once per group: a repeated part belongs to a sample with a lost counter, and is
+ignored. Axes are those of the sensor's housing, z up: align them with the base's.
 """
 
 import math
@@ -31,7 +31,7 @@ _COUNT = struct.Struct(">H")
 
 
 class XsensCanImu:
-    """The latest reading of an Xsens MTi on CAN, with orientation: an `ImuDriver`."""
+    """Latest reading of an Xsens MTi on CAN, with orientation: an `ImuDriver`."""
 
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": identifier, "can_mask": 0x7FF, "extended": False} for identifier in IDS
@@ -44,8 +44,8 @@ class XsensCanImu:
         """`channel` is the index of the IMU's bus."""
         self._channel = channel
         self._groups = SampleCounter()
-        self._open: set[int] = set()  # identifiers that this group may still send
-        self._new = False  # whether the group is new, rather than repeated
+        self._open: set[int] = set()  # identifiers missing from the present group
+        self._new = False  # whether the group is new, instead of repeated
         self._heard_us: dict[int, int | None] = dict.fromkeys(PARTS)
         self.reading = LEVEL
 
@@ -65,7 +65,7 @@ class XsensCanImu:
         return self._groups.older
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Decode frames; those of other senders, and of another length, are left out."""
+        """Decode frames; those of other senders, and of another length, are ignored."""
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
         columns = frames.channel.tolist(), frames.id.tolist(), frames.length.tolist()
         for channel, identifier, length, row, arrived_us in zip(*columns, frames.data, arrived, strict=True):
@@ -94,7 +94,7 @@ def _decoded(identifier: int, data: bytes) -> tuple[float, ...] | None:
 
 
 def encode(reading: Inertial, counter: int) -> np.ndarray:
-    """The frames of a sample, (4, 8) uint8, in the order of `IDS`; values past the range are clamped."""
+    """Frames of a sample, (4, 8) uint8, in the order of `IDS`; values out of range are clamped."""
     parts = [_COUNT.pack(counter % COUNTS)]
     for identifier in IDS[1:]:
         codes = np.nan_to_num(np.array(getattr(reading, PARTS[identifier])) / UNITS[identifier])

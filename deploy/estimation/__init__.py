@@ -1,6 +1,6 @@
-"""How the base moves and where it is, from what the robot senses of itself.
+"""Motion and pose of the base from the robot's own sensors.
 
-`BaseEstimator` puts five parts together: which feet stand (`contact`), where they touch the ground (`feet`),
-what the gyro reads too much (`gyro`), a Kalman filter on accelerometer and standing legs (`filter`), and how
-sure the pose is (`odometry`).
+`BaseEstimator` combines five parts: contacts of the feet (`contact`), their contact points (`feet`), the
+gyro's bias (`gyro`), a Kalman filter on accelerometer and stance legs (`filter`), and the uncertainty of the
+pose (`odometry`).
 """

@@ -1,11 +1,10 @@
-"""The attitude from gyro and accelerometer, for an IMU that gives none.
+"""Attitude from gyro and accelerometer, for an IMU without orientation.
 
-An error-state Kalman filter. The gyro turns the attitude; the accelerometer, which reads the vertical plus
-the base's own acceleration, corrects tilt and gyro bias. A walk's accelerations cancel out over a few steps,
-so that they count as noise. Yaw starts at zero and drifts with what is left of the bias about the vertical.
-
-The noise is isotropic: both horizontal axes share one 2 by 2 covariance of tilt and bias. Plain Python
-numbers, like the motion filter.
+An error-state Kalman filter. The gyro rotates the attitude; the accelerometer, which measures the vertical
+plus the base's own acceleration, corrects tilt and gyro bias. The accelerations of a walk average out over a
+few steps, so they count as noise. Yaw starts at zero and drifts with the remaining bias about the vertical.
+The noise is isotropic: both horizontal axes share one 2 by 2 covariance of tilt and bias. It uses Python
+floats, like the motion filter.
 """
 
 import math
@@ -23,31 +22,31 @@ class Attitude(NamedTuple):
     """Estimate of the attitude after a reading."""
 
     quaternion: Quaternion
-    bias: Vector  # of the gyro, rad/s, body frame
-    gyro: Vector  # the reading, rad/s
-    tilt_variance: float  # rad^2, of each horizontal axis
-    covariance: float  # rad^2/s, of tilt and bias
+    bias: Vector  # gyro bias, rad/s, body frame
+    gyro: Vector  # latest reading, rad/s
+    tilt_variance: float  # rad^2, for each horizontal axis
+    covariance: float  # rad^2/s, between tilt and bias
     bias_variance: float  # (rad/s)^2
 
 
 def at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attitude:
-    """The attitude of a robot that keeps still, with a yaw of zero.
+    """Attitude of a robot at rest, with a yaw of zero.
 
     Args:
-        gyro: mean reading, rad/s: the bias.
-        acceleration: mean reading, m/s^2: the vertical.
+        gyro: mean reading, rad/s, which is the bias.
+        acceleration: mean reading, m/s^2, which is vertical.
         config: noise figures.
     """
     x, y, z = acceleration
     length = math.hypot(x, y, z) or 1.0
     x, y, z = x / length, y / length, z / length
-    # The smallest turn from the vertical in the body frame to the world's z axis.
+    # Smallest rotation from the vertical in the body frame to the world's z axis.
     quaternion = _unit(1.0 + z, y, -x, 0.0) if z > -0.999999 else (0.0, 1.0, 0.0, 0.0)
     return began_as(quaternion, gyro, config)._replace(bias=gyro)
 
 
 def began_as(quaternion: Sequence[float], gyro: Sequence[float], config: AttitudeConfig) -> Attitude:
-    """A known attitude and a gyro, rad/s, whose bias is already taken off."""
+    """Initial estimate from a known attitude and a gyro, rad/s, without bias."""
     w, x, y, z = quaternion
     gx, gy, gz = gyro
     start = config.start_tilt**2, 0.0, config.start_bias**2
@@ -57,13 +56,13 @@ def began_as(quaternion: Sequence[float], gyro: Sequence[float], config: Attitud
 def advanced(
     before: Attitude, gyro: Vector, acceleration: Vector, dt_s: float, config: AttitudeConfig
 ) -> Attitude:
-    """The attitude after a further reading.
+    """Attitude after the next reading.
 
     Args:
-        before: the attitude at the reading before.
+        before: attitude at the previous reading.
         gyro: rad/s, body frame.
         acceleration: proper, m/s^2, body frame.
-        dt_s: time since the reading before, above 0.
+        dt_s: time since the previous reading, > 0.
         config: noise figures.
     """
     (gx, gy, gz), (bx, by, bz), (lx, ly, lz) = gyro, before.bias, before.gyro
@@ -91,14 +90,14 @@ def advanced(
 def leveled(
     attitude: Attitude, bias: Sequence[float], config: AttitudeConfig
 ) -> tuple[Attitude, tuple[float, float, float]]:
-    """The attitude corrected by standing legs, and the accelerometer's bias that is left.
+    """Attitude corrected by stance legs, and the remaining bias of the accelerometer.
 
-    A filter that knows the base's motion from the legs takes a wrong tilt for a horizontal bias of the
-    accelerometer: gravity times the error. At rest no sensor can tell the two apart.
+    A filter that gets the base's motion from the legs sees a wrong tilt as a horizontal bias of the
+    accelerometer: gravity times the error. At rest, sensors cannot distinguish the two.
 
     Args:
-        attitude: that the filter's rotation came from.
-        bias: of the accelerometer, m/s^2, body frame.
+        attitude: attitude that gave the filter's rotation.
+        bias: bias of the accelerometer, m/s^2, body frame.
         config: settings.
     """
     ux, uy, uz = up = _up(attitude.quaternion)
@@ -113,16 +112,17 @@ def leveled(
 
 
 class AttitudeEstimator:
-    """Attitude from the first rest on: the mean readings of `rest_s` without a turn start the filter."""
+    """Attitude since the first rest: the filter starts with the mean readings over `rest_s` at rest."""
 
     def __init__(self, config: AttitudeConfig) -> None:
         self._config = config
-        self._sum = [0.0] * 6  # of the readings at rest: gyro, acceleration
+        self._sum = [0.0] * 6  # sum of the readings at rest: gyro, acceleration
         self._count, self._rested_s = 0, 0.0
-        self.attitude: Attitude | None = None  # None until the robot has kept still for long enough
+        self.attitude: Attitude | None = None  # None until the robot has been at rest long enough
 
     def update(self, gyro: Sequence[float], acceleration: Sequence[float], dt_s: float) -> Attitude | None:
-        """Take in a reading, rad/s and m/s^2, body frame, `dt_s` after the one before; 0 for the first."""
+        """Update with a reading, rad/s and m/s^2, body frame, `dt_s` after the previous one; 0 for the
+        first."""
         (gx, gy, gz), (ax, ay, az) = gyro, acceleration
         if self.attitude is None:
             self._rest((gx, gy, gz, ax, ay, az), dt_s)
@@ -149,14 +149,14 @@ def _up(quaternion: Quaternion) -> Vector:
 
 
 def _shown_tilt(acceleration: Sequence[float], up: Vector) -> Vector:
-    """The tilt's error that an acceleration (m/s^2) beside gravity's shows: horizontal, rad, body frame."""
+    """Tilt error indicated by an acceleration (m/s^2) besides gravity: horizontal, rad, body frame."""
     x, y, z = (value / GRAVITY_M_S2 for value in acceleration)
     ux, uy, uz = up
     return y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
 
 
 def _turned(quaternion: Quaternion, turn: Vector) -> Quaternion:
-    """After a turn of the body, a rotation vector in its own frame."""
+    """Quaternion after a rotation of the body, a rotation vector in its own frame."""
     (w, x, y, z), (tx, ty, tz) = quaternion, turn
     angle = math.hypot(tx, ty, tz)
     scale = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5

@@ -1,6 +1,7 @@
-"""Contact of each foot: from the ground's force on it, and from the controller's plan.
+"""Contact of each foot, from the force of the ground and the controller's plan.
 
-The force is a sensor's where there is one that agrees with the motors' torques, else it follows from these.
+The force comes from a sensor, if there is one that agrees with the motors' torques; otherwise from these
+torques.
 """
 
 import math
@@ -16,7 +17,7 @@ from footfall.robots.rigid_body import RigidBody
 
 
 class ContactEstimator:
-    """Probability that each foot stands still on the ground, from the force on it."""
+    """Probability that each foot is in stance, from the force on it."""
 
     def __init__(self, legs: Legs, body: RigidBody, config: ContactConfig) -> None:
         self._legs, self._config = legs, config
@@ -27,15 +28,15 @@ class ContactEstimator:
         self._even_force = even_force
         self._carried = config.carried_share * GRAVITY_M_S2
         self.probability = [1.0] * legs.count
-        self._error = np.full(legs.count, even_force)  # N, mean error of each sensor: at first not believed
+        self._error = np.full(legs.count, even_force)  # N, mean error of each sensor; unusable at first
 
     @property
     def believed(self) -> np.ndarray:
-        """Whose force sensor is believed, (legs,) bool; all False without sensors."""
+        """Force sensors in use, (legs,) bool; all False without sensors."""
         return self._error < self._config.sensor_error_share * self._even_force
 
     def reset(self, sensed: Sensed) -> None:
-        """Begin with all feet down."""
+        """Start with all feet in contact."""
         self.probability = [1.0] * self._legs.count
         self._error[:] = self._even_force
         outside = outside_torque(self._legs, sensed, sensed.joint_torque)
@@ -53,17 +54,17 @@ class ContactEstimator:
         """Update with one set of readings.
 
         Args:
-            sensed: the readings. Where torques are NaN (a recording without them), force sensors are
-                believed unchecked.
-            rates: (legs, m) rad/s, of the joints.
-            jacobian: (legs, 3, m) of the points of contact.
+            sensed: the readings. If torques are NaN (a recording without them), force sensors are used
+                unchecked.
+            rates: (legs, m) rad/s, joint velocities.
+            jacobian: (legs, 3, m) of the contact points.
             up: (3,) vertical, base frame.
-            plan: (legs,) planned contact in [0, 1], or None without a plan. A planned contact counts as far
-                as the force on the foot agrees.
-            dt_s: time since the readings before.
+            plan: (legs,) planned contact in [0, 1], or None without a plan. A planned contact counts only as
+                far as the force agrees.
+            dt_s: time since the previous readings.
 
         Returns:
-            The probability of each foot, in [0, 1].
+            Probability of each foot, in [0, 1].
         """
         config = self._config
         outside = outside_torque(self._legs, sensed, sensed.joint_torque)
@@ -74,20 +75,20 @@ class ContactEstimator:
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
-        # A foot that leaves the ground is fast at once, its force is filtered: the accelerometer is quicker.
+        # A foot that lifts off is fast immediately, but its force is filtered: the accelerometer is quicker.
         carried = min(max(float(up.dot(sensed.acceleration)) / self._carried, 0.0), 1.0)
         for leg, pressed in enumerate(force.tolist()):
             load = (pressed - low) / span
             present = carried * planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
-            # Contact is lost at once and gained slowly: a foot that lands bounces and slips first.
+            # Contact is lost immediately and gained slowly: a landing foot bounces and slips first.
             self.probability[leg] = present if present < before else before + share * (present - before)
         return self.probability
 
     def _by_sensors(self, measured: np.ndarray, expected: np.ndarray, dt_s: float) -> np.ndarray:
-        """Forces of believed sensors, and of the others those that follow from torques, N, (legs,)."""
+        """Forces from sensors in use, and otherwise from torques, N, (legs,)."""
         error = np.abs(measured - expected)
-        error[np.isnan(measured)] = 2.0 * self._even_force  # a silent sensor has to prove itself again
+        error[np.isnan(measured)] = 2.0 * self._even_force  # a silent sensor must be verified again
         error[np.isnan(expected)] = 0.0
         share = 1.0 - math.exp(-dt_s / self._config.sensor_filter_s)
         self._error += share * (error.clip(max=2.0 * self._even_force) - self._error)

@@ -1,4 +1,4 @@
-"""The base's motion and pose from IMU, joints and contacts, for any number of limbs."""
+"""Motion and pose of the base from IMU, joints and contacts, for any number of limbs."""
 
 import math
 
@@ -17,16 +17,16 @@ from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
-DOUBTED = "the force sensor of {} is silent or contradicts the motors: its contact follows from torques alone"
-_SOME_CONTACT = 0.5  # sum of contacts below which the height is not measured
+DOUBTED = "the force sensor of {} is silent or contradicts the motors: its contact is estimated from torques"
+_SOME_CONTACT = 0.5  # sum of contacts below which no height is measured
 
 
 class BaseEstimator:
     """Estimates the base's motion and pose from readings.
 
     Args:
-        robot: its nominal geometry and masses are used, never a plant's.
-        config: noise figures.
+        robot: robot with nominal geometry and masses; the plant's are not used.
+        config: noise parameters.
     """
 
     def __init__(self, robot: Robot, config: EstimatorConfig | None = None) -> None:
@@ -36,8 +36,8 @@ class BaseEstimator:
         self._radius = self._legs.foot_radius
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
         self._feet = [foot.name for foot in robot.description.feet]
-        self._doubted = np.zeros(len(self._feet), bool)  # force sensors that a note names
-        self.notes: list[str] = []  # each once
+        self._doubted = np.zeros(len(self._feet), bool)  # force sensors with a note
+        self.notes: list[str] = []  # without repetition
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
         self.motion = MotionFilter(self._config.filter)
@@ -45,7 +45,7 @@ class BaseEstimator:
         self._lateness = Lateness(self._config.odometry)
 
     def reset(self, sensed: Sensed) -> None:
-        """Begin at rest, all feet down; the pose is zero here."""
+        """Start at rest, with all feet in contact and a pose of zero."""
         self._contact.reset(sensed)
         self._gyro.reset()
         self.motion.reset()
@@ -57,21 +57,22 @@ class BaseEstimator:
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
         self._since_rest_s = 0.0
-        self._height_deviation = 0.0  # m, standard deviation beyond that above standing feet
+        self._height_deviation = 0.0  # m, standard deviation in addition to that above stance feet
         self.start()
 
     def start(self) -> None:
-        """Set the pose to zero; the estimated motion is kept."""
+        """Set the pose to zero and keep the estimated motion."""
         self.motion.begin_at((self._rotation @ self._imu).tolist())
         self._drift.reset()
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
 
     def stood_up(self, sensed: Sensed) -> None:
-        """Begin again at rest, all feet down, after a fall: at the place of the fall, by the IMU's yaw."""
+        """Start again at rest after a fall, with all feet in contact, at the position of the fall and the
+        IMU's yaw."""
         place = np.array(self.motion.place) - self._rotation @ self._imu
         kept = self._start_yaw, self._start_height, self._drift
-        self._drift = Drift(self._config.odometry)  # `reset` begins a new one
+        self._drift = Drift(self._config.odometry)  # because `reset` starts a new one
         self.reset(sensed)
         self._start_yaw, self._start_height, self._drift = kept
         self._drift.fell()
@@ -83,11 +84,11 @@ class BaseEstimator:
         Args:
             sensed: the readings.
             stance: (legs,) planned contact in [0, 1], or None without a plan.
-            dt_s: time since the readings before.
+            dt_s: time since the previous readings.
 
         Returns:
-            The base origin's velocity in the body frame, (3,) m/s, and its height above the centre of
-            the mean standing foot, m.
+            Velocity of the base's origin in the body frame, (3,) m/s, and its height above the centre of the
+            mean stance foot, m.
         """
         self._turning = np.array(self._gyro.update(sensed.gyro.tolist(), sensed.quaternion.tolist(), dt_s))
         self._orient(sensed, dt_s)
@@ -98,7 +99,7 @@ class BaseEstimator:
         self._since_rest_s += dt_s
         if self._since_rest_s > self._config.contact.sensor_trial_s and len(sensed.foot_force):
             self._note_doubts(~self._contact.believed)
-        # Velocity of the points of contact relative to the IMU, body frame.
+        # Velocity of the contact points relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
         self.motion.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
@@ -112,14 +113,14 @@ class BaseEstimator:
         return self._velocity, self._base_height()
 
     def pose(self) -> tuple[float, float, float]:
-        """x m, y m and yaw rad of the base since the start; the frame of `Odometry`."""
+        """x m, y m and yaw rad of the base since the start, in the frame of `Odometry`."""
         ahead, left, _ = (np.array(self.motion.place) - self._rotation @ self._imu).tolist()
         cos, sin = math.cos(self._start_yaw), math.sin(self._start_yaw)
         turned = wrap_angle(self._yaw() - self._start_yaw)
         return cos * ahead + sin * left, cos * left - sin * ahead, turned
 
     def odometry(self) -> Odometry:
-        """The whole estimate, with its covariance."""
+        """Complete estimate, with its covariance."""
         config, motion = self._config.odometry, self.motion
         position = np.array(motion.place) - self._rotation @ self._imu
         covariance = np.zeros((7, 7))
@@ -147,7 +148,7 @@ class BaseEstimator:
         )
 
     def _orient(self, sensed: Sensed, dt_s: float) -> None:
-        """Update the orientation: the IMU's, or its own, turned by the angular velocity."""
+        """Update the orientation: the IMU's, or the estimator's own, from the angular velocity."""
         self._quaternion = sensed.quaternion
         if self._attitude is not None and dt_s > 0.0:
             gx, gy, gz = self._turning.tolist()
@@ -157,7 +158,7 @@ class BaseEstimator:
             self._turning = self._turning - self._attitude.bias
 
     def _take(self, sensed: Sensed) -> np.ndarray:
-        """Update places and rotation; returns the Jacobians of the points of contact, (legs, 3, m)."""
+        """Update positions and rotation; returns the Jacobians of the contact points, (legs, 3, m)."""
         self._rotation = rotation_matrix(self._quaternion)
         self._up = up = self._rotation[2]
         pose = self._legs.pose(sensed.joint_position)
@@ -168,15 +169,15 @@ class BaseEstimator:
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
 
     def _note_doubts(self, doubted: np.ndarray) -> None:
-        """Note which force sensors are not believed, (legs,) bool."""
+        """Add notes on force sensors that are not used, (legs,) bool."""
         for foot in np.flatnonzero(doubted & ~self._doubted):
             self.notes.append(DOUBTED.format(self._feet[foot]))
         self._doubted |= doubted
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:
-        """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs.
+        """Update the IMU's height above the mean stance foot: integrated velocity, corrected by stance legs.
 
-        In flight nothing corrects it: it becomes uncertain by the deviation of the velocity.
+        In flight it is not corrected: its uncertainty grows with that of the velocity.
         """
         self._height += self.motion.velocity[2] * dt_s
         total = sum(contact)
@@ -196,5 +197,5 @@ class BaseEstimator:
 
 
 def _about_vertical(angle: float) -> np.ndarray:
-    """Quaternion (4,) of a turn about the vertical."""
+    """Quaternion (4,) of a rotation about the vertical."""
     return np.array([math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)])

@@ -1,4 +1,4 @@
-"""Where feet touch the ground: balls below their centres, soles at their lowest corners."""
+"""Contact points of feet: below the centre of a ball, at the lowest corners of a sole."""
 
 import numpy as np
 
@@ -6,20 +6,20 @@ from footfall.robots.kinematics import Legs
 
 
 class ContactPoints:
-    """The point of each foot that stands still while it rolls or tips.
+    """Point of each foot that stands still while the foot rolls or tips.
 
-    Of a ball it is the lowest point. Of a sole it is the mean of its corners' lowest points, each weighted by
-    exp(-height / level): all of them where it is flat, the edge over which it tips where it is not.
+    For a ball it is the lowest point. For a sole it is the mean of its corners' lowest points, each weighted
+    by exp(-height / level): all corners of a flat sole, only the edge of a tipping sole.
     """
 
     def __init__(self, legs: Legs, level_m: float) -> None:
         self._legs, self._level = legs, level_m
-        self.round = all(  # whether each foot is one ball about its tip
+        self.round = all(  # whether each foot is one ball around its tip
             len(balls.radius) == 1 and not balls.place.any() for balls in legs.balls
         )
-        self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # where all are balls
+        self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # if all feet are balls
         most = max(len(balls.radius) for balls in legs.balls)
-        # x, y, z, radius and 1 of each ball: weighted sums give the mean. Padding is infinitely high.
+        # x, y, z, radius and 1 of each ball: weighted sums give the mean. Padding has infinite height.
         self._balls = np.zeros((legs.count, most, 5))
         self._floats = np.full((legs.count, most), np.inf)
         for leg, (place, radius) in enumerate(legs.balls):
@@ -28,7 +28,7 @@ class ContactPoints:
             self._floats[leg, own] = -radius
 
     def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """Vectors from each limb's tip to its point of contact, (legs, 3) m, base frame.
+        """Vectors from each limb's tip to its contact point, (legs, 3) m, base frame.
 
         Args:
             joint_position: (n,) rad.

@@ -1,12 +1,12 @@
-"""A linear Kalman filter of the IMU's place, velocity and bias, on the accelerometer and the standing legs.
+"""Linear Kalman filter for position, velocity and bias of the IMU, with accelerometer and stance legs.
 
 As in Bloesch et al. 2012 ("State estimation for legged robots: consistent fusion of leg kinematics and IMU")
-the accelerometer predicts and the legs correct. The orientation is the IMU's, which makes the filter linear.
-All noise is isotropic: the three axes share one 3 by 3 covariance of six numbers. A leg measures the velocity
-of its point of contact under the IMU. Anchors on the ground would only add states, since motors report
+the accelerometer predicts and the legs correct. The orientation is the IMU's, so the filter is linear. All
+noise is isotropic: the three axes share one 3 by 3 covariance of six numbers. A leg measures the velocity of
+its contact point relative to the IMU. Anchors on the ground would only add states, because motors report
 velocities.
 
-Plain Python numbers: for so few of them they take a fraction of NumPy's time.
+It uses Python floats: for so few numbers they take a fraction of NumPy's time.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ Matrix = list[list[float]]  # three rows
 
 
 class MotionFilter:
-    """State per world axis: place p, velocity v, and bias b of the accelerometer (b in the body's axes)."""
+    """State per world axis: position p, velocity v, and accelerometer bias b (b in the body's axes)."""
 
     def __init__(self, config: FilterConfig) -> None:
         self._config = config
@@ -31,25 +31,25 @@ class MotionFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Begin at rest, with a place of zero."""
+        """Start at rest, at position zero."""
         self.place = self.velocity = self.bias = [0.0, 0.0, 0.0]
         self._surprise = [0.0, 0.0, 0.0]
-        self._last: tuple[float, ...] | None = None  # last reading, and its acceleration in the world
+        self._last: tuple[float, ...] | None = None  # last reading, and the acceleration from it in the world
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
 
     def begin_at(self, place: Vector) -> None:
-        """Set the place, m, with certainty. The estimated motion is kept."""
+        """Set the position, m, without uncertainty, and keep the estimated motion."""
         self.place = place
         self.pp = self.pv = self.pb = 0.0
 
     def predict(self, force: Vector, rotation: Matrix, dt_s: float) -> None:
         """p' = p + v dt + a dt^2 / 2, v' = v + a dt with the mean acceleration a between two readings.
 
-        The noise grows with their difference: shocks are sampled badly.
+        The noise grows with their difference, because shocks are sampled badly.
 
         Args:
-            force: the accelerometer's reading, m/s^2.
+            force: reading of the accelerometer, m/s^2.
             rotation: body to world.
             dt_s: time between the two readings.
         """
@@ -83,15 +83,15 @@ class MotionFilter:
     def correct(
         self, velocities: Sequence[Vector], contact: Sequence[float], rotation: Matrix, dt_s: float
     ) -> None:
-        """Correct with the legs' velocities, each weighted by its contact and by its fit.
+        """Correct with the legs' velocities, each weighted by its contact and by its agreement.
 
-        A leg that does not fit slips or has not quite landed: noise of Student's distribution lowers its
-        weight. If all standing legs together do not fit for a while, the filter is wrong: a push was too
-        short for the accelerometer. Its velocity then becomes uncertain by as much.
+        A leg that disagrees slips or has not fully landed: noise with Student's t distribution reduces its
+            weight. If all stance legs together disagree for a while, the filter is wrong: a push was too
+            short for the accelerometer. The uncertainty of its velocity is then increased accordingly.
 
         Args:
-            velocities: measurements of v, one of each leg, m/s.
-            contact: probability that each leg stands.
+            velocities: measurements of v, one per leg, m/s.
+            contact: probability that each leg is in stance.
             rotation: body to world.
             dt_s: time since the last correction.
         """
@@ -115,12 +115,12 @@ class MotionFilter:
         (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.place, self.velocity, self.bias
         self.place = [px + kp * x, py + kp * y, pz + kp * z]
         self.velocity = [vx + kv * x, vy + kv * y, vz + kv * z]
-        self.bias = [  # in the body's axes
+        self.bias = [  # in body axes
             bx + kb * (xx * x + yx * y + zx * z),
             by + kb * (xy * x + yy * y + zy * z),
             bz + kb * (xz * x + yz * y + zz * z),
         ]
-        # P - K P_v, a row of which is K's own; v's entries last.
+        # P - K P_v, whose row is proportional to K; entries of v last.
         self.pp -= kp * self.pv
         self.pb -= kp * self.vb
         self.bb -= kb * self.vb

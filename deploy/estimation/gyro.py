@@ -1,4 +1,4 @@
-"""The gyro's bias, from the IMU's own orientation."""
+"""Gyro bias, from the IMU's own orientation."""
 
 import math
 
@@ -8,13 +8,13 @@ Vector = list[float]  # x, y, z
 
 
 class GyroBias:
-    """The gyro's bias: its mean reading less the mean rate of the IMU's orientation.
+    """Gyro bias: mean gyro reading minus mean rate of the IMU's orientation.
 
-    The point of contact of a long leg appears to move by the bias times its length: 0.02 rad/s make a
-    humanoid drift by 15 mm/s. Noise of the orientation averages out, since only its change over the whole
-    time counts.
+    The contact point of a long leg appears to move by the bias times its length: 0.02 rad/s make a humanoid
+        drift by 15 mm/s. Noise of the orientation averages out, because only its change over the whole time
+        counts.
 
-    Plain Python numbers, like the filter.
+    It uses Python floats, like the filter.
     """
 
     def __init__(self, config: GyroConfig) -> None:
@@ -22,10 +22,10 @@ class GyroBias:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the bias."""
+        """Start with zero bias."""
         self.bias: Vector = [0.0, 0.0, 0.0]
-        self._mean: Vector = [0.0, 0.0, 0.0]  # difference of gyro and orientation, rad/s
-        self._time_s = 0.0  # averaging time of it
+        self._mean: Vector = [0.0, 0.0, 0.0]  # difference between gyro and orientation, rad/s
+        self._time_s = 0.0  # averaging time of this difference
         self._last: tuple[Vector, Vector] | None = None
 
     def update(self, gyro: Vector, quaternion: Vector, dt_s: float) -> Vector:
@@ -34,14 +34,14 @@ class GyroBias:
         Args:
             gyro: rad/s, body frame.
             quaternion: w, x, y, z, body to world.
-            dt_s: time since the readings before.
+            dt_s: time since the previous readings.
 
         Returns:
-            The angular velocity without the bias, rad/s, body frame.
+            Angular velocity without the bias, rad/s, body frame.
         """
         if self._last is not None and dt_s > 0.0:
             (gx, gy, gz), (w, x, y, z) = self._last
-            # The turn from the last orientation to this one, a rotation vector in the body frame.
+            # Rotation from the last orientation to this one, a rotation vector in the body frame.
             qw, qx, qy, qz = quaternion
             real = w * qw + x * qx + y * qy + z * qz
             tx = w * qx - x * qw - y * qz + z * qy
@@ -54,7 +54,7 @@ class GyroBias:
             my += share * (0.5 * (gy + gyro[1]) - rate * ty - my)
             mz += share * (0.5 * (gz + gyro[2]) - rate * tz - mz)
             self._mean = [mx, my, mz]
-            # The mean's noise is the orientation's over the time: the ratio of variances is that squared.
+            # The mean's noise is the orientation's divided by the time; the ratio of variances is its square.
             trust = time_s**2 / (time_s**2 + self._config.bias_half_s**2)
             self.bias = [trust * mx, trust * my, trust * mz]
         self._last = gyro, quaternion

@@ -1,4 +1,4 @@
-"""The base's pose since the start, and its covariance."""
+"""Pose of the base since the start, with its covariance."""
 
 import math
 from collections.abc import Sequence
@@ -12,26 +12,26 @@ POSITION, YAW, VELOCITY = slice(0, 3), 3, slice(4, 7)  # rows of the covariance
 
 
 class Odometry(NamedTuple):
-    """The estimated motion of the base. Frame: origin and heading (x) of the base at the start, z up."""
+    """Estimated motion of the base. Frame: origin and heading (x) of the base at the start, z up."""
 
     position: np.ndarray  # (3,) m
-    orientation: np.ndarray  # (4,) w x y z, body to this frame, from the IMU's
-    yaw: float  # rad, in [-pi, pi), of the same
+    orientation: np.ndarray  # (4,) w x y z, body to this frame, based on the IMU's
+    yaw: float  # rad, in [-pi, pi), yaw of this orientation
     velocity: np.ndarray  # (3,) m/s, body frame
     angular_velocity: np.ndarray  # (3,) rad/s, body frame, without the gyro's bias
     height: float  # m above the centre of the mean standing foot
-    contact: np.ndarray  # (legs,) probability that each foot stands
-    covariance: np.ndarray  # (7, 7) of position, yaw, velocity
+    contact: np.ndarray  # (legs,) probability that each foot is in stance
+    covariance: np.ndarray  # (7, 7) covariance of position, yaw, velocity
 
 
 class Lateness:
-    """Uncertainty of the velocity because readings are late.
+    """Uncertainty of the velocity due to the delay of readings.
 
-    The delay is unknown, and a swaying body has changed its velocity meanwhile. A first-order filter with the
-    delay as its time constant lags by such a change: acceleration times delay. The covariance is the mean
-    square of that lag over about one step.
+    The delay is unknown, and a swaying body changes its velocity during it. A first-order filter with the
+    delay as its time constant lags by this change: acceleration times delay. The covariance is the mean
+    square of this lag over about one step.
 
-    Plain Python numbers, like the filter.
+    It uses Python floats, like the filter.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -39,18 +39,18 @@ class Lateness:
         self.reset()
 
     def reset(self) -> None:
-        """Begin without a change."""
-        self._before: Sequence[float] | None = None  # the velocity, filtered
+        """Start with zero lag."""
+        self._before: Sequence[float] | None = None  # filtered velocity
         self._xx = self._xy = self._xz = self._yy = self._yz = self._zz = 0.0
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the velocity, (3, 3), m^2/s^2."""
+        """Covariance of the velocity, (3, 3), m^2/s^2."""
         xy, xz, yz = self._xy, self._xz, self._yz
         return np.array([[self._xx, xy, xz], [xy, self._yy, yz], [xz, yz, self._zz]])
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
-        """Add a time with a velocity (x, y, z), m/s."""
+        """Add a time step with a velocity (x, y, z), m/s."""
         (vx, vy, vz), (bx, by, bz) = velocity, self._before or velocity
         share = dt_s / (self._config.latency_s + dt_s)
         bx, by, bz = bx + share * (vx - bx), by + share * (vy - by), bz + share * (vz - bz)
@@ -68,8 +68,8 @@ class Lateness:
 class Drift:
     """Uncertainty of the pose that grows with the distance, in the frame of the IMU's orientation.
 
-    Three errors that no reading shows: yaw drifts (a random walk that turns the path), the scale is wrong
-    (limbs differ from the description), and feet slip a little at each step.
+    No reading shows these three errors: yaw drifts (a random walk that rotates the path), the scale is wrong
+        (limbs differ from the description), and feet slip slightly at each step.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -77,17 +77,17 @@ class Drift:
         self.reset()
 
     def reset(self) -> None:
-        """Begin where the robot is."""
+        """Start at the present pose."""
         self._time = self._distance = self._fallen = 0.0
-        self._yaw_x = self._yaw_y = 0.0  # covariance of the place with the yaw
-        self._xx = self._xy = self._yy = 0.0  # of the place, from the yaw's
+        self._yaw_x = self._yaw_y = 0.0  # covariance of position and yaw
+        self._xx = self._xy = self._yy = 0.0  # covariance of the position due to the yaw
 
     def fell(self) -> None:
-        """Add a fall, in which the robot slid, rolled and got up by an unknown way."""
+        """Add a fall, in which the robot slid, rolled and got up along an unknown path."""
         self._fallen += self._config.fall_m**2
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
-        """Add a time with a velocity (x, y, z), m/s."""
+        """Add a time step with a velocity (x, y, z), m/s."""
         x, y, _ = velocity
         self._time += dt_s
         self._distance += math.hypot(x, y) * dt_s
@@ -99,7 +99,7 @@ class Drift:
         self._yy += 2.0 * dt_s * x * self._yaw_y
 
     def covariance(self, moved: np.ndarray) -> np.ndarray:
-        """Of place and yaw, (4, 4), after a displacement (3,), m, with z integrated."""
+        """Covariance of position and yaw, (4, 4), after a displacement (3,), m, with z integrated."""
         config = self._config
         result = np.zeros((4, 4))
         result[:2, :2] = (self._xx, self._xy), (self._xy, self._yy)

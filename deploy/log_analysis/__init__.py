@@ -1,1 +1,1 @@
-"""What a log tells of its run."""
+"""Analysis of logs."""

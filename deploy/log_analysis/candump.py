@@ -1,4 +1,4 @@
-"""The CAN frames of a log as text, as candump writes it."""
+"""CAN frames of a log as text, in the format of candump."""
 
 from pathlib import Path
 from typing import TextIO
@@ -10,16 +10,16 @@ RECEIVED, SENT = ("/from_can_bus", "/from_can_bus_fd"), ("/to_can_bus", "/to_can
 
 
 def write_candump(path: Path, out: TextIO) -> int:
-    """Write a log's CAN frames in the order of their times; returns how many.
+    """Write a log's CAN frames in the order of their times; returns their number.
 
     Raises:
-        UserError: the log cannot be read or holds no frames.
+        UserError: the log cannot be read or has no frames.
     """
     from can import CanutilsLogWriter, Message
 
     entries = sorted(read_log(path, (*RECEIVED, *SENT)).entries, key=lambda entry: entry.time_ns)
     if not entries:
-        raise UserError(f"{path} holds no CAN frames: record the run with --log-frames")
+        raise UserError(f"{path} has no CAN frames: record the run with --log-frames")
     writer = CanutilsLogWriter(out)
     for topic, time_ns, frame in entries:
         fd = topic.endswith("_fd")

@@ -1,4 +1,5 @@
-"""A log's numbers as arrays over time. Messages of a topic have the same length, and end in their numbers."""
+"""Values of a log as arrays over time. Messages of a topic have the same length, and end with their
+values."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -11,9 +12,9 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.log_file import LogFile, read_log
 
-RECORDED_BUS = "recording"  # bus of a log that `footfall log import` made: its commands are not rounded
+RECORDED_BUS = "recording"  # bus of a log by `footfall log import`: its commands are not rounded
 TEXTS = ("/state", "/notes", "/orders", "/policy/changes")
-NUMBERS = {  # topics whose messages end in numbers of float64
+NUMBERS = {  # topics whose messages end with float64 values
     "/joint_states", "/joint_commands", "/joint_gains", "/reading_ages", "/imu/data", "/motor_health",
     "/cmd_vel", "/odom", "/contacts", "/foot_forces", "/loop_timing",
     "/policy/command",
@@ -21,9 +22,9 @@ NUMBERS = {  # topics whose messages end in numbers of float64
 
 
 class Column(NamedTuple):
-    """Messages of one topic."""
+    """Values of the messages of one topic."""
 
-    time_s: np.ndarray  # (T,) since the run's start
+    time_s: np.ndarray  # (T,) since the start of the run
     values: np.ndarray  # (T, k)
 
 
@@ -37,7 +38,7 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class LogColumns:
-    """A run's log as arrays. A topic that the log lacks has no rows."""
+    """Log of a run as arrays. A topic missing in the log has no rows."""
 
     log: LogFile  # without messages
     start_ns: int
@@ -48,16 +49,16 @@ class LogColumns:
 
     @property
     def duration_s(self) -> float:
-        """From the first message to the last."""
+        """Time from the first message to the last."""
         return (self.end_ns - self.start_ns) * 1e-9
 
     @property
     def joints(self) -> list[str]:
-        """The joints' names."""
+        """Names of the joints."""
         return self.log.joints
 
     def column(self, topic: str, numbers: int) -> Column:
-        """The last `numbers` numbers of each of a topic's messages."""
+        """Last `numbers` values of each message of a topic."""
         found = self.columns.get(topic, Column(np.zeros(0), np.zeros((0, numbers))))
         if found.values.shape[1] < numbers:
             raise UserError(f"{self.log.path}: messages of {topic} are shorter than those of a footfall run")
@@ -65,22 +66,22 @@ class LogColumns:
 
     @cached_property
     def readings(self) -> Column:
-        """Joint positions, velocities and torques as the motors reported them, (T, 3n)."""
+        """Joint positions, velocities and torques as reported by the motors, (T, 3n)."""
         return self._joint_states("/joint_states")
 
     @cached_property
     def targets(self) -> Column:
-        """Position and velocity targets and feed-forward torques that went out, (T, 3n)."""
+        """Position and velocity targets and feed-forward torques as sent, (T, 3n)."""
         return self._joint_states("/joint_commands")
 
     def _joint_states(self, topic: str) -> Column:
-        """Before each of three sequences stands its length, padded to eight bytes."""
+        """Values of three sequences; each starts with its length, padded to eight bytes."""
         count = len(self.joints)
         time_s, values = self.column(topic, 3 * count + 2)
         return Column(time_s, np.delete(values, [count, 2 * count + 1], axis=1))
 
     def states(self) -> list[tuple[str, float, float]]:
-        """Mode, start and end of each stretch, s."""
+        """Mode, start and end of each interval, s."""
         changes = [
             (event.text.partition(":")[0], event.time_s) for event in self.events if event.topic == "/state"
         ]
@@ -92,11 +93,11 @@ def read_columns(path: Path) -> LogColumns:
     """Read a log's arrays.
 
     Raises:
-        UserError: the log cannot be read, or holds no messages.
+        UserError: the log cannot be read, or has no messages.
     """
     log = read_log(path, decoded=False)
     if not log.entries:
-        raise UserError(f"{path} holds no messages")
+        raise UserError(f"{path} has no messages")
     start_ns = min(entry.time_ns for entry in log.entries)
     end_ns = max(entry.time_ns for entry in log.entries)
     contents: dict[str, list[tuple[int, bytes]]] = {}
@@ -118,7 +119,7 @@ def read_columns(path: Path) -> LogColumns:
 
 
 def _column(rows: list[tuple[int, bytes]], start_ns: int) -> Column:
-    """The numbers at the ends of messages; messages of an unusual length are left out."""
+    """Values at the ends of messages; messages with an unusual length are ignored."""
     ((size, _),) = Counter(len(content) for _, content in rows).most_common(1)
     usual = [(time_ns, content) for time_ns, content in rows if len(content) == size]
     numbers = (size - 4) // 8

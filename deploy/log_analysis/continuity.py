@@ -1,30 +1,30 @@
-"""Finds jumps in paths: steps between two samples that are much larger than the steps around them."""
+"""Jumps in paths: steps between two samples that are much larger than the steps around them."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-AROUND = 5  # samples before and after a step with which it is compared
-TIMES_LARGER = 2.0  # a jump exceeds this multiple of each of them
-FOOT_JUMP_M = 0.005  # by this, for a foot
-JOINT_JUMP_RAD = 0.03  # by this, for a joint
+AROUND = 5  # number of samples before and after a step for the comparison
+TIMES_LARGER = 2.0  # smallest ratio of a jump to each of these steps
+FOOT_JUMP_M = 0.005  # ... plus this, for a foot
+JOINT_JUMP_RAD = 0.03  # ... plus this, for a joint
 
 
 class Continuity(NamedTuple):
-    """The largest step and the jumps of several paths."""
+    """Largest step and jumps of several paths."""
 
     largest: float  # step between two samples
-    largest_s: float  # when
+    largest_s: float  # time of this step
     jumps: list[tuple[float, int, float]]  # time s, path, size
 
 
 def continuity(time_s: np.ndarray, paths: np.ndarray, least: float) -> Continuity:
-    """Look for jumps.
+    """Find jumps in paths.
 
     Args:
         time_s: (T,) times of the samples, s.
-        paths: (T, paths, d) places.
-        least: by which a jump is larger than twice the steps around it.
+        paths: (T, paths, d) positions.
+        least: difference between a jump and twice the steps around it.
     """
     if len(time_s) < 2:
         return Continuity(0.0, 0.0, [])

@@ -1,4 +1,4 @@
-"""Numbers in a CSV file by the names of its columns."""
+"""Values of a CSV file by column name."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -9,24 +9,24 @@ import numpy as np
 
 from footfall.common.errors import UserError
 
-ALL = "all"  # key for each joint that is not named
+ALL = "all"  # key for all joints without their own entry
 
 Column = str | float
-"""Name of a column, or a number for all times."""
+"""Name of a column, or a constant."""
 
 
 class CsvTable(NamedTuple):
-    """Cells of a file whose first line names its columns."""
+    """Cells of a file with column names in the first line."""
 
     path: Path
     names: list[str]
     rows: list[list[str]]
 
     def take(self, columns: Sequence[Column]) -> np.ndarray:
-        """Numbers of some columns, (T, k).
+        """Values of some columns, (T, k).
 
         Raises:
-            UserError: a column is missing, or a cell holds no finite number.
+            UserError: a column is missing, or a cell is not a finite number.
         """
         values = np.empty((len(self.rows), len(columns)))
         for place, column in enumerate(columns):
@@ -34,20 +34,20 @@ class CsvTable(NamedTuple):
         return values
 
     def of(self, chosen: Mapping[str, Column], names: Sequence[str], what: str) -> np.ndarray:
-        """Numbers of each joint or foot, (T, n).
+        """Values for each joint or foot, (T, n).
 
         Args:
-            chosen: column of each; `ALL` stands for those that are not named.
-            names: of the robot's joints or feet, in order.
+            chosen: column for each; `ALL` applies to those without an entry.
+            names: names of the robot's joints or feet, in order.
             what: field of the map, for messages.
 
         Raises:
-            UserError: as `take`, or the map names other joints or feet than the robot has.
+            UserError: as `take`, or the map has joints or feet that the robot does not have.
         """
         lacking = [name for name in names if name not in chosen and ALL not in chosen]
         unknown = [name for name in chosen if name not in names and name != ALL]
         if lacking or unknown:
-            wrong = f"lacks {lacking[0]}" if lacking else f"names {unknown[0]}, which the robot has not"
+            wrong = f"lacks {lacking[0]}" if lacking else f"names {unknown[0]}, which the robot does not have"
             raise UserError(f"{what} of the map {wrong}: the robot has {', '.join(names)}")
         return self.take([chosen[name] if name in chosen else chosen[ALL] for name in names])
 
@@ -68,7 +68,7 @@ class CsvTable(NamedTuple):
 
 
 def read_table(path: Path) -> CsvTable:
-    """The file's cells.
+    """Cells of a file.
 
     Raises:
         UserError: it cannot be read, or is empty.

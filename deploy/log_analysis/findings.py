@@ -1,4 +1,4 @@
-"""What a log tells of a run: its end, its faults, whether its paths are continuous, its extremes."""
+"""Findings about a run from its log: end, faults, continuity of its paths, extreme values."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,19 +9,19 @@ from footfall.deploy.log_analysis.columns import Column, LogColumns
 from footfall.deploy.log_analysis.continuity import FOOT_JUMP_M, JOINT_JUMP_RAD, Continuity, continuity
 from footfall.robots.description import Robot
 
-MOST_POSES = 20_000  # of a long log's readings, for the paths of the feet
+MAX_POSES = 20_000  # readings of a long log that are used for the paths of the feet
 
 
 @dataclass(frozen=True)
 class LogFindings:
-    """What is computed from a log's columns."""
+    """Values computed from a log's columns."""
 
     columns: LogColumns
-    robot: Robot | None  # None if it is not here: then nothing is said of feet
+    robot: Robot | None  # None if not available: then feet are omitted
 
     @cached_property
     def walking(self) -> list[tuple[float, float]]:
-        """Start and end of each time that the robot walked, s."""
+        """Start and end of each walking interval, s."""
         return [(start, end) for mode, start, end in self.columns.states() if mode == "WALKING"]
 
     @cached_property
@@ -35,13 +35,13 @@ class LogFindings:
 
     @cached_property
     def decided(self) -> Column:
-        """Position targets that the policy decided on, (T, n)."""
+        """Position targets from the policy, (T, n)."""
         count = len(self.columns.joints)
         time_s, values = self.columns.column("/policy/command", 5 * count)
         return Column(time_s, values[:, :count])
 
     def feet(self, joints: Column) -> np.ndarray:
-        """Feet of joint positions (T, n) from the base, (T, feet, 3) m."""
+        """Positions of the feet relative to the base for joint positions (T, n), (T, feet, 3) m."""
         assert self.robot is not None
         return np.array([self.robot.legs.pose(position.copy()).foot for position in joints.values]).reshape(
             -1, len(self.robot.description.feet), 3
@@ -49,24 +49,24 @@ class LogFindings:
 
     @cached_property
     def measured(self) -> Column:
-        """Joint positions as read, at most `MOST_POSES` in a row from the start of walking, (T, n)."""
+        """Measured joint positions, at most `MAX_POSES` from the start of walking, (T, n)."""
         count = len(self.columns.joints)
         time_s, values = self.columns.readings
         start = np.searchsorted(time_s, self.walking[0][0]) if self.walking else 0
-        return Column(time_s[start:][:MOST_POSES], values[start:, :count][:MOST_POSES])
+        return Column(time_s[start:][:MAX_POSES], values[start:, :count][:MAX_POSES])
 
     @cached_property
     def decided_feet(self) -> np.ndarray:
-        """Feet of the policy's targets, (T, feet, 3) m."""
-        return self.feet(Column(*(part[:MOST_POSES] for part in self.decided)))
+        """Positions of the feet for the policy's targets, (T, feet, 3) m."""
+        return self.feet(Column(*(part[:MAX_POSES] for part in self.decided)))
 
     @cached_property
     def measured_feet(self) -> np.ndarray:
-        """Feet of the readings, (T, feet, 3) m."""
+        """Positions of the feet for the readings, (T, feet, 3) m."""
         return self.feet(self.measured)
 
     def paths(self) -> list[tuple[str, str, list[str], Continuity]]:
-        """Continuity of each kind of path: what, unit, names of the paths, finding."""
+        """Continuity of each kind of path: kind, unit, names of the paths, finding."""
         joints = self.columns.joints
         found = [
             ("joint target", "rad", joints, _of_joints(self.decided)),
@@ -83,19 +83,19 @@ class LogFindings:
         return [each for each in found if each[3].largest]
 
     def verdicts(self) -> list[str]:
-        """What a reader needs to know first, one line each."""
+        """Main findings, one line each."""
         log = self.columns.log
         modes = self.columns.states()
         last = modes[-1][0] if modes else "no state"
-        lines = [f"It {'ended in order, in' if log.complete else 'was cut short in'} state {last}."]
+        lines = [f"It {'ended in order, in' if log.complete else 'was truncated in'} state {last}."]
         if log.damaged:
-            lines.append(f"{log.damaged} damaged parts are left out.")
+            lines.append(f"{log.damaged} damaged parts are skipped.")
         lines += [f"Fault at {time_s:.2f} s: {text}." for time_s, text in self.faults] or ["No fault."]
         for what, unit, names, (largest, largest_s, jumps) in self.paths():
             if jumps:
                 time_s, path, size = jumps[0]
                 lines.append(
-                    f"{len(jumps)} jump{'s' * (len(jumps) > 1)} in {what}s: the first of {names[path]} by"
+                    f"{len(jumps)} jump{'s' * (len(jumps) > 1)} in {what}s: the first is in {names[path]}, by"
                     f" {size:.3g} {unit} at {time_s:.2f} s."
                 )
             else:
@@ -105,12 +105,12 @@ class LogFindings:
 
     @property
     def good(self) -> bool:
-        """Whether the run ended in order, without a fault, and what was measured is continuous."""
+        """Whether the run ended in order, without a fault, and with continuous measured paths."""
         jumped = any(finding.jumps for what, _, _, finding in self.paths() if "target" not in what)
         return self.columns.log.complete and not self.faults and not jumped
 
     def extremes(self) -> list[tuple[str, str]]:
-        """Largest torque, speed, temperature; lowest voltage; timing: what and how much."""
+        """Largest torque, speed and temperature, lowest voltage, timing: name and value."""
         count, joints = len(self.columns.joints), self.columns.joints
         rows = []
         readings = self.columns.readings.values.reshape(-1, 3, count)

@@ -21,7 +21,7 @@ from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-UNIX_TIME_S = 1e8  # a first time beyond this is a date
+UNIX_TIME_S = 1e8  # a first time above this is a Unix time
 
 
 class Imported(NamedTuple):
@@ -29,13 +29,13 @@ class Imported(NamedTuple):
 
     readings: int
     duration_s: float
-    attitude: str  # its source
-    estimated: bool  # whether it holds the base's estimated motion
-    commanded: bool  # whether it holds the joints' commands
+    attitude: str  # source of the attitude
+    estimated: bool  # whether the log has the base's estimated motion
+    commanded: bool  # whether the log has the joints' commands
 
 
 class _Recording:
-    """Stands for the policy of a recording, which is unknown."""
+    """Placeholder for the policy of a recording, which is unknown."""
 
     name = "recording"
     rate_hz = 50.0
@@ -56,20 +56,20 @@ class _Recording:
 def import_recording(
     recorded: Recorded, robot: Robot, config: EstimatorConfig, out: Path, source: str
 ) -> Imported:
-    """Write the log.
+    """Write a recording as a log.
 
     Contacts and motion of the base are estimated from an IMU with forces at the feet or joint torques.
     Unknown torques are NaN in the log. Without an IMU, the base is at rest.
 
     Args:
         recorded: the readings.
-        robot: that they come from.
-        config: of attitude filter and base estimator.
-        out: the log.
-        source: where the readings come from, kept in the log.
+        robot: robot of the readings.
+        config: settings of attitude filter and base estimator.
+        out: log file to write.
+        source: source of the readings, stored in the log.
 
     Raises:
-        UserError: the log cannot be written, or the robot does not keep still in a recording without
+        UserError: the log cannot be written, or the robot is never at rest in a recording without
             orientation.
     """
     quaternion = recorded.quaternion
@@ -123,10 +123,10 @@ def import_recording(
 
 
 def attitudes(recorded: Recorded, config: AttitudeConfig) -> np.ndarray:
-    """Orientations (T, 4) from gyro and accelerometer; before the filter starts, its first one.
+    """Orientations (T, 4) from gyro and accelerometer; before the filter starts, its first orientation.
 
     Raises:
-        UserError: the robot does not keep still for long enough.
+        UserError: the robot is not at rest long enough.
     """
     estimator, found = AttitudeEstimator(config), []
     steps_s = 1e-6 * np.diff(recorded.time_us, prepend=recorded.time_us[:1])
@@ -137,7 +137,7 @@ def attitudes(recorded: Recorded, config: AttitudeConfig) -> np.ndarray:
             found.append(attitude.quaternion)
     if not found:
         raise UserError(
-            f"the robot does not keep still for {config.rest_s:g} s: without a quaternion in the map, its"
+            f"the robot is never at rest for {config.rest_s:g} s: without a quaternion in the map, its"
             f" attitude begins at rest, with a gyro below {config.rest_rad_s:g} rad/s (estimator.attitude)"
         )
     return np.array([found[0]] * (len(steps_s) - len(found)) + found)

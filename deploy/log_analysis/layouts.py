@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # of a JointState
+QUANTITIES = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # fields of a JointState
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
 CAMERA_M = 2.5  # from the base: legged robots from 0.3 to 1.3 m fill the panel
 
 
 def foxglove_layout(joints: Sequence[str]) -> str:
-    """A layout that Foxglove and Lichtblick import, as JSON."""
+    """A layout for Foxglove and Lichtblick, as JSON."""
     panels: dict[str, dict[str, Any]] = {
         "3D!robot": _foxglove_scene(),
         "RosOut!events": {"topicToRender": "/rosout", "searchTerms": [], "minLogLevel": 1},
@@ -59,13 +59,13 @@ def _foxglove_scene() -> dict[str, Any]:
 
 
 def _foxglove_plot(title: str, paths: list[dict[str, Any]]) -> dict[str, Any]:
-    """Settings of a panel; each of the two viewers has a key of its own for the title."""
+    """Settings of a panel; each of the two viewers has its own key for the title."""
     titles = {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
     return {**titles, "paths": paths, "showLegend": True, "legendDisplay": "left", "sidebarDimension": 160}
 
 
 def plotjuggler_layout(joints: Sequence[str]) -> str:
-    """A layout that PlotJuggler opens, as XML: a tab for each quantity of the joints, one for the walk."""
+    """A layout for PlotJuggler, as XML: one tab for each quantity of the joints, one for the walk."""
     root = ElementTree.Element("root")
     window = ElementTree.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for quantity in QUANTITIES:

@@ -1,4 +1,4 @@
-"""Readings and commands of any robot in a CSV file, whose columns a map names."""
+"""Readings and commands of any robot in a CSV file, with a map of its columns."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,33 +14,32 @@ from footfall.deploy.log_analysis.csv_table import Column, CsvTable, read_table
 from footfall.robots.description import Robot
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # w x y z
-COMMAND = ("target_position", "target_velocity", "stiffness", "damping", "feed_forward")  # order of a command
+COMMAND = ("target_position", "target_velocity", "stiffness", "damping", "feed_forward")  # rows of a command
 
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Names of a file's columns, and their units. Joints and feet are named as in robot.yaml.
-
-    Of a quaternion and of commands, a number stands for a column that holds it at all times.
+    """Names of a file's columns, and their units. Joints and feet have the names of robot.yaml.
+    For a quaternion and for commands, a number may replace a column with a constant.
     """
 
     time: str
-    joint_position: dict[str, str]  # column of each joint
-    gyro: tuple[str, str, str] | None = None  # x, y, z; None: no IMU, the base stands still
-    acceleration: tuple[str, str, str] | None = None  # proper: it reads gravity at rest; with gyro
-    joint_velocity: dict[str, str] = field(default_factory=dict)  # empty: differences of positions
+    joint_position: dict[str, str]  # column for each joint
+    gyro: tuple[str, str, str] | None = None  # x, y, z; None: no IMU, the base is at rest
+    acceleration: tuple[str, str, str] | None = None  # proper acceleration; requires gyro
+    joint_velocity: dict[str, str] = field(default_factory=dict)  # empty: computed from positions
     joint_torque: dict[str, str] = field(default_factory=dict)  # empty: unknown
-    foot_force: dict[str, str] = field(default_factory=dict)  # upward, of each foot; empty: unknown
+    foot_force: dict[str, str] = field(default_factory=dict)  # upward, for each foot; empty: unknown
     quaternion: tuple[Column, Column, Column, Column] | None = None  # w x y z, body to world; None: unknown
     target_position: dict[str, Column] = field(default_factory=dict)  # empty: no position control
     target_velocity: dict[str, Column] = field(default_factory=dict)  # empty: zero
     stiffness: dict[str, Column] = field(default_factory=dict)  # N m/rad; empty: zero
     damping: dict[str, Column] = field(default_factory=dict)  # N m s/rad; empty: zero
     feed_forward: dict[str, Column] = field(default_factory=dict)  # N m; empty: zero
-    imu_mounting: tuple[float, float, float, float] = LEVEL  # w x y z, IMU's axes to base's
+    imu_mounting: tuple[float, float, float, float] = LEVEL  # w x y z, from the IMU's axes to the base's
     time_unit_s: float = 1.0
-    angle_unit_rad: float = 1.0  # of joints, targets included
-    rate_unit_rad_s: float = 1.0  # of the gyro
+    angle_unit_rad: float = 1.0  # unit of joint positions and velocities, including targets
+    rate_unit_rad_s: float = 1.0  # unit of the gyro
     acceleration_unit_m_s2: float = 1.0
 
     def __post_init__(self) -> None:
@@ -48,23 +47,23 @@ class ColumnMap:
         if not np.linalg.norm(self.imu_mounting) > 0.0:
             raise ValueError("imu_mounting must be a quaternion")
         if (self.gyro is None) != (self.acceleration is None):
-            raise ValueError("gyro and acceleration belong together: name both or neither")
+            raise ValueError("gyro and acceleration require each other: give both or neither")
         if bool(self.target_position) != bool(self.stiffness):
-            raise ValueError("target_position and stiffness belong together: name both or neither")
+            raise ValueError("target_position and stiffness require each other: give both or neither")
         if self.target_velocity and not self.damping:
             raise ValueError("target_velocity needs damping, N m s/rad")
 
     @property
     def commanded(self) -> bool:
-        """Whether the file holds commands."""
+        """Whether the file has commands."""
         return any(getattr(self, name) for name in COMMAND)
 
 
 class Recorded(NamedTuple):
     """Readings of n joints and f feet at T times."""
 
-    start_s: float  # time of the first row, as the file has it
-    time_us: np.ndarray  # (T,) int since then
+    start_s: float  # time of the first row in the file
+    time_us: np.ndarray  # (T,) int, time since the first row
     gyro: np.ndarray  # (T, 3) rad/s, base axes
     acceleration: np.ndarray  # (T, 3) m/s^2, base axes
     quaternion: np.ndarray | None  # (T, 4) w x y z
@@ -73,15 +72,15 @@ class Recorded(NamedTuple):
     torque: np.ndarray | None  # (T, n) N m
     force: np.ndarray | None  # (T, f) N
     command: np.ndarray | None  # (T, 5, n) position, velocity, stiffness, damping, torque
-    imu: bool  # whether gyro and acceleration were recorded; else they are those of a base at rest
+    imu: bool  # whether gyro and acceleration were recorded; otherwise they are those of a base at rest
 
 
 def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
-    """Read a file whose first line names its columns.
+    """Read a file with column names in the first line.
 
     Raises:
-        UserError: the file cannot be read, lacks a column or a joint, holds no number where one is due, or
-            its time does not grow.
+        UserError: the file cannot be read, a column or a joint is missing, a cell is not a number, or the
+            time does not increase.
     """
     table = read_table(path)
     n, feet = robot.joint_names, tuple(foot.name for foot in robot.description.feet)
@@ -91,7 +90,7 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
     time_us = np.rint(1e6 * (seconds - seconds[0])).astype(np.int64)
     late = np.flatnonzero(np.diff(time_us) <= 0)
     if len(late):
-        raise UserError(f"{path}, line {late[0] + 3}: the time does not grow")
+        raise UserError(f"{path}, line {late[0] + 3}: the time does not increase")
     position = columns.angle_unit_rad * table.of(columns.joint_position, n, "joint_position")
     if columns.joint_velocity:
         velocity = columns.angle_unit_rad * table.of(columns.joint_velocity, n, "joint_velocity")
@@ -115,7 +114,7 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
 
 
 def _motion_of_base(table: CsvTable, columns: ColumnMap) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Gyro, acceleration and orientation, (T, 3), (T, 3), (T, 4); of a base at rest without an IMU."""
+    """Gyro, acceleration and orientation, (T, 3), (T, 3), (T, 4); those of a base at rest without an IMU."""
     quaternion = columns.quaternion
     if quaternion is None and columns.gyro is None:
         quaternion = LEVEL

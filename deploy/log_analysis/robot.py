@@ -1,4 +1,4 @@
-"""The robot that a log was made with."""
+"""Robot of a log."""
 
 from contextlib import suppress
 
@@ -8,10 +8,10 @@ from footfall.robots.description import Robot
 
 
 def logged_robot(log: LogFile) -> Robot:
-    """The robot that a log was made with, wherever it lies.
+    """Robot named in a log, by name or folder.
 
     Raises:
-        UserError: it is not here, or has changed since.
+        UserError: it is not available, or has changed since.
     """
     from footfall.robots.description import load_robot
 
@@ -23,5 +23,5 @@ def logged_robot(log: LogFile) -> Robot:
                 return robot
     raise UserError(
         f"the log was made with robot {name} of {folder},"
-        " which is not here or has changed since: give --robot"
+        " which is not available or has changed since: give --robot"
     )

@@ -1,4 +1,4 @@
-"""Readings of the base over a window: what the IMU reported, and what follows from it."""
+"""Readings of the base in a window: reports of the IMU, and values computed from them."""
 
 import math
 from collections.abc import Sequence
@@ -13,28 +13,28 @@ CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 class BodyReadings(NamedTuple):
-    """What is read of the base, from one comparison to the next."""
+    """Readings of the base between two comparisons."""
 
     elapsed_s: float
-    before: Inertial  # the last reading of the window before
+    before: Inertial  # last reading of the previous window
     inertials: list[Inertial]
-    position: np.ndarray  # of the joints at the end, rad, (n,)
-    torque: np.ndarray  # mean of the motors' reports, N m, (n,)
+    position: np.ndarray  # joint positions at the end, rad, (n,)
+    torque: np.ndarray  # mean of the reported torques, N m, (n,)
     fastest: float  # mean speed of the fastest joint, rad/s
 
 
 class BodyWindow(NamedTuple):
-    """What follows from the readings of a window."""
+    """Values computed from the readings of a window."""
 
     readings: BodyReadings
     on_legs: bool  # whether the legs should carry the base
     gyro: list[float]  # mean, rad/s, body axes
     acceleration: list[float]  # mean of the body-axes readings, in world axes at the end, m/s^2
-    up: np.ndarray  # the world's up in the body's axes at the end, (3,)
-    turn: list[float]  # the base's turn by the quaternions, rad, about each body axis
-    gyro_turn: list[float]  # the same by the gyro
-    slope_rad: float = 0.0  # between the plane of the standing feet and the IMU's level
-    leg_turn_rad: float = 0.0  # turn of the base since these feet stand, by the IMU less that by the legs
+    up: np.ndarray  # world's up in the body's axes at the end, (3,)
+    turn: list[float]  # rotation of the base by the quaternions, rad, about each body axis
+    gyro_turn: list[float]  # rotation of the base by the gyro
+    slope_rad: float = 0.0  # angle between the plane of the standing feet and the IMU's level
+    leg_turn_rad: float = 0.0  # rotation of the base since these feet stand, by the IMU minus by the legs
 
     @property
     def elapsed_s(self) -> float:
@@ -42,7 +42,7 @@ class BodyWindow(NamedTuple):
 
 
 def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
-    """The window of these readings."""
+    """Window of these readings."""
     last = readings.inertials[-1]
     quaternion = np.array(last.quaternion)
     gyro, acceleration = (
@@ -62,17 +62,18 @@ def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
 
 
 def _rotation_vector(quaternion: Sequence[float]) -> list[float]:
-    """Axis times angle of a rotation of less than half a turn, rad."""
+    """Axis times angle of a rotation by less than half a turn, rad."""
     w, *axis = quaternion
-    sine = math.hypot(*axis)  # of half the angle
+    sine = math.hypot(*axis)  # sine of half the angle
     scale = 2.0 if sine < 1e-6 else 2.0 * math.atan2(sine, abs(w)) / sine
     return [math.copysign(scale, w) * part for part in axis]
 
 
 def _gyro_turn(readings: BodyReadings, mean: Sequence[float]) -> list[float]:
-    """The gyro's rates integrated from the last reading before the window, by trapezoids, rad.
+    """Gyro rates integrated from the last reading before the window, by trapezoids, rad.
 
-    A base that hits the ground changes its rate by many rad/s in a window: a plain mean is off by half of it.
+    A base that hits the ground changes its rate by many rad/s in a window: a plain mean would be wrong by
+    half of it.
     """
     step_s = readings.elapsed_s / len(readings.inertials)
     first, last = readings.before.gyro, readings.inertials[-1].gyro

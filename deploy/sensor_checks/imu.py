@@ -17,22 +17,20 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class ImuLimits(Memory):
-    """How far the parts of the IMU may disagree."""
+    """Limits of the disagreement between the parts of the IMU."""
 
-    rotation_rad: float = 0.08  # turn by the quaternion against the turn by the gyro
-    imu_repeated_s: float = 0.03  # that a part of the IMU repeats itself while joints move
-    turned_rad: float = 0.001  # of the base in a window: less is no turn, and rounding can hide it
-    moving_rad_s: float = 0.5  # of the fastest joint: then a base shakes by more than an IMU's last digit
-    resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
+    rotation_rad: float = 0.08  # rotation by the quaternion minus rotation by the gyro
+    imu_repeated_s: float = 0.03  # time for which a part of the IMU repeats while joints move
+    turned_rad: float = 0.001  # rotation of the base in a window: a smaller one may be hidden by rounding
+    moving_rad_s: float = 0.5  # joint speed above which a base shakes by more than the IMU's resolution
+    resting_rad_s: float = 0.3  # below it, for `resting_s`, a joint or the base is at rest
     resting_s: float = 0.3
-    rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's gravity
-    lean_error: float = (
-        0.45  # of gravity: the same in motion, on average, sideways; a slide from 6 m/s has 0.4
-    )
-    long_lean_error: float = 0.12  # of gravity: sideways over `long_lean_memory_s`
+    rest_error: float = 0.15  # of gravity: acceleration at rest minus the quaternion's gravity
+    lean_error: float = 0.45  # of gravity: mean lateral error in motion; a slide from 6 m/s has 0.4
+    long_lean_error: float = 0.12  # of gravity: mean lateral error over `long_lean_memory_s`
     long_lean_memory_s: float = 3.0
-    lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it
-    lean_memory_s: float = 1.0  # over which a walk's accelerations cancel out
+    lift_error: float = 0.6  # of gravity: upward; a robot that is thrown or falls over has less
+    lean_memory_s: float = 1.0  # averaging time, over which a walk's accelerations cancel out
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -45,7 +43,7 @@ class ImuLimits(Memory):
 
 
 class Rotation(BodyCheck):
-    """The base's turn by the quaternion less its turn by the gyro, rad."""
+    """Rotation of the base by the quaternion minus that by the gyro, rad."""
 
     looks_at = "the quaternion's turn against the gyro's"
     message = "the IMU: its quaternion turned by {0:.2f} rad against its gyro"
@@ -68,9 +66,8 @@ class Rotation(BodyCheck):
 
 
 class _PartRepeated(BodyCheck):
-    """How long a part of the IMU has repeated itself to the last digit while joints move, s.
-
-    Only of a robot on its legs: a robot that lies or hangs may keep still.
+    """Time for which a part of the IMU has repeated exactly while joints move, s.
+    Only for a robot on its legs: a lying or hanging robot may be at rest.
     """
 
     limit = Limit("imu_repeated_s")
@@ -93,13 +90,14 @@ class _PartRepeated(BodyCheck):
         return self._repeated_s
 
     def _weight(self, window: BodyWindow) -> float:
-        """Gyro and quaternion count only where they disagree: a smooth motion keeps its rate for a while."""
+        """Gyro and quaternion count only if they disagree: a smooth motion has a constant rate for a
+        while."""
         error = max(abs(a - b) for a, b in zip(window.turn, window.gyro_turn, strict=True))
         return float(error > self._limits.turned_rad)
 
 
 class GyroRepeated(_PartRepeated):
-    """The gyro repeats itself."""
+    """Repeated gyro readings."""
 
     part = "gyro"
     looks_at = "how long the gyro repeats itself while joints move"
@@ -107,20 +105,20 @@ class GyroRepeated(_PartRepeated):
 
 
 class AccelerationRepeated(_PartRepeated):
-    """The acceleration repeats itself."""
+    """Repeated acceleration readings."""
 
     part = "acceleration"
     looks_at = "how long the acceleration repeats itself while joints move"
     message = "the IMU: its acceleration has repeated itself for {0:.2f} s while joints moved"
 
     def _weight(self, window: BodyWindow) -> float:
-        """Half where the base has not turned, since gravity's share of the acceleration stays the same."""
+        """Half if the base has not rotated, because gravity's share of the acceleration is then constant."""
         turned = max(map(abs, (*window.turn, *window.gyro_turn)))
         return 1.0 if turned > self._limits.turned_rad else 0.5
 
 
 class QuaternionRepeated(_PartRepeated):
-    """The quaternion repeats itself."""
+    """Repeated quaternions."""
 
     part = "quaternion"
     looks_at = "how long the quaternion repeats itself while joints move"
@@ -128,7 +126,7 @@ class QuaternionRepeated(_PartRepeated):
 
 
 class RestError(BodyCheck):
-    """How far the mean acceleration of a robot at rest is off gravity's opposite, over gravity."""
+    """Difference between the mean acceleration at rest and the opposite of gravity, relative to gravity."""
 
     looks_at = "acceleration at rest against the quaternion's gravity: an IMU askew by 9 degrees"
     message = "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}"
@@ -161,7 +159,7 @@ class RestError(BodyCheck):
 
 
 class _MeanAcceleration(BodyCheck):
-    """A check of the mean acceleration in motion, world axes, over gravity."""
+    """A check of the mean acceleration in motion, world axes, relative to gravity."""
 
     memory: ClassVar[str] = "lean_memory_s"  # field of `ImuLimits`
 
@@ -182,10 +180,10 @@ class _MeanAcceleration(BodyCheck):
 
 
 class Lean(_MeanAcceleration):
-    """Mean sideways acceleration.
+    """Mean lateral acceleration.
 
-    A window counts with at most gravity: no attitude is off by more. A robot that hits the ground at speed is
-    stopped within a window or two, at many times gravity.
+    A window counts with at most gravity, because no attitude error causes more. A robot that hits the ground
+    at speed stops within one or two windows, at many times gravity.
     """
 
     looks_at = "acceleration in motion against it, on average, sideways"
@@ -199,15 +197,15 @@ class Lean(_MeanAcceleration):
         return math.hypot(ahead, left) / GRAVITY_M_S2
 
     def _most(self) -> float:
-        """With how much a window counts at most, of gravity."""
+        """Largest value of a window, relative to gravity."""
         return 1.0
 
 
 class LongLean(Lean):
-    """Mean sideways acceleration over seconds, in which a robot's own accelerations cancel out.
+    """Mean lateral acceleration over seconds, in which a robot's own accelerations cancel out.
 
-    A window counts with at most twice the limit. A robot that was pushed hard slides until friction has
-    stopped it, and an accelerometer may have missed the push, which is short and beyond its range.
+    A window counts with at most twice the limit. A robot that was pushed hard slides until friction stops it,
+    and an accelerometer may miss the push, which is short and beyond its range.
     """
 
     memory = "long_lean_memory_s"
@@ -219,7 +217,7 @@ class LongLean(Lean):
 
 
 class Lift(_MeanAcceleration):
-    """How far the mean upward acceleration is off gravity's opposite."""
+    """Difference between the mean upward acceleration and the opposite of gravity."""
 
     looks_at = "the same upwards: an accelerometer with another unit or sign"
     message = "the IMU: on average its acceleration is off gravity by {0:.0%}"

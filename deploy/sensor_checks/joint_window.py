@@ -1,7 +1,7 @@
-"""Joint readings added up over a window.
+"""Sums of joint readings over a window.
 
-Readings are added every `SAMPLE_S` and compared every `period_s`: that keeps a tick cheap and removes single
-spikes.
+Readings are added every `SAMPLE_S` and compared every `period_s`: this keeps a tick cheap and suppresses
+single spikes.
 """
 
 from typing import NamedTuple
@@ -10,37 +10,37 @@ import numpy as np
 
 from footfall.deploy.drivers.imu import Inertial
 
-SAMPLE_S = 0.004  # between two readings that are added: a fraction of the swing of a leg
+SAMPLE_S = 0.004  # interval of added readings: a fraction of a leg's swing
 
 
 class JointWindow(NamedTuple):
-    """Readings of n joints and commands to them, from one comparison to the next. All arrays are (n,)."""
+    """Readings of n joints and their commands, between two comparisons. All arrays are (n,)."""
 
     elapsed_s: float
     joints: np.ndarray  # (3, n) last reading: position rad, velocity rad/s, torque N m
-    repeated: np.ndarray  # (3, n) whether each reading of the window equals the one before
-    travel: np.ndarray  # rad, by integrating the velocities
-    position_error: np.ndarray  # rad, change of the position less that by the velocity
-    late_s: np.ndarray  # by how much the oldest reading was older than the youngest
+    repeated: np.ndarray  # (3, n) whether each reading of the window equals the previous one
+    travel: np.ndarray  # rad, integral of the velocities
+    position_error: np.ndarray  # rad, change of the position minus the travel
+    late_s: np.ndarray  # difference between the ages of the oldest and the youngest reading
     speed: np.ndarray  # mean, rad/s
-    jolts: np.ndarray  # sizes of the second differences of the velocity's readings, summed, rad/s
+    jolts: np.ndarray  # sum of the absolute second differences of the velocity readings, rad/s
     torque: np.ndarray  # mean of the reported torque, N m
-    strongest: np.ndarray  # largest reported torque in either direction, N m
-    expected: np.ndarray  # mean of the torque that the last commands ask for, N m
+    strongest: np.ndarray  # largest absolute reported torque, N m
+    expected: np.ndarray  # mean expected torque from the last commands, N m
     stiffness: np.ndarray  # of the last command, N m/rad
-    target_speed: np.ndarray  # of the position target, rad/s
-    target_travel: np.ndarray  # of the position target in the window before, rad
+    target_speed: np.ndarray  # speed of the position target, rad/s
+    target_travel: np.ndarray  # travel of the position target in the previous window, rad
     mean: np.ndarray  # (3, n) mean of the readings, rows as in `joints`
-    asked_mean: np.ndarray  # mean of the torque that the last command asks for at each reading, N m
+    asked_mean: np.ndarray  # mean torque from the last command at each reading, N m
     gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
-    torques: np.ndarray  # (k, n) each report, N m
-    asked: np.ndarray  # (2, k, n) least torque that commands asked for before each, and minus the most, N m
-    temperature_c: np.ndarray  # NaN where a motor does not report it
-    voltage: np.ndarray  # of the motors' supply, V; NaN likewise
+    torques: np.ndarray  # (k, n) each reported torque, N m
+    asked: np.ndarray  # (2, k, n) smallest torque commanded before each report, and minus the largest, N m
+    temperature_c: np.ndarray  # NaN if not reported
+    voltage: np.ndarray  # supply voltage of the motors, V; NaN if not reported
 
 
 def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray) -> JointWindow:
-    """A window of one reading, for the checks that need no more."""
+    """A window of one reading, for the checks that need only one."""
     none = np.zeros(joints.shape[1])
     return JointWindow(
         0.0,
@@ -58,7 +58,7 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
 
 
 class _Sums:
-    """What is added up since a window began."""
+    """Sums since the start of a window."""
 
     def __init__(self, n: int, now_us: int) -> None:
         self.began_us = now_us
@@ -67,12 +67,12 @@ class _Sums:
         self.repeated = np.ones((3, n), bool)
         self.strongest = np.zeros(n)
         self.torques: list[np.ndarray] = []
-        self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
+        self.least: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
         self.minus_most: list[np.ndarray] = []
         self.expected, self.asked_sum = np.zeros((2, n))
         self.gains = np.zeros((2, n))
         self.travel, self.jolts = np.zeros((2, n))
-        self.starts = np.zeros(n)  # where the window began, by each reading, rad
+        self.starts = np.zeros(n)  # positions at the start of the window, computed from each reading, rad
         self.late_us = np.zeros(n)
         self.inertials: list[Inertial] = []
 
@@ -84,24 +84,24 @@ class JointWindows:
         """Windows of `joints` joints that last `period_s` at ticks of `tick_s`."""
         self._n = joints
         self.sample_s = tick_s * max(1, round(min(SAMPLE_S, period_s) / tick_s))
-        self._sample_us = round(1e6 * (self.sample_s - tick_s / 2))  # half a tick early, against rounding
-        self._readings = max(1, round(period_s / self.sample_s))  # of a window
+        self._sample_us = round(1e6 * (self.sample_s - tick_s / 2))  # half a tick early, because of rounding
+        self._readings = max(1, round(period_s / self.sample_s))  # number per window
         self._gap_us = round(1e6 * max(period_s / 2, 1.5 * self.sample_s))
         self.begin(0, np.zeros(joints, np.int64), np.zeros((3, joints)), np.zeros(joints))
 
     def begin(self, now_us: int, heard_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
-        """Forget all readings, and start from these (see `add`) and these position targets, rad, (n,)."""
+        """Clear all readings, and start with these (see `add`) and these position targets, rad, (n,)."""
         self._sums = _Sums(self._n, now_us)
         self._added_us = now_us
         self._heard_us = heard_us.copy()
         self._last, self._target = joints, target
-        self._change = np.zeros(self._n)  # of the velocities from reading to reading, rad/s
+        self._change = np.zeros(self._n)  # change of the velocities between readings, rad/s
         self._target_travel = np.zeros(self._n)
-        self._ended = joints[0]  # where the last window ended, rad
-        self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
+        self._ended = joints[0]  # positions at the end of the last window, rad
+        self._youngest_us = (now_us - heard_us).astype(float)  # smallest age of each motor's readings
 
     def due(self, now_us: int) -> bool:
-        """Whether it is time to add readings."""
+        """Whether the next readings are due."""
         return now_us - self._added_us >= self._sample_us
 
     def add(
@@ -118,16 +118,16 @@ class JointWindows:
         """Add one tick's readings; returns whether the window is full.
 
         Args:
-            now_us: the loop's time.
-            silence_us: age of the oldest reading. A window with a gap is not compared, since nothing is known
-                of the motion in the gap.
-            heard_us: (n,) when each motor's reading arrived.
-            inertial: the IMU's reading.
-            joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
-            expected: (n,) torque that the last commands ask for at these readings, N m.
-            asked: least torque that all commands since the last call asked for, and minus the greatest, N m,
-                (n,) each; None for `expected`.
-            sent: (5, n) the last command, rows as in `JointCommand`; None if unknown.
+            now_us: time of the loop.
+            silence_us: age of the oldest reading. A window with a gap is not used, because the motion in the
+                gap is unknown.
+            heard_us: (n,) arrival time of each motor's reading.
+            inertial: reading of the IMU.
+            joints: (3, n) reported position rad, velocity rad/s, torque N m.
+            expected: (n,) expected torque from the last commands for these readings, N m.
+            asked: smallest torque of all commands since the last call, and minus the largest, N m, (n,) each;
+                None for `expected`.
+            sent: (5, n) last command, rows as in `JointCommand`; None if unknown.
         """
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
@@ -159,7 +159,7 @@ class JointWindows:
 
     @property
     def inertials(self) -> list[Inertial]:
-        """The IMU's readings of the present window."""
+        """Readings of the IMU in the present window."""
         return self._sums.inertials
 
     def close(
@@ -168,10 +168,10 @@ class JointWindows:
         """End the window and begin the next one; returns None if a gap makes the window worthless.
 
         Args:
-            stiffness: (n,) of the last command, N m/rad.
-            target: (n,) position targets that went out last, rad.
-            temperature_c: (n,) degrees Celsius; NaN where a motor does not report it.
-            voltage: (n,) at the motors' supply, V; NaN likewise.
+            stiffness: (n,) stiffness of the last command, N m/rad.
+            target: (n,) last position targets, rad.
+            temperature_c: (n,) degrees Celsius; NaN if not reported.
+            voltage: (n,) supply voltage of the motors, V; NaN if not reported.
         """
         window = None
         if self._sums.gap:
@@ -190,7 +190,7 @@ class JointWindows:
         elapsed_s = (self._added_us - sums.began_us) * 1e-6
         mean = sums.readings / count
         _, velocity, torque = mean
-        # Each position, less the travel until then, tells where the window began. The mean has less noise.
+        # Each position minus the travel until then gives the start of the window. The mean has less noise.
         started = sums.starts / count
         position_error = started - self._ended
         self._ended = started + sums.travel

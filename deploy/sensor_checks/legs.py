@@ -1,4 +1,4 @@
-"""Checks of the base against the legs: the IMU's attitude, and the base's height."""
+"""Checks of the base against the legs: the IMU's attitude, and the height of the base."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,17 @@ from footfall.deploy.sensor_checks.body_window import BodyWindow
 from footfall.deploy.sensor_checks.check import BodyCheck, Limit
 from footfall.robots.description import Robot
 
-WINDOWS_PER_HEIGHT = 3  # bodies fall slowly, and this check costs more time than all others together
+WINDOWS_PER_HEIGHT = 3  # bodies fall slowly, and this check takes more time than all others together
 
 
 @dataclass(frozen=True)
 class LegLimits:
-    """Largest differences of attitude and height between IMU and legs."""
+    """Limits of differences of attitude and height between IMU and legs."""
 
     sunk: float = 0.55  # largest loss of clearance of the base, as a share of that when standing
-    slope_rad: float = 0.35  # of the ground that a robot may stand on, by its legs and the IMU
-    leg_turn_rad: float = 0.05  # largest difference between the turns by IMU and legs while feet stand
-    loaded_share: float = 0.2  # of an even share of the weight: a foot with less load does not stand
+    slope_rad: float = 0.35  # slope of the ground below a standing robot, by its legs and the IMU
+    leg_turn_rad: float = 0.05  # largest difference between the rotations by IMU and legs while feet stand
+    loaded_share: float = 0.2  # of an equal share of the weight: smallest load of a standing foot
 
     def __post_init__(self) -> None:
         require_between(self, 0.1, 1.0, "sunk")
@@ -28,7 +28,7 @@ class LegLimits:
 
 
 class Slope(BodyCheck):
-    """Angle between the plane of the standing feet and the IMU's level, rad; 0 if none stand still."""
+    """Angle between the plane of the standing feet and the IMU's level, rad; 0 without standing feet."""
 
     looks_at = "the IMU's level against the plane of the standing feet: the IMU or a leg's encoders are off"
     message = "the IMU: the base is tilted by {0:.2f} rad against the standing legs"
@@ -39,7 +39,7 @@ class Slope(BodyCheck):
 
 
 class LegTurn(BodyCheck):
-    """Turn of the base since the feet stand: IMU minus legs, rad; 0 if no foot stands still."""
+    """Rotation of the base since the feet stand: IMU minus legs, rad; 0 without standing feet."""
 
     looks_at = "the base's turn by the IMU against that by the standing legs, whatever the slope"
     message = "the IMU: the base turned by {0:.2f} rad against the standing legs"
@@ -50,7 +50,7 @@ class LegTurn(BodyCheck):
 
 
 class Sunk(BodyCheck):
-    """Share of the base's clearance that is gone."""
+    """Lost share of the base's clearance."""
 
     looks_at = "the share of the base's clearance that is gone: the robot sinks without tipping over"
     message = "the base has sunk: {0:.0%} of its clearance is gone"

@@ -9,25 +9,25 @@ from footfall.deploy.sensor_checks.replay import ReplayFinder
 
 
 class LinkWindow(NamedTuple):
-    """What n motors and the IMU sent during a window."""
+    """Messages of n motors and the IMU during a window."""
 
     elapsed_s: float
     asked: int  # ticks in which each motor was sent a frame
-    replies: np.ndarray  # replies of each motor, (n,)
-    imu_new: float  # share of the looks at which the IMU had a new reading
-    imu_repeated: float  # share of the looks at which a new reading equalled the one before
-    imu_replayed_s: float  # for how long readings have equalled earlier ones at a fixed distance in time
-    imu_older: int  # samples of the IMU that were older than its latest
+    replies: np.ndarray  # number of replies of each motor, (n,)
+    imu_new: float  # share of the samples with a new reading of the IMU
+    imu_repeated: float  # share of the samples with a new reading equal to the previous one
+    imu_replayed_s: float  # how long readings have equalled earlier ones at a constant delay
+    imu_older: int  # number of the IMU's samples that were older than its latest
     moving: bool  # whether any joint moves
     resting: bool  # whether the robot is in first rest: it is still standing up
-    answering: bool = True  # whether motors answer each frame, and send nothing unasked
+    answering: bool = True  # whether motors reply to each frame, and send nothing else
 
 
 class LinkSums:
-    """Counts arrivals until a window is full."""
+    """Counts messages until a window is full."""
 
     def __init__(self, answering: bool) -> None:
-        """`answering`: whether motors answer each frame, and send nothing unasked."""
+        """`answering`: whether motors reply to each frame, and send nothing else."""
         self._answering = answering
         self._replay = ReplayFinder()
         self.begin(0, np.zeros(0, np.intp), 0, 0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)))
@@ -35,7 +35,7 @@ class LinkSums:
     def begin(
         self, now_us: int, replies: np.ndarray, imu_older: int, imu_us: int, inertial: Inertial
     ) -> None:
-        """Reset, and count from these totals: see `add` and `close`."""
+        """Reset, and count relative to these totals: see `add` and `close`."""
         self._began_us, self._replies, self._imu_older = now_us, replies, imu_older
         self._imu_us, self._inertial = imu_us, inertial
         self._replay.reset()
@@ -49,7 +49,7 @@ class LinkSums:
         self._commands += 1
 
     def add(self, imu_us: int, inertial: Inertial) -> None:
-        """Count the IMU's reading, with its time of arrival, us."""
+        """Count a reading of the IMU, with its arrival time, us."""
         self._looks += 1
         if imu_us != self._imu_us:
             self._new += 1
@@ -60,11 +60,11 @@ class LinkSums:
     def close(
         self, now_us: int, replies: np.ndarray, imu_older: int, moving: bool, resting: bool
     ) -> LinkWindow:
-        """End the window and begin the next one.
+        """End the window and start the next one.
 
         Args:
-            now_us: the loop's time.
-            replies: total of each motor so far, (n,).
+            now_us: time of the loop.
+            replies: total number of replies of each motor so far, (n,).
             imu_older: samples so far that were older than the IMU's latest.
             moving: whether any joint moves.
             resting: whether the robot is still standing up.

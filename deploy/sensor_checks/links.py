@@ -1,6 +1,6 @@
-"""Checks of how many readings arrive: shares over time, which no single window shows.
+"""Checks of the rates of readings: shares over time, which no single window shows.
 
-In first rest, while the robot stands up, the checks measure the usual rates: later shares are of these.
+In first rest, while the robot stands up, the checks measure the usual rates, the reference for later shares.
 """
 
 import math
@@ -16,19 +16,19 @@ from footfall.deploy.sensor_checks.check import Limit, SensorCheck
 from footfall.deploy.sensor_checks.link_window import LinkWindow
 from footfall.robots.description import Robot
 
-OLDER_MEMORY_S = 0.1  # over which older samples are counted: a few windows are proof
+OLDER_MEMORY_S = 0.1  # averaging time for older samples: a few windows are enough
 
 
 @dataclass(frozen=True)
 class LinkLimits:
-    """How many readings may be lost, repeated or out of order."""
+    """Limits of lost, repeated and reordered readings."""
 
-    lost_share: float = 0.2  # of a motor's replies, or the IMU's readings, beyond what is lost in first rest
+    lost_share: float = 0.2  # of a motor's or the IMU's readings, more than were lost in first rest
     lost_memory_s: float = 0.5  # time constant of the mean losses and repeats
-    frozen_share: float = 0.15  # of the IMU's readings that equal the one before while joints move
-    replayed_s: float = 0.06  # how long readings may equal those of a fixed time before while joints move
+    frozen_share: float = 0.15  # of the IMU's readings equal to the previous one while joints move
+    replayed_s: float = 0.06  # for which readings repeat those of a constant time before in motion
     older_share: float = 0.1  # of the IMU's samples that are older than its latest
-    foreign_replies: float = 5.0  # replies of a motor within `lost_memory_s` that answer no frame of ours
+    foreign_replies: float = 5.0  # replies of a motor within `lost_memory_s` without a frame of this host
 
     def __post_init__(self) -> None:
         require_between(self, 0.01, 1.0, "lost_share", "frozen_share", "older_share")
@@ -37,19 +37,19 @@ class LinkLimits:
 
 
 class LinkCheck(SensorCheck, ABC):
-    """A check of what arrives. A value above the limit is a fault."""
+    """A check of the messages' rates. A value above the limit is a fault."""
 
     message: ClassVar[str]  # {0} is the value
 
     @abstractmethod
     def measure(self, window: LinkWindow) -> np.ndarray | float:
-        """The value after one more window: of each motor (n,), or of the IMU."""
+        """Value after another window: for each motor (n,), or for the IMU."""
 
 
 class Answers(LinkCheck):
-    """Replies of a motor beyond one for each frame sent, over about `lost_memory_s`.
+    """Number of a motor's replies in excess of the sent frames, over about `lost_memory_s`.
 
-    Late replies in bunches cancel out, since they were missing before. 0 for motors that send unasked.
+    Late replies in bursts cancel out, because they were missing before. 0 for motors that send unasked.
     """
 
     looks_at = "replies of a motor to frames that nobody here sent: a second host commands it"
@@ -73,9 +73,9 @@ class Answers(LinkCheck):
 
 
 class Unanswered(LinkCheck):
-    """Mean share of a motor's replies that are lost, relative to the rate in first rest.
+    """Mean share of a motor's lost replies, relative to the rate in first rest.
 
-    In first rest it is the share of the frames that a motor did not answer.
+    In first rest it is the share of the frames without a reply.
     """
 
     looks_at = "the share of a motor's replies that are lost, of those that came in first rest"
@@ -105,7 +105,7 @@ class Unanswered(LinkCheck):
 
 
 class ImuLost(LinkCheck):
-    """Mean share of the IMU's readings that are lost, relative to the rate in first rest."""
+    """Mean share of the IMU's lost readings, relative to the rate in first rest."""
 
     looks_at = "the share of the IMU's readings that are lost, of those that arrive in first rest"
     message = "the IMU: {0:.0%} of its readings are lost"
@@ -129,7 +129,7 @@ class ImuLost(LinkCheck):
 
 
 class ImuFrozen(LinkCheck):
-    """Mean share of the IMU's new readings that equal the one before while joints move."""
+    """Mean share of the IMU's new readings that equal the previous one while joints move."""
 
     looks_at = "the share of the IMU's new readings that equal the one before while joints move"
     message = "the IMU: {0:.0%} of its new readings repeat the one before while joints move"
@@ -149,7 +149,7 @@ class ImuFrozen(LinkCheck):
 
 
 class ImuReplayed(LinkCheck):
-    """How long the IMU's readings have equalled those of a fixed time before while joints move, s."""
+    """How long the IMU's readings have equalled those of a constant time before while joints move, s."""
 
     looks_at = "how long the IMU's readings are those of a while ago, to the last digit, while joints move"
     message = "the IMU: its readings have been those of a while ago for {0:.2f} s: they are replayed"
@@ -160,7 +160,7 @@ class ImuReplayed(LinkCheck):
 
 
 class ImuOlder(LinkCheck):
-    """Samples of the IMU that are older than its latest, for each that is new, on average."""
+    """Mean number of the IMU's samples older than its latest, per new sample."""
 
     looks_at = "the share of the IMU's samples whose counter runs back"
     message = (
@@ -183,6 +183,6 @@ class ImuOlder(LinkCheck):
 
 
 def _updated(share: Any, latest: Any, window: LinkWindow, limits: LinkLimits) -> Any:
-    """A mean share after one more window."""
+    """Mean share after another window."""
     weight = 1.0 - math.exp(-window.elapsed_s / limits.lost_memory_s)
     return share + weight * (latest - share)

@@ -1,4 +1,4 @@
-"""How contradictions of readings fade."""
+"""Decay of contradictions over time."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from footfall.common.config import require_between
 
 @dataclass(frozen=True)
 class Memory:
-    """The time constant that checks of torques and of the base's turn share."""
+    """Common time constant of the checks of torques and of the base's rotation."""
 
-    memory_s: float = 0.25  # over which contradictions add up; older ones fade
+    memory_s: float = 0.25  # time constant with which older contradictions decay
 
     def __post_init__(self) -> None:
         require_between(self, 0.01, 10.0, "memory_s")
 
     def kept(self, elapsed_s: float) -> float:
-        """Share of an older sum that is left after this time."""
+        """Remaining share of an older sum after this time."""
         return math.exp(-elapsed_s / self.memory_s)

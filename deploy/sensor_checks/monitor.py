@@ -1,6 +1,6 @@
 """Runs all sensor checks on a robot's readings.
 
-The base is compared in the tick after the joints, so that no tick has much more work than the others.
+The base is checked in the tick after the joints, so that no tick takes much longer than the others.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from footfall.robots.description import Robot
 
 
 class SensorMonitor:
-    """The sensor checks of one robot."""
+    """Sensor checks of one robot."""
 
     def __init__(
         self,
@@ -36,9 +36,9 @@ class SensorMonitor:
         link_checks: Sequence[type[LinkCheck]] = LINK_CHECKS,
         answering: bool = True,
     ) -> None:
-        """Checks of this robot, whose readings come every `tick_s`.
+        """Create the checks for this robot, whose readings come every `tick_s`.
 
-        `answering`: whether its motors answer each frame, and send nothing unasked.
+        `answering`: whether its motors reply to each frame, and send nothing else.
         """
         n = len(robot.joint_names)
         self._places = [wiring.place(joint) for joint in range(n)]
@@ -56,7 +56,7 @@ class SensorMonitor:
         self._resting_rad_s, self._moving_rad_s = limits.resting_rad_s, limits.moving_rad_s
         self._attitude = None if legs_of(robot) is None else LegAttitude(robot, limits)
         self._inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))  # of the last window
-        self._body: BodyReadings | None = None  # readings that wait for `body_contradiction`
+        self._body: BodyReadings | None = None  # readings for `body_contradiction`
 
     def begin(
         self,
@@ -67,9 +67,9 @@ class SensorMonitor:
         target: np.ndarray,
         again: bool = False,
     ) -> None:
-        """Forget all, and start from these readings (see `add`) and position targets, rad, (n,).
+        """Clear everything, and start with these readings (see `add`) and position targets, rad, (n,).
 
-        `again`: remember the usual rates of arrivals.
+        `again`: keep the usual rates of messages.
         """
         self._windows.begin(now_us, heard_us, joints, target)
         self._inertial, self._body = inertial, None
@@ -80,7 +80,7 @@ class SensorMonitor:
             self._attitude.reset()
 
     def begin_links(self, now_us: int, joints: JointLayer) -> None:
-        """Forget what has arrived so far."""
+        """Start counting messages."""
         self._links.begin(
             now_us, joints.replies, joints.imu_older, joints.last_heard().imu_us, joints.inertial
         )
@@ -94,15 +94,15 @@ class SensorMonitor:
         resting: bool,
         unfolding: bool = False,
     ) -> Implausible | None:
-        """Take in a tick; returns the first contradiction if this is a tick at which readings are compared.
+        """Process a tick; returns the first contradiction if readings are compared in this tick.
 
         Args:
-            now_us: the loop's time.
+            now_us: time of the loop.
             silence_us: age of the oldest reading.
-            joints: which has the latest readings and commands.
+            joints: joint layer with the latest readings and commands.
             on_legs: whether the legs should carry the base.
             resting: whether the robot is still standing up.
-            unfolding: whether it fell, and its legs move before it gets up.
+            unfolding: whether the robot fell, and its legs move before it gets up.
         """
         self._links.count_command()
         found = self.body_contradiction(on_legs)
@@ -114,7 +114,7 @@ class SensorMonitor:
         if not self.add(now_us, silence_us, heard_us, inertial, joints.joints, expected, asked, joints.sent):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
-        # The base of a robot that lies rests while its legs move.
+        # The base of a lying robot is at rest while its legs move.
         moving = fast and (on_legs or not (resting or unfolding))
         links = self._links.close(now_us, joints.replies, joints.imu_older, moving, resting)
         found = self.link_contradiction(links)
@@ -124,7 +124,7 @@ class SensorMonitor:
         return found or contradiction
 
     def link_contradiction(self, window: LinkWindow) -> Implausible | None:
-        """The first contradiction in what arrived in a window."""
+        """First contradiction in the messages of a window."""
         found = None
         for check, limit in self._link_checks:
             value = check.measure(window)
@@ -153,7 +153,7 @@ class SensorMonitor:
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
     ) -> Implausible | None:
-        """End the window (see `JointWindows.close`); the first contradiction in readings of the joints."""
+        """End the window (see `JointWindows.close`); returns the first contradiction in joint readings."""
         inertials = self._windows.inertials
         window = self._windows.close(stiffness, target, temperature_c, voltage)
         before, self._inertial = self._inertial, inertials[-1]
@@ -166,14 +166,14 @@ class SensorMonitor:
         return self._judged(window, self._joint_checks, self._joint_limits)
 
     def first_contradiction(self, joints: JointLayer) -> Implausible | None:
-        """The first contradiction that one reading of the joints shows, before motors get stiffness."""
+        """First contradiction in one reading of the joints, before motors get stiffness."""
         window = single_reading(joints.joints, joints.temperature_c, joints.voltage)
         rows = [row for row, check in enumerate(self._joint_checks) if check.single_reading]
         checks = [self._joint_checks[row] for row in rows]
         return self._judged(window, checks, self._joint_limits[rows])
 
     def body_contradiction(self, on_legs: bool) -> Implausible | None:
-        """The first contradiction in what the last window left of the base; None if it left nothing."""
+        """First contradiction in the base's readings of the last window; None without new readings."""
         readings, self._body = self._body, None
         if readings is None:
             return None
@@ -197,7 +197,7 @@ class SensorMonitor:
         return Implausible(f"{self._places[joint]}: {message}", checks[row].leads_to)
 
     def _with_attitude(self, window: BodyWindow) -> BodyWindow:
-        """The window with the base's attitude by the legs, of a robot that stands nearly still."""
+        """The window with the base's attitude by the legs, for a robot that stands nearly at rest."""
         attitude, readings = self._attitude, window.readings
         if attitude is None:
             return window
@@ -209,5 +209,5 @@ class SensorMonitor:
 
 
 def _rows(limits: Sequence[np.ndarray | float], n: int) -> np.ndarray:
-    """Limits of checks of n joints, (checks, n)."""
+    """Limits of checks for n joints, (checks, n)."""
     return np.array([np.broadcast_to(limit, n) for limit in limits]).reshape(len(limits), n)

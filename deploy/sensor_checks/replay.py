@@ -1,26 +1,26 @@
-"""Detects IMU readings that equal earlier ones, in the same order, to the last digit."""
+"""Detection of IMU readings that exactly equal earlier ones, in the same order."""
 
 from footfall.deploy.drivers.imu import Inertial
 
-LEAST_BACK = 5  # readings: a base at rest may repeat the last few of them
-KEPT = 512  # readings, two seconds of them
+MIN_BACK = 5  # readings: a base at rest may repeat the last few readings
+KEPT = 512  # number of stored readings, two seconds
 
 
 class ReplayFinder:
-    """Looks up each reading among the latest `KEPT`."""
+    """Compares each reading with the latest `KEPT` ones."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all readings."""
-        self.replayed_s = 0.0  # how long readings have equalled those of a fixed time before
+        """Clear all readings."""
+        self.replayed_s = 0.0  # how long readings have equalled those of a constant time before
         self._places: dict[tuple[float, ...], int] = {}  # number of the latest reading with these values
         self._number, self._back, self._since_us = 0, 0, 0
 
     def look(self, now_us: int, inertial: Inertial) -> None:
-        """Take in a reading that arrived at this time."""
-        key = tuple(inertial.quaternion)  # the reading with the finest resolution
+        """Compare a reading that arrived at this time."""
+        key = tuple(inertial.quaternion)  # the part with the finest resolution
         number, places = self._number, self._places
         self._number = number + 1
         before = places.pop(key, None)  # and insert it again, so that the oldest key stays first
@@ -31,6 +31,6 @@ class ReplayFinder:
                 places.pop(next(iter(places)))
             return
         back = number - before
-        if back < LEAST_BACK or back != self._back:
+        if back < MIN_BACK or back != self._back:
             self._back, self._since_us = back, now_us
-        self.replayed_s = 1e-6 * (now_us - self._since_us) if back >= LEAST_BACK else 0.0
+        self.replayed_s = 1e-6 * (now_us - self._since_us) if back >= MIN_BACK else 0.0

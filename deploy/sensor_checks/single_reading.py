@@ -1,6 +1,6 @@
-"""Checks of a joint that need one reading: its range, speed, torque, temperature and supply.
+"""Checks of a joint that need one reading: range, speed, torque, temperature and supply.
 
-They also keep a motor from being given stiffness at the start.
+They can also prevent that motors get stiffness at the start.
 """
 
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class SingleReadingLimits:
-    """How far one reading may be outside what the robot's description allows."""
+    """Tolerances of one reading relative to the robot's description."""
 
-    position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
-    speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
-    torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
-    colder_c: float = 25.0  # that a motor may be colder than all other motors
-    coldest_c: float = 40.0  # degrees Celsius below zero: what an open sensor reads
-    voltage_v: float = 0.0  # that a supply may be outside its range
+    position_rad: float = 0.2  # beyond a joint's range: stops are elastic, and calibration is not exact
+    speed_share: float = 1.5  # of the no-load speed: a push or a fall can exceed it
+    torque_share: float = 1.2  # of the peak torque: rounding, and error of the motor's torque constant
+    colder_c: float = 25.0  # difference between a motor and all other motors
+    coldest_c: float = 40.0  # degrees Celsius below zero: reading of an open sensor
+    voltage_v: float = 0.0  # distance of a supply voltage from its range
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 2 * np.pi, "position_rad")
@@ -33,7 +33,7 @@ class SingleReadingLimits:
 
 
 class PositionRange(JointCheck):
-    """How far a joint is beyond its range, rad."""
+    """Distance of a joint beyond its range, rad."""
 
     looks_at = "a joint's position beyond its range in the MJCF"
     message = "reads {1:.2f} rad, {0:.2f} rad beyond its range"
@@ -60,7 +60,7 @@ class Speed(JointCheck):
 
 
 class Torque(JointCheck):
-    """Size of a motor's reported torque, N m."""
+    """Absolute torque reported by a motor, N m."""
 
     looks_at = "a motor's reported torque"
     message = "the motor reports {0:.1f} N m, more than it can"
@@ -72,7 +72,7 @@ class Torque(JointCheck):
 
 
 class Temperature(JointCheck):
-    """Temperature of a motor, degrees Celsius; 0 if it is below or not reported."""
+    """Temperature of a motor, degrees Celsius; 0 if it is below 0 or not reported."""
 
     looks_at = "a motor's temperature, where the motor reports it"
     message = "the motor is at {0:.0f} degrees Celsius"
@@ -84,9 +84,9 @@ class Temperature(JointCheck):
 
 
 class ColderThanOthers(JointCheck):
-    """By how much a motor is colder than all others, degrees Celsius.
+    """Difference between a motor's temperature and those of all others, degrees Celsius.
 
-    0 if it does not report it, and while all are within the limit.
+    0 if it is not reported, and while all are within the limit.
     """
 
     looks_at = "by how much a motor is colder than all others: its sensor is open"
@@ -100,7 +100,7 @@ class ColderThanOthers(JointCheck):
     def measure(self, window: JointWindow) -> np.ndarray:
         temperature_c = window.temperature_c
         spread = np.fmax.reduce(temperature_c) - np.fmin.reduce(temperature_c)  # ignore NaN
-        if not spread > self._limit_c:  # nothing to look for, as in nearly every window
+        if not spread > self._limit_c:  # nearly always
             return self._zeros
         reported = np.where(np.isnan(temperature_c), np.inf, temperature_c)
         coldest, next_coldest = np.partition(reported, 1)[:2]
@@ -109,7 +109,7 @@ class ColderThanOthers(JointCheck):
 
 
 class TooCold(JointCheck):
-    """Degrees Celsius below zero that a motor reports; NaN counts as none."""
+    """Reported degrees Celsius below zero; 0 for NaN."""
 
     looks_at = "degrees below zero that a motor reports: its sensor is open"
     message = "its temperature reads {0:.0f} degrees Celsius below zero: its sensor may be open"
@@ -121,7 +121,7 @@ class TooCold(JointCheck):
 
 
 class Voltage(JointCheck):
-    """How far a motor's supply is outside its range, V; 0 if it is not reported."""
+    """Distance of a motor's supply voltage from its range, V; 0 if not reported."""
 
     looks_at = "a motor's voltage beyond `voltage_v` in robot.yaml, where the motor reports it"
     message = "the motor's supply is {0:.1f} V outside its range"

@@ -1,4 +1,4 @@
-"""The list of sensor checks, and their settings together."""
+"""List of all sensor checks, with their combined settings."""
 
 from dataclasses import dataclass
 
@@ -60,13 +60,13 @@ class SensorLimits(
     legs.LegLimits,
     links.LinkLimits,
 ):
-    """How far readings may contradict each other: `safety.sensors` in robot.yaml and in a file for --config.
+    """Limits of contradictions between readings: `safety.sensors` in robot.yaml and in a file for --config.
 
-    The defaults are at least 1.6 times the most that simulated robots gave while they walked, randomised,
+    The defaults are at least 1.6 times the largest values of simulated robots while walking, randomised,
     pushed and with noisy sensors (docs/safety.md).
     """
 
-    period_s: float = 0.04  # of a window; a fault is seen within a few of them
+    period_s: float = 0.04  # duration of a window; a fault is detected within a few windows
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 0.2, "period_s")

@@ -1,7 +1,7 @@
-"""Checks of the torque that a motor reports against the torque that is commanded.
+"""Checks of a motor's reported torque against its commanded torque.
 
-Expected torques follow from rounded positions that are older than the motor's own. What stiffness makes of
-either does not count.
+Expected torques are computed from rounded positions that are older than the motor's own. The effect of
+stiffness on these errors is subtracted.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from footfall.robots.targets import within
 
 @dataclass(frozen=True)
 class TorqueLimits(Memory):
-    """How far reported and commanded torques may disagree."""
+    """Limits of the disagreement between reported and commanded torques."""
 
-    limp_s: float = 0.1  # that a motor reports little torque while much is commanded; longer if it is less
-    opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
-    lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
-    reading_rad: float = 0.002  # that a position is known to: noise, and rounding in frames
-    torque_hidden: float = 0.03  # of the peak torque: what friction and rounding can hide
+    limp_s: float = 0.1  # with much commanded but little reported torque; longer if it is smaller
+    opposing: float = 0.3  # mean share of the expected torque that is reported in the other direction
+    lag_s: float = 0.03  # delay of a reading and a command together: age of the inputs of the expected torque
+    reading_rad: float = 0.002  # error of a position: noise, and rounding in frames
+    torque_hidden: float = 0.03  # of the peak torque: may be hidden by friction and rounding
     torque_much: float = 0.06  # of the peak torque: a motor that does not report this much is limp
-    torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
-    torque_little: float = 0.02  # of the peak torque: what a motor without current may report
-    torque_full: float = 0.9  # of the peak torque: above it a motor gives all that it can
+    torque_some: float = 0.05  # of the peak torque, on average: smaller torque has no significant direction
+    torque_little: float = 0.02  # of the peak torque: possible report of a motor without current
+    torque_full: float = 0.9  # of the peak torque: above it a motor is saturated
     torque_stuck: float = 0.1  # of the peak torque: change of the expected torque while the report repeats
     repeated_rad: float = 0.1  # travel of a joint's target while its motor repeats one reply
 
@@ -49,13 +49,13 @@ class TorqueLimits(Memory):
 
 
 def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
-    """Size of the expected torque that the error of a reading cannot explain, N m, (n,)."""
+    """Part of the expected torque beyond the effect of a reading's error, N m, (n,)."""
     doubt = window.stiffness * (limits.reading_rad + limits.lag_s * window.speed)
     return np.maximum(np.abs(window.expected) - doubt, 0.0)
 
 
 class Limp(JointCheck):
-    """How long a motor has reported no torque while much was expected, s. Any report resets the time."""
+    """Time for which a motor has reported no torque while much was expected, s. Any report resets it."""
 
     looks_at = "how long a motor reports no torque while much is commanded: it has rebooted"
     message = "the motor has reported no torque for {0:.2f} s while torque was commanded"
@@ -78,9 +78,9 @@ class Limp(JointCheck):
 
 
 class Opposing(JointCheck):
-    """Share of the expected torque that a motor reports in the other direction, on average.
+    """Mean share of the expected torque that a motor reports in the other direction.
 
-    A motor that is late still follows an older target: what the target's lead makes of stiffness is left out.
+    A late motor still follows an older target: the torque by the target's lead is subtracted.
     """
 
     looks_at = "the share of its torque that a motor pulls the other way"
@@ -94,7 +94,7 @@ class Opposing(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._product, self._expected_sq = np.zeros((2, self._n))  # (N m)^2, means that fade
+        self._product, self._expected_sq = np.zeros((2, self._n))  # (N m)^2, decaying means
 
     def measure(self, window: JointWindow) -> np.ndarray:
         lead = np.maximum(window.target_speed - window.speed, 0.0)
@@ -110,9 +110,9 @@ class Opposing(JointCheck):
 class TorqueStuck(JointCheck):
     """Change of the expected torque while a motor repeats one report, as a share of its peak torque.
 
-    The last window does not count, since a late motor has not answered to it. What may be hidden does not
-    count either; the rest adds up. A motor that gives all that it can repeats itself, and so does a motor
-    whose command stays: no more counts than report and command differ.
+    The last window is excluded, because a late motor has not replied to it. The hidden part is excluded, too;
+    the rest is summed. A saturated motor repeats its report, and so does a motor with a constant command: the
+    sum is limited to the difference between report and command.
     """
 
     looks_at = "the change of the expected torque while a motor repeats one report: stuck, or rebooted"
@@ -142,12 +142,11 @@ class TorqueStuck(JointCheck):
 
 
 class ReplyRepeated(JointCheck):
-    """Travel of a joint's target while its motor repeats one reply, rad; 0 where that explains the reply.
+    """Travel of a joint's target while its motor repeats one reply, rad; 0 if there is an explanation.
 
-    A reading is older than the last target, which may leap while a robot stands still: targets count from
-    the window before. A joint that is pressed against its stop, the ground or another limb repeats its
-    reply, too, while its motor gives all that it can. Then the expected torque stays as it was in the first
-    window of the same reply.
+    A reading is older than the last target, which may jump while a robot stands still: targets count from the
+        previous window. A joint pressed against its stop, the ground or another limb also repeats its reply
+        while its motor is saturated. Then the expected torque stays as in the first window with this reply.
     """
 
     looks_at = "the travel of a target while its motor repeats one reply and should give another torque"
@@ -161,7 +160,7 @@ class ReplyRepeated(JointCheck):
 
     def reset(self) -> None:
         self._travel, self._before, self._at_first = np.zeros((3, self._n))  # rad, and expected N m
-        self._repeated = np.zeros(self._n, bool)  # in the window before
+        self._repeated = np.zeros(self._n, bool)  # in the previous window
 
     def measure(self, window: JointWindow) -> np.ndarray:
         position, velocity, torque = window.repeated

@@ -1,4 +1,4 @@
-"""Checks of a joint's travel by its position against its travel by its velocity."""
+"""Checks of a joint's travel: by its position against by its velocity."""
 
 import math
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.robots.description import Robot
 from footfall.robots.targets import within
 
-CREEP_RAD_S = 0.25  # fastest drift that creeps: a sudden error is for the other checks
-REST_S = 0.2  # without motion: a stance is shorter, and belongs to the stride around it
-IMPACT_S = 0.01  # duration of a foot's touchdown: readings farther apart miss how a velocity changes
+CREEP_RAD_S = 0.25  # largest rate of a creeping drift: a sudden error is for the other checks
+REST_S = 0.2  # time without motion that counts as rest: a stance is shorter, and belongs to its stride
+IMPACT_S = 0.01  # of a foot's touch-down: with larger intervals readings miss the velocity's change
 
 
 @dataclass(frozen=True)
 class TravelLimits:
-    """How far positions and velocities may disagree."""
+    """Limits of the disagreement between positions and velocities."""
 
-    drift_rad: float = 0.02  # root of the summed squared errors, less a share of the travel
+    drift_rad: float = 0.02  # root of the summed squared errors, minus a share of the travel
     drift_share: float = 0.2  # of the travel, for a velocity that is filtered over 5 ms
-    drift_memory_s: float = 0.5  # time constant with which errors fade
-    wander_rad: float = 0.05  # sum of the errors with their signs: an encoder that drifts
-    creep_rad: float = 0.03  # signed sum over `creep_memory_s`, in which noise adds up too
+    drift_memory_s: float = 0.5  # time constant with which errors decay
+    wander_rad: float = 0.05  # sum of the signed errors: a drifting encoder
+    creep_rad: float = 0.03  # signed sum over `creep_memory_s`, which includes noise
     creep_memory_s: float = 5.0
-    creep_rad_s: float = 0.1  # least speed: below it the quantisation of the velocity hides the drift
+    creep_rad_s: float = 0.1  # smallest speed: below it the quantisation of the velocity hides the drift
     creep_share: float = 0.03  # of the largest error of the velocity between two readings
     stuck_rad: float = 0.01  # signed sum, while position or velocity repeats itself
-    filter_s: float = 0.005  # by which a motor's velocity lags its position
+    filter_s: float = 0.005  # lag of a motor's velocity relative to its position
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 2 * np.pi, "drift_rad", "wander_rad", "creep_rad", "stuck_rad")
@@ -41,11 +41,11 @@ class TravelLimits:
 
 
 class Drift(JointCheck):
-    """Root of the summed squared errors between position and velocity, less a share of the travel, rad.
+    """Root of the summed squared errors between position and velocity, minus a share of the travel, rad.
 
-    Squares do not cancel out when a joint moves to and fro. A share of the travel passes because a motor that
-    filters its velocity lags, more so where readings are far apart. Readings that come unevenly may each be
-    as late as the oldest was older than the youngest.
+    Squares do not cancel out when a joint moves back and forth. A share of the travel is allowed because a
+    motor that filters its velocity lags, more so at larger intervals of readings. Readings at uneven
+    intervals may each be late by the difference between the oldest and the youngest age.
     """
 
     looks_at = (
@@ -73,10 +73,10 @@ class Drift(JointCheck):
 
 
 class _SignedTravel(JointCheck):
-    """Sum of the errors with their signs, less what a late velocity explains, rad."""
+    """Sum of the signed errors, minus the effect of a late velocity, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
-    most_rad_s = math.inf  # clamp of the rate of an error
+    most_rad_s = math.inf  # limit of the rate of an error
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
@@ -86,17 +86,17 @@ class _SignedTravel(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all fade
+        self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all decay
 
     def _updated(
         self, window: JointWindow, counts: np.ndarray | float = 1.0, moves: np.ndarray | float = 1.0
     ) -> np.ndarray:
-        """The sum after one more window.
+        """Sum after another window.
 
         Args:
             window: the window.
-            counts: 0 where the sum begins anew, (n,).
-            moves: 0 where the window does not count, (n,).
+            counts: 0 to restart the sum, (n,).
+            moves: 0 to ignore the window, (n,).
         """
         kept = math.exp(-window.elapsed_s / self._memory_s)
         most = self.most_rad_s * window.elapsed_s
@@ -109,7 +109,7 @@ class _SignedTravel(JointCheck):
 
 
 class Wander(_SignedTravel):
-    """The signed error of an encoder that drifts."""
+    """Signed error, for a drifting encoder."""
 
     looks_at = "the signed sum of these errors: an encoder that drifts"
     message = "its position has drifted by {0:.2f} rad against its velocity"
@@ -120,13 +120,13 @@ class Wander(_SignedTravel):
 
 
 class Creep(_SignedTravel):
-    """The signed error of an encoder that drifts slowly, until its joint has rested for a while.
+    """Signed error, for a slowly drifting encoder, until its joint has rested for a while.
 
-    The last digit of a velocity is an error that stays the same while a joint rests. A stride counts as a
-    whole: what an impact adds to one window is missing in its neighbour, which may be a slow one. Windows in
-    which readings come unevenly do not count. A velocity that jumps between two readings, as when a foot
-    lands, leaves the travel uncertain by half of the jump over that time. Chance cancels most of it, but not
-    in a gait whose strides keep step with the readings: `creep_share` of the sum is allowed.
+    The resolution of a velocity causes an error that is constant while a joint rests. A stride counts as a
+    whole: the error that an impact adds to one window is missing in its neighbour, which may be a slow one.
+    Windows with uneven intervals of readings are ignored. A velocity that jumps between two readings, as at
+    a foot's touch-down, makes the travel uncertain by half of the jump times that interval. These errors
+    mostly cancel out, but not in a gait synchronous with the readings: `creep_share` of their sum is allowed.
     """
 
     memory = "creep_memory_s"
@@ -141,7 +141,7 @@ class Creep(_SignedTravel):
 
     def reset(self) -> None:
         super().reset()
-        self._jolts = np.zeros(self._n)  # rad/s; fade
+        self._jolts = np.zeros(self._n)  # rad/s; decay
         self._rest_s = np.full(self._n, np.inf)  # since the joint moved
 
     def measure(self, window: JointWindow) -> np.ndarray:
@@ -154,7 +154,7 @@ class Creep(_SignedTravel):
 
 
 class Stuck(_SignedTravel):
-    """The signed error since position or velocity repeats itself to the last digit."""
+    """Signed error while position or velocity repeats exactly."""
 
     looks_at = "the signed sum while position or velocity repeats itself: an encoder that is stuck"
     message = "its position or velocity repeats itself, {0:.3f} rad against the other one"

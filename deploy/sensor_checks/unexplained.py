@@ -1,8 +1,8 @@
-"""Checks of single torque reports against all that the commands of the last moments explain.
+"""Checks of single torque reports against the commands of the last moments.
 
-A motor reports the torque of a command, and of a position, that are a few ticks old. The report lies between
-the least and the most torque of the last commands. Otherwise bits were flipped, another host sends commands,
-or the motor missed a command or has no current.
+A motor reports the torque for a command and a position that are a few ticks old. The report lies between the
+smallest and the largest torque of the last commands. Otherwise bits were flipped, another host sends
+commands, or the motor missed a command or has no current.
 """
 
 import math
@@ -20,14 +20,14 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class UnexplainedLimits:
-    """Limits on torque that no command explains."""
+    """Limits of torque that no command explains."""
 
     unexplained: float = 0.0035  # of the peak torque: mean that no command explains
     unexplained_memory_s: float = 1.0  # time constant of that mean
-    explained_s: float = 0.05  # highest age of a command that explains a report
+    explained_s: float = 0.05  # largest age of a command that explains a report
     strength_share: float = 0.55  # of its torque that a motor may lack: a robot walks with half
     ignored: float = 0.9  # share of the commands' changes that a motor does not follow, over `ignored_s`
-    ignored_s: float = 0.6  # longer than a gait's step, in which commands may come back to where they were
+    ignored_s: float = 0.6  # longer than a gait's step, after which commands may repeat
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 10.0, "unexplained")
@@ -36,13 +36,13 @@ class UnexplainedLimits:
 
 
 class Limits(UnexplainedLimits, TorqueLimits):
-    """The settings that these checks read."""
+    """Settings of these checks."""
 
 
 class Unexplained(JointCheck):
-    """Torque that a motor reports beyond all that the commands of the last `explained_s` ask for, on average.
+    """Mean reported torque beyond all commands of the last `explained_s`.
 
-    A share of the peak torque. What stiffness makes of a late or rounded position does not count.
+    Relative to the peak torque. The effect of stiffness on a late or rounded position is subtracted.
     """
 
     looks_at = "a motor's torque beyond all that the last commands explain, on average"
@@ -62,7 +62,7 @@ class Unexplained(JointCheck):
         self._asked: np.ndarray | None = None  # last columns of the earlier `window.asked`
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
-        """Torque of each report beyond all that is explained, N m, (looks, n); negative if explained."""
+        """Torque of each report beyond the explained range, N m, (looks, n); negative if explained."""
         limits, before = self._limits, self._asked
         if before is None:
             before = np.repeat(window.asked[:, :1], self._looks - 1, axis=1)
@@ -84,14 +84,15 @@ class Unexplained(JointCheck):
 
 
 class Ignored(JointCheck):
-    """Share of the changes of a motor's commands that it does not follow, over `ignored_s`.
+    """Share of the changes of a motor's commands that its torque does not follow, over `ignored_s`.
 
     Torque is kp (q* - q) + kd (v* - v) + feed-forward. With kp q + kd v added, the torque of a motor that
-    obeys one old command stays the same, however small it is, while what the commands ask for changes. The
-    gains are those of the old command: as gaits repeat themselves, it had the least or the most stiffness of
-    late. A late motor still shows all changes: its reports count for `explained_s` longer. A weak motor
-    ignores `strength_share` at most. A change by less than `torque_little` of the peak says nothing, nor does
-    a change in one window alone: a foot that hits the ground reports the torque of the speed before.
+    executes one old command is constant, however small it is, while the commanded value changes. The gains
+    are those of the old command: as gaits are periodic, it had the smallest or the largest recent stiffness.
+    A late motor still shows all changes: its reports are used for `explained_s` longer. A weak motor ignores
+    at most `strength_share`. A change by less than `torque_little` of the peak is not significant, and
+    neither is a change in only one window: a foot that hits the ground reports the torque for the speed
+    before.
     """
 
     looks_at = "the changes of a motor's commands that its torque does not follow: it obeys an old command"
@@ -107,7 +108,7 @@ class Ignored(JointCheck):
         self._windows: deque[np.ndarray] = deque()  # (6, n) position, velocity, torque, asked, kp, kd
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows that a report may lag
+        late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag
         count = math.ceil(self._limits.ignored_s / window.elapsed_s)
         self._windows.append(np.vstack((window.mean, window.asked_mean, window.gains)))
         while len(self._windows) > count + late:
@@ -120,13 +121,13 @@ class Ignored(JointCheck):
         readings += np.take_along_axis(kd[None], old, 1) * velocity
         shown = (torque + readings).std(axis=1)
         drive = np.sort((asked + readings)[:, :count], axis=1)
-        changed = np.minimum(drive[:, 1:].std(axis=1), drive[:, :-1].std(axis=1))  # without the farthest
+        changed = np.minimum(drive[:, 1:].std(axis=1), drive[:, :-1].std(axis=1))  # without one extreme
         ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
         return ignored
 
 
 def _least_of_last(values: np.ndarray, count: int) -> np.ndarray:
-    """The least of each `count` successive values along the second axis, by doubling."""
+    """Minimum of each `count` successive values along the second axis, by doubling."""
     done = 1
     while done < count:
         step = min(done, count - done)

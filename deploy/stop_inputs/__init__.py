@@ -1,1 +1,1 @@
-"""Devices that stop a robot from outside. Each is a `StopSource`."""
+"""Devices outside the program that stop a robot. Each is a `StopSource`."""

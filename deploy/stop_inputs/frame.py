@@ -1,4 +1,4 @@
-"""A CAN frame that stops the robot, and whose silence does where it is a heartbeat."""
+"""A CAN frame that stops the robot; if it is a heartbeat, its absence does so, too."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from footfall.robots.stop_inputs import StopFrame
 
 
 def filter_of(frame: StopFrame) -> CanFilter:
-    """Passes the frame alone."""
+    """Filter that passes only this frame."""
     mask = 0x1FFF_FFFF if frame.extended else 0x7FF
     return {"can_id": frame.id, "can_mask": mask, "extended": frame.extended}
 
 
 class StopFrameBus(WrappedBus):
-    """A bus whose stop frames are taken out of what it receives: a `Bus`, and a `StopSource`.
+    """Bus that removes the stop frames from the received ones: a `Bus` and a `StopSource`.
 
-    Drivers do not see these frames: some decode the sender from the content.
+    Drivers do not see these frames, since some drivers identify the sender by the content.
     """
 
     def __init__(self, inner: Bus, frame: StopFrame, channel: int) -> None:

@@ -9,23 +9,23 @@ from footfall.common.errors import UserError
 from footfall.deploy.command_source import Stop
 from footfall.robots.stop_inputs import StopKey
 
-# <linux/input.h>
+# From <linux/input.h>
 EVENT = struct.Struct("@llHHi")  # struct input_event: s, us, type, code, value
 EV_KEY, RELEASED = 1, 0
 KEYS = 0x300  # number of codes
-EVIOCGRAB = 0x4004_4590  # no other program gets the device's events: a button does not type
-EVIOCGKEY = 2 << 30 | KEYS // 8 << 16 | ord("E") << 8 | 0x18  # which keys are down, one bit each
-AT_ONCE = 64  # events
+EVIOCGRAB = 0x4004_4590  # exclusive access: the device's key presses reach no other program
+EVIOCGKEY = 2 << 30 | KEYS // 8 << 16 | ord("E") << 8 | 0x18  # state of all keys, one bit each
+AT_ONCE = 64  # events per read
 
 
 class StopKeyInput:
-    """The key: a `StopSource`. Reading never blocks. A device that is gone stops the robot, too."""
+    """The key, as a `StopSource`. Reading does not block. Removing the device stops the robot, too."""
 
     def __init__(self, key: StopKey) -> None:
         """Open the device.
 
         Raises:
-            UserError: it cannot be opened, or the key is down.
+            UserError: it cannot be opened, or the key is pressed.
         """
         self._key = key
         self._stop: Stop | None = None
@@ -37,7 +37,7 @@ class StopKeyInput:
         if self._is_down():
             self.close()
             raise UserError(f"the stop key {key.device} is pressed: release it first")
-        with suppress(OSError):  # not every device can be grabbed
+        with suppress(OSError):  # some devices do not support this
             fcntl.ioctl(self._file, EVIOCGRAB, 1)
 
     @property
@@ -67,7 +67,7 @@ class StopKeyInput:
         bits = bytearray(KEYS // 8)
         try:
             fcntl.ioctl(self._file, EVIOCGKEY, bits)
-        except OSError:  # no input device of the kernel's
+        except OSError:  # not an input device of the kernel
             return False
         code = self._key.code
         return any(bits) if code is None else bool(bits[code // 8] >> code % 8 & 1)

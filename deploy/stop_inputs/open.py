@@ -1,4 +1,4 @@
-"""Opens the stop inputs that a robot declares, beside its buses."""
+"""Opens the stop inputs declared by a robot, along with its buses."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -16,10 +16,10 @@ from footfall.robots.description import Robot
 
 
 def filters_of(robot: Robot, wiring: Wiring) -> tuple[CanFilter, ...]:
-    """Which frames a robot's motors, its IMU and its stop frame's sender send.
+    """Filters for the frames of a robot's motors, IMU and stop frame.
 
     Raises:
-        UserError: a motor or an IMU without a driver.
+        UserError: no driver for a motor or the IMU.
     """
     frame = robot.description.stop_inputs.frame
     return (*choice.filters_of(wiring), *(() if frame is None else (filter_of(frame),)))
@@ -27,17 +27,19 @@ def filters_of(robot: Robot, wiring: Wiring) -> tuple[CanFilter, ...]:
 
 @contextmanager
 def stop_inputs(robot: Robot, wiring: Wiring, bus: Bus) -> Iterator[tuple[Bus, Sequence[StopSource]]]:
-    """The bus for the loop, and the stop inputs, until the context ends.
+    """The bus for the loop, and the stop inputs; closed at the end of the context.
 
     Raises:
-        UserError: one cannot be opened, or its identifier is a motor's or a sensor's.
+        UserError: one cannot be opened, or its identifier is already used by a motor or sensor.
     """
     declared, sources = robot.description.stop_inputs, list[StopSource]()
     with ExitStack() as resources:
         if declared.frame is not None:
             frame, channel = declared.frame, wiring.buses.index(declared.frame.bus)
             if not frame.extended and frame.id in _taken(wiring, channel):
-                raise UserError(f"stop_inputs.frame: {frame.id:#x} on {frame.bus} is a motor's or a sensor's")
+                raise UserError(
+                    f"stop_inputs.frame: {frame.id:#x} on {frame.bus} is already used by a motor or sensor"
+                )
             bus = stop_bus = StopFrameBus(bus, frame, channel)
             sources.append(stop_bus)
         if declared.key is not None:
@@ -48,7 +50,7 @@ def stop_inputs(robot: Robot, wiring: Wiring, bus: Bus) -> Iterator[tuple[Bus, S
 
 
 def _taken(wiring: Wiring, channel: int) -> set[int]:
-    """Identifiers that the motors and the sensors use on a bus."""
+    """Identifiers used by the motors and sensors on a bus."""
     of_feet = foot_force.identifiers(len(wiring.foot_channel))[wiring.foot_channel == channel]
     taken = {*imu_driver_class(wiring.imu_protocol).identifiers, *of_feet.tolist()}
     for driver, joints in by_driver(wiring):

@@ -1,1 +1,1 @@
-"""What a run tells: encoded once as ROS 2 messages, for its log and for whoever looks at it meanwhile."""
+"""Telemetry of a run: encoded once as ROS 2 messages, for its log and its live subscribers."""

@@ -1,4 +1,4 @@
-"""Definitions of the ROS 2 messages in a run's telemetry, as its log and its feed carry them (`ros2msg`)."""
+"""Definitions (`ros2msg`) of the ROS 2 messages in a run's telemetry, included in its log and feed."""
 
 from collections.abc import Iterator
 
@@ -141,14 +141,14 @@ uint8[<=64] data""",
 
 
 def definition(kind: str) -> str:
-    """A message's definition with those that it is made of, such as of `std_msgs/msg/String`."""
+    """Definition of a message, including those of its parts, for example of `std_msgs/msg/String`."""
     name = kind.replace("/msg/", "/")
     parts = {part: f"MSG: {part}\n{_FIELDS[part]}" for part in _parts(name)}
     return f"\n{'=' * 80}\n".join([_FIELDS[name], *parts.values()])
 
 
 def _parts(name: str) -> Iterator[str]:
-    """The messages that a message is made of, outermost first; some more than once."""
+    """Messages used by a message, outermost first; some repeated."""
     for line in _FIELDS[name].splitlines():
         kind = line.split()[0].partition("[")[0]
         if kind in _FIELDS:

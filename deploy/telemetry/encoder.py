@@ -1,4 +1,4 @@
-"""Turns the records of the control loop into messages, once, for whoever takes them."""
+"""Encodes the records of the control loop as messages."""
 
 import struct
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from footfall.deploy.telemetry.health import STOPPED, Health
 from footfall.deploy.telemetry.scene_feeder import SceneFeeder
 from footfall.deploy.telemetry.transforms import Transforms
 
-Put = Callable[[str, int, bytes], None]  # takes a topic, a time in ns, and a message's bytes
+Put = Callable[[str, int, bytes], None]  # called with a topic, a time in ns, and a message's bytes
 
-ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
+ARRAYS = {  # records copied unchanged: topic, bytes per number
     Kind.DECISION: ("/policy/command", 8),
     Kind.OBSERVATION: ("/policy/observation", 4),
     Kind.ACTION: ("/policy/action", 4),
@@ -31,25 +31,25 @@ FRAMES: dict[Kind, tuple[str, struct.Struct, FrameTemplate]] = {
     Kind.RECEIVED_FD: ("/from_can_bus_fd", FD_FRAME, messages.can_fd_frame),
     Kind.SENT_FD: ("/to_can_bus_fd", FD_FRAME, messages.can_fd_frame),
 }
-GONE = "the process of the run ended before the run"
+GONE = "the process of the run died before the end of the run"
 
 
 class Encoder:
-    """Encodes the records of one run."""
+    """Encoder for the records of one run."""
 
     def __init__(self, begin: dict[str, Any], put: Put) -> None:
-        """`begin` is the content of the record that begins a run; `put` takes each message."""
+        """Args: `begin`, the content of a run's first record; `put`, called with each message."""
         self._put = put
         self._names = tuple(begin["joints"])
         self._start_ns = begin["start_ns"]
-        self._readings, self._inputs = begin["readings"], begin["inputs"]  # sizes of their parts
-        self._size = 8 * len(self._names)  # bytes of a number for each joint
+        self._readings, self._inputs = begin["readings"], begin["inputs"]  # number of values of each part
+        self._size = 8 * len(self._names)  # bytes of one value per joint
         self._last_ns = self._start_ns
         self._buses = begin["buses"]
         self._transforms = Transforms(begin.get("links", []), put)
         self._scene = SceneFeeder(begin, put)
         self._health = Health(begin["robot"], self._names, put)
-        self._takes = {  # who else takes a record's content
+        self._takes = {  # further users of a record's content
             Kind.ODOMETRY: (self._transforms.odometry, self._scene.odometry),
             Kind.CONTACTS: (self._scene.contacts,),
             Kind.FOOTHOLDS: (self._scene.footholds,),
@@ -57,14 +57,14 @@ class Encoder:
             Kind.HEALTH: (self._health.motors,),
             Kind.TIMING: (self._health.timing,),
         }
-        self.state = "no state"  # the supervisor's, as logged last
-        self.complete = False  # whether the run has ended
+        self.state = "no state"  # state of the supervisor as last logged
+        self.complete = False  # the run has ended in order
         if "urdf" in begin:
             put("/robot_description", self._start_ns, messages.text(begin["urdf"]))
         self._transforms.begin(self._start_ns)
 
     def encode(self, kind: Kind, now_us: int, content: bytes) -> None:
-        """Pass on one record's messages."""
+        """Encode a record."""
         time_ns = self._last_ns = self._start_ns + now_us * 1000
         for take in self._takes.get(kind, ()):
             take(content)
@@ -73,7 +73,7 @@ class Encoder:
             self._array(topic, time_ns, content, size)
         elif kind in TEXTS:
             self._text(kind, time_ns, content.decode())
-        elif kind is Kind.APPLIED:  # no event: it changes at each step on the way to a new value
+        elif kind is Kind.APPLIED:  # no event: until a setting has its new value, it changes in each step
             self._put("/policy/applied", time_ns, messages.text(content.decode()))
         elif kind in FRAMES:
             self._frames(*FRAMES[kind], content)
@@ -98,12 +98,12 @@ class Encoder:
             self.complete = True
 
     def end(self) -> None:
-        """Add a note if the run's process is gone without an end of the run."""
+        """Add a note if the run's process died before the end of the run."""
         if not self.complete:
             self._text(Kind.NOTE, self._last_ns, GONE)
 
     def _text(self, kind: Kind, time_ns: int, text: str) -> None:
-        """A change of state or policy, an order, or a note, also as an event with its severity."""
+        """A change of state or policy, an order or a note; also as an event with a severity."""
         level = messages.WARN if kind is Kind.NOTE else messages.INFO
         if kind is Kind.STATE:
             self.state = self._health.state = text
@@ -147,7 +147,7 @@ class Encoder:
 
 
 def _parts(content: bytes, sizes: dict[str, int]) -> dict[str, bytes]:
-    """The parts of a record of float64 by name, given the number of components of each in order."""
+    """Split a record of float64 into its parts by name, given the number of values of each part in order."""
     parts, start = {}, 0
     for name, size in sizes.items():
         parts[name] = content[start : start + 8 * size]

@@ -1,17 +1,18 @@
-"""The feed: a run's messages over a Unix socket, to any number of programs that look on.
+"""The feed: a run's messages over a Unix socket, for any number of subscribers.
 
-A subscriber connects and reads. What it reads is an MCAP stream without chunks (https://mcap.dev/spec), so
-any reader of MCAP streams understands it, and what is saved from the socket is an MCAP file:
+A subscriber connects and reads. The content is an MCAP stream without chunks (https://mcap.dev/spec): any
+reader of MCAP streams can read it, and the data saved from the socket is an MCAP file:
 
-    magic, Header, Metadata "footfall" (as in a log), then Schema, Channel and Message records as they come,
+    magic, Header, Metadata "footfall" (as in a log), then Schema, Channel and Message records in order of
+    time,
     and after an orderly end of the run DataEnd, Footer, magic
 
-- A Schema and a Channel stand before the first message of their topic. Messages are in CDR (`ros2msg`);
-  topics, types and quality of service are those of `topics.py`. A record is one byte of opcode, eight of
-  length (little-endian) and its content; `feed_reader.py` reads it with the standard library alone.
+- A topic's Schema and Channel come before its first message. Messages are in CDR (`ros2msg`); topics, types
+and quality of service are those of `topics.py`. A record is one byte of opcode, eight bytes of length
+(little-endian) and its content; `feed_reader.py` reads it using only the standard library.
 - A new subscriber first gets the last message of each latched topic.
-- `sequence` counts the messages of a channel. A gap tells a subscriber that it was too slow: messages that do
-  not fit into its buffer are left out. If a latched one would be, the subscriber is disconnected.
+- `sequence` counts the messages of a channel. A gap means that the subscriber was too slow: messages that do
+not fit into its buffer are dropped. If a latched one does not fit, the subscriber is disconnected.
 - The feed is read-only: a subscriber that sends anything is disconnected.
 """
 
@@ -33,17 +34,17 @@ from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.mcap_file import METADATA
 from footfall.deploy.telemetry.topics import TOPICS
 
-MOST_SUBSCRIBERS = 16
-MOST_WAITING_BYTES = 2 * 2**20  # for each subscriber: some seconds
-MESSAGE = struct.Struct("<BQHIQQ")  # opcode, bytes that follow, channel, sequence, log time, publish time
+MAX_SUBSCRIBERS = 16
+MAX_WAITING_BYTES = 2 * 2**20  # per subscriber: a few seconds
+MESSAGE = struct.Struct("<BQHIQQ")  # opcode, size of the rest, channel, sequence, log time, publish time
 _MESSAGE_OPCODE, _REST = 0x05, MESSAGE.size - 9
 
 
 def listen(path: Path) -> socket.socket:
-    """The socket of a feed, which only this user may connect to. A dead feed's file is replaced.
+    """Create the socket of a feed; only this user can connect. The file of a dead feed is replaced.
 
     Raises:
-        UserError: the socket cannot be made, or a run serves it.
+        UserError: the socket cannot be created, or another run serves it.
     """
     found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
@@ -53,7 +54,7 @@ def listen(path: Path) -> socket.socket:
             found.bind(os.fspath(path))
         finally:
             os.umask(before)
-        found.listen(MOST_SUBSCRIBERS)
+        found.listen(MAX_SUBSCRIBERS)
     except OSError as error:
         found.close()
         raise UserError(f"cannot serve a feed at {path}: {error.strerror or error}") from None
@@ -61,7 +62,7 @@ def listen(path: Path) -> socket.socket:
 
 
 def _remove_dead(path: Path) -> None:
-    """Remove the socket of a process that is gone."""
+    """Remove the socket of a process that has ended."""
     with suppress(FileNotFoundError):
         if not stat.S_ISSOCK(path.stat().st_mode):
             return
@@ -74,7 +75,7 @@ def _remove_dead(path: Path) -> None:
 
 
 class Feed:
-    """Passes messages on to subscribers, and never waits for one."""
+    """Sends messages to subscribers without waiting for them."""
 
     def __init__(self, listener: socket.socket, metadata: dict[str, str]) -> None:
         self._listener = listener
@@ -82,22 +83,22 @@ class Feed:
         self._begin = MCAP0_MAGIC + _bytes(Header("ros2", "footfall"), Metadata(METADATA, metadata))
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._sent: list[int] = []  # messages of each channel
-        self._latest: dict[str, bytes] = {}  # the last message of each latched topic
+        self._sent: list[int] = []  # number of messages of each channel
+        self._latest: dict[str, bytes] = {}  # last message of each latched topic
         self._waiting: dict[socket.socket, bytearray] = {}  # by subscriber
 
     @property
     def readable(self) -> list[socket.socket]:
-        """Sockets that `serve` has something to do for once they are readable."""
+        """Sockets on which `serve` waits to read."""
         return [self._listener, *self._waiting]
 
     @property
     def writable(self) -> list[socket.socket]:
-        """Those once they are writable."""
+        """Sockets on which `serve` waits to write."""
         return [each for each, waiting in self._waiting.items() if waiting]
 
     def put(self, topic: str, time_ns: int, message: bytes) -> None:
-        """Pass on a message."""
+        """Send a message to all subscribers."""
         latched = TOPICS[topic].latched
         channel = self._channels.get(topic)
         if channel is None:
@@ -111,13 +112,13 @@ class Feed:
         if latched:
             self._latest[topic] = record
         for subscriber, waiting in list(self._waiting.items()):
-            if len(waiting) + len(record) <= MOST_WAITING_BYTES:
+            if len(waiting) + len(record) <= MAX_WAITING_BYTES:
                 waiting.extend(record)
             elif latched:
                 self._drop(subscriber)
 
     def serve(self) -> None:
-        """Take new subscribers, and send what waits, as far as it goes at once."""
+        """Accept new subscribers, and send as much waiting data as possible without blocking."""
         self._accept()
         for subscriber, waiting in list(self._waiting.items()):
             try:
@@ -125,13 +126,13 @@ class Feed:
                     if waiting:
                         del waiting[: subscriber.send(waiting)]
                 with suppress(BlockingIOError):
-                    subscriber.recv(1)  # it has ended, or sent what it must not
+                    subscriber.recv(1)  # end of file, or forbidden data
                     self._drop(subscriber)
             except OSError:
                 self._drop(subscriber)
 
     def end(self, complete: bool, patience_s: float) -> None:
-        """End the feed: what waits is sent to subscribers that take it within a time."""
+        """End the feed: subscribers get the remaining data if they read it within `patience_s`."""
         if complete:
             for waiting in self._waiting.values():
                 waiting.extend(_bytes(DataEnd(0), Footer(0, 0, 0)) + MCAP0_MAGIC)
@@ -146,14 +147,14 @@ class Feed:
     def _accept(self) -> None:
         with suppress(OSError):
             subscriber, _ = self._listener.accept()
-            if len(self._waiting) == MOST_SUBSCRIBERS:
+            if len(self._waiting) == MAX_SUBSCRIBERS:
                 subscriber.close()
                 return
             subscriber.setblocking(False)
             self._waiting[subscriber] = bytearray(self._begin + b"".join(self._latest.values()))
 
     def _register(self, topic: str) -> int:
-        """Define a topic, for subscribers of now and later ones."""
+        """Define a topic for current and later subscribers."""
         how, records = TOPICS[topic], list[McapRecord]()
         if how.kind not in self._schemas:
             number = self._schemas[how.kind] = len(self._schemas) + 1

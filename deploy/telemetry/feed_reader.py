@@ -1,4 +1,4 @@
-"""Reads a run's feed. Needs the standard library alone: other Pythons run it, too, such as a robot's ROS."""
+"""Reads a run's feed. Uses only the standard library: other Pythons can run it, such as a robot's ROS."""
 
 import os
 import socket
@@ -8,26 +8,26 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 _MAGIC = b"\x89MCAP0\r\n"
-_HEAD = struct.Struct("<BQ")  # opcode, bytes that follow
+_HEAD = struct.Struct("<BQ")  # opcode, size of the rest
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _SCHEMA, _CHANNEL, _MESSAGE_CODE, _METADATA, _FOOTER = 0x03, 0x04, 0x05, 0x0C, 0x02
-_LARGEST = 2**26  # bytes of a record
+_MAX_SIZE = 2**26  # bytes of a record
 
 
 class FeedChannel(NamedTuple):
-    """A topic of a feed."""
+    """Topic of a feed."""
 
     topic: str
-    kind: str  # of message, such as sensor_msgs/msg/Imu
-    definition: str  # of that kind, as `ros2msg`
+    kind: str  # message type, such as sensor_msgs/msg/Imu
+    definition: str  # of that type, as `ros2msg`
     latched: bool
 
 
 class FeedMessage(NamedTuple):
-    """A message of a feed."""
+    """Message of a feed."""
 
     channel: FeedChannel
-    sequence: int  # counts the messages of a channel; a gap tells that some were left out
+    sequence: int  # counts the messages of a channel; a gap means that some were dropped
     time_ns: int
     data: bytes  # CDR
 
@@ -36,8 +36,8 @@ class FeedReader:
     """Iterates over the messages of a feed until it ends.
 
     Attributes:
-        metadata: of the run, as its log has it: JSON by name. Complete once the first message has come.
-        ended: whether the run ended in order; False if its process is gone.
+        metadata: of the run, as in its log: JSON by name. Complete after the first message.
+        ended: whether the run ended in order; False if its process died.
     """
 
     def __init__(self, path: str | os.PathLike[str], timeout_s: float | None = None) -> None:
@@ -45,10 +45,10 @@ class FeedReader:
 
         Args:
             path: the feed's socket.
-            timeout_s: longest silence; after it iteration raises TimeoutError. None waits for ever.
+            timeout_s: maximum silence; then iteration raises TimeoutError. None waits forever.
 
         Raises:
-            OSError: there is no feed.
+            OSError: the feed does not exist.
         """
         self.metadata: dict[str, str] = {}
         self.ended = False
@@ -73,7 +73,7 @@ class FeedReader:
             return
         while len(head := self._file.read(_HEAD.size)) == _HEAD.size:
             opcode, size = _HEAD.unpack(head)
-            if size > _LARGEST or len(content := self._file.read(size)) < size:
+            if size > _MAX_SIZE or len(content := self._file.read(size)) < size:
                 return
             if opcode == _MESSAGE_CODE:
                 number, sequence, time_ns, _ = _MESSAGE.unpack_from(content)
@@ -98,7 +98,7 @@ class FeedReader:
 
 
 class _Fields:
-    """Takes the fields of a record one after the other."""
+    """Reads the fields of a record one after the other."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._at = content, 0
@@ -117,6 +117,6 @@ class _Fields:
         end = self.number("<I") + self._at
         found = {}
         while self._at < end:
-            name = self.text()  # first: of an assignment Python evaluates the right side first
+            name = self.text()  # in a separate line: in an assignment Python evaluates the right side first
             found[name] = self.text()
         return found

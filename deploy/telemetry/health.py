@@ -1,4 +1,4 @@
-"""Diagnostics once a second: the supervisor's state, the motors' health, the loop's timing."""
+"""Diagnostics once a second: state of the supervisor, health of the motors, timing of the loop."""
 
 import math
 import struct
@@ -8,12 +8,12 @@ from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.messages import BAD, FINE, WARNING, Diagnosis
 
 EVERY_NS = 1_000_000_000
-OLD_S = 0.05  # age of a reading from which the diagnostics warn
+OLD_S = 0.05  # age of a reading above which the diagnostics warn
 STOPPED, RECOVERING = ("ESTOP", "FALLING"), "RECOVERING"
 
 
 class Health:
-    """Collects the diagnostics and publishes them."""
+    """Collects and publishes the diagnostics."""
 
     def __init__(self, robot: str, joints: tuple[str, ...], put: Callable[[str, int, bytes], None]) -> None:
         self._robot, self._joints, self._put = robot, joints, put
@@ -24,22 +24,22 @@ class Health:
         self.state = ""
 
     def ages(self, numbers: bytes) -> None:
-        """Ages of the readings."""
+        """Set the ages of the readings."""
         self._ages = numbers
 
     def motors(self, numbers: bytes) -> None:
-        """Temperatures, voltages and error codes."""
+        """Set the motors' temperatures, voltages and error codes."""
         self._motors = numbers
 
     def timing(self, numbers: bytes) -> None:
-        """Work and lateness of a tick, us."""
+        """Add a tick's work and lateness, us."""
         self._timed = True
         self._worst_us = [
             max(pair) for pair in zip(self._worst_us, struct.unpack("<2d", numbers), strict=True)
         ]
 
     def tell(self, time_ns: int) -> None:
-        """Publish, if it is time."""
+        """Publish if due."""
         if time_ns >= self._next_ns:
             self._next_ns = time_ns + EVERY_NS
             self._put("/diagnostics", time_ns, messages.diagnostics(time_ns, self._robot, self._parts()))

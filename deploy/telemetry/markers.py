@@ -1,4 +1,4 @@
-"""Markers of 3-D views: a visualization_msgs/MarkerArray, its markers with fixed names."""
+"""Markers in 3-D views: a visualization_msgs/MarkerArray of named markers."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -8,16 +8,16 @@ from footfall.deploy.telemetry.messages import Template
 Point = Iterable[float]  # x, y, z, m
 Colour = tuple[float, float, float, float]  # red, green, blue, opacity
 
-LIFETIME_NS = 300_000_000  # after which a marker that is not renewed vanishes
+LIFETIME_NS = 300_000_000  # after which a marker disappears unless it is renewed
 ARROW, SPHERE, CYLINDER, LINE_STRIP = 0, 2, 3, 4
 WIDTH_M = 0.01  # of lines and arrows
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 class Marker(NamedTuple):
-    """One marker. `points` are those of a line or an arrow; others stand at `position`."""
+    """One marker. `points` define a line or an arrow; other markers are at `position`."""
 
-    name: str  # a namespace of its own
+    name: str  # namespace
     number: int
     kind: int
     size: tuple[float, float, float]
@@ -27,7 +27,7 @@ class Marker(NamedTuple):
 
 
 def marker_array(time_ns: int, frame: str, markers: Sequence[Marker]) -> bytes:
-    """The message of some markers in a frame."""
+    """Message with markers in a frame."""
     template = Template().count(len(markers))
     for marker in markers:
         template.stamp(frame).text(marker.name).put("i", marker.number, marker.kind, 0)
@@ -36,9 +36,9 @@ def marker_array(time_ns: int, frame: str, markers: Sequence[Marker]) -> bytes:
         for point in marker.points:
             template.put("d", *point)
         template.count(0).text("")  # colours of points, texture
-        template.put("i", 0).put("I", 0).text("").text("").count(0)  # its image
+        template.put("i", 0).put("I", 0).text("").text("").count(0)  # the texture's image
         template.count(0).text("").text("")  # texture coordinates, text, mesh
-        template.text("").count(0).put("B", 0)  # file of the mesh
+        template.text("").count(0).put("B", 0)  # the mesh's file
     return template.fill(time_ns)
 
 

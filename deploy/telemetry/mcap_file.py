@@ -8,12 +8,12 @@ from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.topics import TOPICS
 
 METADATA = "footfall"
-ENDED = "ended"  # metadata of a run that was not cut short
+ENDED = "ended"  # metadata of a run that ended in order
 CHUNK_BYTES = 64 * 1024
 
 
 class McapFile:
-    """A log of messages, readable as far as it was flushed."""
+    """A log of messages, readable up to the last flush."""
 
     def __init__(self, file: IO[bytes], metadata: dict[str, str]) -> None:
         self._file = file
@@ -25,23 +25,23 @@ class McapFile:
         self.flush()
 
     def put(self, topic: str, time_ns: int, message: bytes) -> None:
-        """Add a message."""
+        """Write a message."""
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._register(topic)
         self._writer.add_message(channel, time_ns, message, time_ns)
 
     def flush(self) -> None:
-        """Flush everything to the file."""
+        """Write all buffered data to the file."""
         self._writer.flush()
 
     @property
     def size(self) -> int:
-        """Bytes that were flushed."""
+        """Number of bytes written so far."""
         return self._file.tell()
 
     def close(self) -> None:
-        """Close the file, which `finish` does not."""
+        """Close the file; not done by `finish`."""
         self._file.close()
 
     def finish(self, complete: bool) -> None:

@@ -1,8 +1,8 @@
-"""The bytes of a run's ROS 2 messages in CDR.
+"""Encodes a run's ROS 2 messages as CDR.
 
-A run's messages never change their shape, so that each is a template with gaps, and writing one is copying
-the numbers' bytes into it. Encoding: OMG's Common Data Representation (DDS-XTypes 1.3, 7.4.1, version 1),
-little-endian, aligned from behind the four bytes of the head.
+The layout of each message of a run is constant. So each message has a template with gaps, and encoding means
+to copy the numbers' bytes into the gaps. Encoding: OMG's Common Data Representation (DDS-XTypes 1.3, 7.4.1,
+version 1), little-endian, aligned relative to the end of the four-byte header.
 """
 
 import math
@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-BASE, IMU, ODOM = "base_link", "imu_link", "odom"  # frames, as REP 105 names them
+BASE, IMU, ODOM = "base_link", "imu_link", "odom"  # frames, with the names of REP 105
 
-DISCHARGING = 2  # of a BatteryState
+DISCHARGING = 2  # status of a BatteryState
 INFO, WARN, ERROR = 20, 30, 40  # levels of a Log
 FINE, WARNING, BAD = 0, 1, 2  # levels of a DiagnosticStatus
 
@@ -30,15 +30,15 @@ class Diagnosis(NamedTuple):
 
 
 class Template:
-    """A message in which only the numbers change."""
+    """A message in which only numbers change."""
 
     def __init__(self) -> None:
         self._bytes = bytearray(b"\x00\x01\x00\x00")
         self._gaps: list[slice] = []
-        self._stamps: list[int] = []  # where a time stands
+        self._stamps: list[int] = []  # positions of time stamps
 
     def stamp(self, frame: str = "") -> "Template":
-        """A std_msgs/Header."""
+        """Append a std_msgs/Header."""
         self._align(4)
         self._stamps.append(len(self._bytes))
         self._bytes += bytes(8)
@@ -56,7 +56,7 @@ class Template:
         return self
 
     def gap(self, numbers: int, size: int = _DOUBLE) -> "Template":
-        """Room for some numbers of `size` bytes."""
+        """Append a gap for some numbers of `size` bytes."""
         if numbers:
             self._align(size)
             start = len(self._bytes)
@@ -65,23 +65,23 @@ class Template:
         return self
 
     def put(self, layout: str, *values: float) -> "Template":
-        """Numbers of one type, as `struct` names it."""
+        """Append numbers of one type, given as in `struct`."""
         self._align(struct.calcsize(layout))
         self._bytes += struct.pack(f"<{len(values)}{layout}", *values)
         return self
 
     def zeros(self, numbers: int) -> "Template":
-        """That many float64 zeros, which stay."""
+        """Append that many constant float64 zeros."""
         self.gap(numbers)
         self._gaps.pop()
         return self
 
     def done(self) -> bytes:
-        """The message, if it has no gaps and no stamps."""
+        """The message, if it has no gaps or stamps."""
         return bytes(self._bytes)
 
     def fill(self, time_ns: int, *numbers: bytes) -> bytes:
-        """The message at a time, its gaps filled in their order. A gap takes as many bytes as it has."""
+        """The message with a time and numbers for the gaps in order, each of its gap's size."""
         content = self._bytes
         for place in self._stamps:
             struct.pack_into("<iI", content, place, *divmod(time_ns, 10**9))
@@ -120,15 +120,15 @@ def twist() -> Template:
 def odometry() -> Template:
     """A nav_msgs/Odometry from frame `odom` to `base_link`; one gap of 85 numbers.
 
-    Position (3), orientation x, y, z, w, covariance (36) of x, y, z and of the turns about them; velocity
-    (3), angular velocity (3), their covariance (36).
+    Position (3), orientation x, y, z, w, covariance (36) of x, y, z and the rotations about these axes;
+    velocity (3), angular velocity (3), their covariance (36).
     """
     return Template().stamp(ODOM).text(BASE).gap(3 + 4 + 36 + 3 + 3 + 36)
 
 
 @lru_cache(None)
 def transforms(frames: tuple[tuple[str, str], ...]) -> Template:
-    """A tf2_msgs/TFMessage of (parent, child) frames; a gap for each: x, y, z, m, quaternion x, y, z, w."""
+    """A tf2_msgs/TFMessage of (parent, child) frames; gap for each: x, y, z, m, quaternion x, y, z, w."""
     template = Template().count(len(frames))
     for parent, child in frames:
         template.stamp(parent).text(child).gap(7)
@@ -137,7 +137,7 @@ def transforms(frames: tuple[tuple[str, str], ...]) -> Template:
 
 @lru_cache(None)
 def multi_array(label: str, numbers: int, size: int = _DOUBLE) -> Template:
-    """A std_msgs/Float64MultiArray of one dimension, or with `size` 4 a Float32MultiArray; one gap."""
+    """A one-dimensional std_msgs/Float64MultiArray, or with `size` 4 a Float32MultiArray; one gap."""
     template = Template().count(1).text(label).count(numbers).count(numbers).count(0)
     return template.count(numbers).gap(numbers, size)
 
@@ -169,7 +169,7 @@ def can_frame(bus: str, extended: bool, length: int) -> Template:
 
 
 def can_fd_frame(bus: str, extended: bool, length: int) -> Template:
-    """A ros2_socketcan_msgs/FdFrame; gaps: identifier (4 bytes), data (64 bytes, zeros past the length)."""
+    """A ros2_socketcan_msgs/FdFrame; gaps: identifier (4 bytes), data (64 bytes, zeros after the length)."""
     return Template().stamp(bus).gap(1, 4).put("B", extended, 0, length).count(64).gap(64, 1)
 
 

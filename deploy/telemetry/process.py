@@ -1,8 +1,8 @@
-"""The process that passes on what a run tells, started by `deploy/log.py`.
+"""The process that writes a run's telemetry, started by `deploy/log.py`.
 
-It reads records from standard input until that ends, also because the control loop was killed, and ends the
-log and the feed then. What cannot be written, it says at once on standard error, and to the loop on standard
-output. No NumPy here: it starts while the robot waits.
+It reads records from standard input until its end, which also comes if the control loop is killed, and then
+closes the log and the feed. Write errors are reported at once on standard error, and to the loop on standard
+output. It does not import NumPy: it starts while the robot waits.
 """
 
 import json
@@ -27,11 +27,11 @@ FLUSH_EVERY_S = 0.05
 READ_BYTES = 1 << 20
 READY = "ready"
 NONE = "-"  # instead of a file descriptor
-LAST_WAIT_S = 1.0  # for subscribers, once the run has ended
+LAST_WAIT_S = 1.0  # for subscribers, after the end of the run
 
 
 class Parts:
-    """The parts of a log in a store: which is written, and those before it."""
+    """The parts of a log in a store: the current one and earlier ones."""
 
     def __init__(self, store: LogStore, path: Path) -> None:
         self._store, self.path = store, path
@@ -39,16 +39,16 @@ class Parts:
         self._latched: dict[str, tuple[int, bytes]] = {}
 
     def remember(self, topic: str, time_ns: int, message: bytes) -> None:
-        """Keep a message that holds until the next one: each part begins with it."""
+        """Keep the last message of a latched topic: each part starts with it."""
         if TOPICS[topic].latched:
             self._latched[topic] = time_ns, message
 
     def full(self, file: McapFile) -> bool:
-        """Whether a file is as large as a part may be."""
+        """Whether a file has reached the maximum size of a part."""
         return file.size > self._store.part_bytes
 
     def open_next(self, metadata: dict[str, str]) -> McapFile:
-        """The next part, once there is room.
+        """Open the next part after making room for it.
 
         Raises:
             OSError: it cannot be written.
@@ -64,10 +64,10 @@ class Parts:
 
 
 class Sinks:
-    """A log, a feed, or both. A log that fails costs only itself."""
+    """A log, a feed, or both. If the log fails, the feed continues."""
 
     def __init__(self, file: int | None, feed: int | None, begin: dict[str, Any]) -> None:
-        """What takes messages.
+        """Start without having written anything.
 
         Args:
             file: descriptor of the log's file.
@@ -81,7 +81,7 @@ class Sinks:
             self._parts = Parts(LogStore(Path(folder), most_bytes), Path(self._path))
         self._file: McapFile | None = None
         self.feed = None if feed is None else Feed(socket.socket(fileno=feed), begin["metadata"])
-        self.failed = False  # whether the log cannot be written
+        self.failed = False  # whether writing the log failed
         if file is not None:
             try:
                 self._file = McapFile(os.fdopen(file, "wb"), begin["metadata"])
@@ -89,7 +89,7 @@ class Sinks:
                 self._fail(error)
 
     def put(self, topic: str, time_ns: int, message: bytes) -> None:
-        """Pass on a message."""
+        """Write a message to the log and the feed."""
         if self.feed is not None:
             self.feed.put(topic, time_ns, message)
         if self._file is not None:
@@ -102,11 +102,11 @@ class Sinks:
 
     @property
     def part_full(self) -> bool:
-        """Whether the log should go on in another part."""
+        """Whether to continue the log in another part."""
         return self._file is not None and self._parts is not None and self._parts.full(self._file)
 
     def flush(self) -> None:
-        """Write what waits for the disk."""
+        """Write buffered data to the disk."""
         if self._file is not None:
             try:
                 self._file.flush()
@@ -118,7 +118,7 @@ class Sinks:
                 self._fail(error)
 
     def end(self, complete: bool) -> None:
-        """End the log and the feed; `complete` tells whether the run ended in order."""
+        """Close the log and the feed; `complete` tells whether the run ended in order."""
         if self._file is not None:
             try:
                 self._file.finish(complete)
@@ -135,13 +135,13 @@ class Sinks:
 
 
 def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray) -> None:
-    """Encode the records of a pipe until it ends."""
+    """Encode the records from a pipe until its end."""
     encoder = Encoder(begin, sinks.put)
     flush_at = time.monotonic() + FLUSH_EVERY_S
     while True:
         for kind, now_us, content in take_records(arrived):
             encoder.encode(kind, now_us, content)
-            if sinks.part_full:  # a slow process may have a lot to encode
+            if sinks.part_full:  # if this process is slow, there may be many records to encode
                 sinks.flush()
         if time.monotonic() >= flush_at:
             sinks.flush()
@@ -155,7 +155,7 @@ def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray
     encoder.end()
     sinks.end(encoder.complete)
     if not encoder.complete:
-        kept = "" if begin["path"] is None else f"; {begin['path']} has what came before"
+        kept = "" if begin["path"] is None else f"; {begin['path']} has everything before that"
         print(
             f"footfall: {GONE}, in state {encoder.state}: motors are off after their timeout{kept}",
             file=sys.stderr,
@@ -163,7 +163,7 @@ def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray
 
 
 def _readable(source: int, feed: Feed | None, wait_s: float) -> bool:
-    """Serve the feed, and wait for records; returns whether there are some, or their end."""
+    """Serve the feed and wait for records; returns whether there are any, or the pipe has ended."""
     if feed is None:
         return bool(select.select([source], [], [], wait_s)[0])
     feed.serve()
@@ -172,7 +172,7 @@ def _readable(source: int, feed: Feed | None, wait_s: float) -> bool:
 
 
 def first_record(source: int, arrived: bytearray) -> dict[str, Any] | None:
-    """The content of the record that begins a run, with `start_ns`; None if the pipe ends before it."""
+    """Content of the first record of a run, with `start_ns`; None if the pipe ends before it."""
     while True:
         for _, _, content in take_records(arrived):
             (start_ns,) = START.unpack_from(content)

@@ -1,4 +1,4 @@
-"""What 3-D views need to know of a robot: its URDF, and the links whose places change with its joints."""
+"""Information about a robot for 3-D views: its URDF, and the links that move with its joints."""
 
 from contextlib import suppress
 from typing import Any
@@ -13,7 +13,8 @@ from footfall.robots.urdf import urdf
 
 
 def robot_frames(robot: Robot) -> dict[str, Any]:
-    """The robot's `urdf` and `links` (see `Transforms`) for JSON; empty if URDF lacks such joints."""
+    """The robot's `urdf` and `links` (see `Transforms`) for JSON; empty if URDF cannot describe its
+    joints."""
     with suppress(UserError):
         links = link_tree(robot, load_model(robot))
         return {"urdf": urdf(robot), "links": [_plain(link, robot) for link in links]}

@@ -1,4 +1,4 @@
-"""What carries a walking robot, and where it wants to go, as markers in `odom`."""
+"""Markers in `odom`: balance of a walking robot, foot forces and planned footholds."""
 
 from collections import deque
 from collections.abc import Callable
@@ -18,9 +18,9 @@ from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import nominal_body
 
 EVERY_NS = 50_000_000  # 20 Hz
-TRAIL = 20  # markers' times for which the path of a foot is shown
-WEIGHT_M = 0.4  # length of the arrow of a force as large as the robot's weight
-AHEAD_S = 0.5  # for which the arrow of a velocity reaches
+TRAIL = 20  # number of a foot's latest positions shown as its path
+WEIGHT_M = 0.4  # length of the arrow for a force equal to the robot's weight
+AHEAD_S = 0.5  # the arrow of a velocity shows the travel in this time
 
 RED, GREEN, BLUE = (0.85, 0.2, 0.2, 1.0), (0.2, 0.65, 0.3, 1.0), (0.2, 0.4, 0.85, 1.0)
 ORANGE, VIOLET, GREY = (0.95, 0.6, 0.1, 1.0), (0.55, 0.3, 0.75, 1.0), (0.5, 0.5, 0.5, 1.0)
@@ -47,7 +47,7 @@ class Scene:
         self, time_ns: int, sensed: Sensed, odometry: np.ndarray, contact: np.ndarray,
         footholds: np.ndarray | None, command: np.ndarray,
     ) -> None:  # fmt: skip
-        """Publish the markers, if it is time.
+        """Publish the markers if due.
 
         Args:
             time_ns: of the readings.

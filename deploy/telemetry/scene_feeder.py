@@ -1,7 +1,7 @@
-"""Collects what a scene shows, and loads what computes it once there is something to show.
+"""Collects the data for a scene, and loads the scene as soon as there is data.
 
-That needs NumPy and MuJoCo, half a second of work. By the wall clock it is done beside the encoding, so that
-a killed run's log lacks nothing; in lockstep first, so that a log is the same each time.
+It needs NumPy and MuJoCo, which take half a second to import. With the wall clock this is done in parallel
+with the encoding, so the log of a killed run is complete; in lockstep before it, so the log is reproducible.
 """
 
 import threading
@@ -16,10 +16,10 @@ Put = Callable[[str, int, bytes], None]
 
 
 class SceneFeeder:
-    """Feeds a scene with the parts of records, as bytes of float64."""
+    """Passes parts of records, as bytes of float64, to a scene."""
 
     def __init__(self, about: dict[str, Any], put: Put) -> None:
-        """`about` is the content of the record that begins a run."""
+        """`about` is the content of a run's first record."""
         self._about, self._put = about, put
         self._scene: Scene | None = None
         self._loading: threading.Thread | None = None
@@ -27,24 +27,24 @@ class SceneFeeder:
         self.command = bytes(24)
 
     def odometry(self, numbers: bytes) -> None:
-        """The base's motion. Load the scene at the first one."""
+        """Set the base's motion. The first call loads the scene."""
         self._odometry, self._footholds = numbers, b""
         if self._loading is None:
-            self._loading = threading.Thread(target=self._load)  # no daemon: it would crash at exit
+            self._loading = threading.Thread(target=self._load)  # not a daemon, which would crash at exit
             self._loading.start()
             if not self._about["paced"]:
                 self._loading.join()
 
     def contacts(self, numbers: bytes) -> None:
-        """Which feet stand."""
+        """Set the contact probability of each foot."""
         self._contact = numbers
 
     def footholds(self, numbers: bytes) -> None:
-        """Where feet shall land."""
+        """Set the planned footholds."""
         self._footholds = numbers
 
     def readings(self, time_ns: int, part: dict[str, bytes]) -> None:
-        """Show the scene with these readings, if there has been odometry since the last ones."""
+        """Update the scene with these readings, if there has been odometry since the previous ones."""
         if self._scene is None or not self._odometry:
             return
         import numpy as np
@@ -63,5 +63,5 @@ class SceneFeeder:
         from footfall.common.errors import UserError
         from footfall.deploy.telemetry.scene import Scene
 
-        with suppress(UserError):  # the robot's files have changed: no markers
+        with suppress(UserError):  # if the robot's files have changed: no markers
             self._scene = Scene(self._about["robot_folder"], self._about["robot_digest"], self._put)

@@ -1,7 +1,7 @@
-"""Where the links are: the frames that 3-D views and navigation look up (REP 105).
+"""Poses of the links, for 3-D views and navigation: frames as in REP 105.
 
-Plain Python numbers, since the process has no NumPy: each frame is given relative to its parent, so that no
-chain of links is followed.
+Computed with plain Python numbers, since this process has no NumPy. Each frame is relative to its parent, so
+chains of links need not be evaluated.
 """
 
 import math
@@ -13,7 +13,7 @@ from footfall.deploy.telemetry.messages import BASE, ODOM, transforms
 
 EVERY_NS = 20_000_000  # 50 Hz, as often as odometry comes
 FIXED, PRISMATIC = "fixed", "prismatic"
-_PLACED = struct.Struct("<7d")  # of the first numbers of odometry: x, y, z, quaternion x, y, z, w
+_PLACED = struct.Struct("<7d")  # first numbers of odometry: x, y, z, quaternion x, y, z, w
 _QUATERNION = struct.Struct("<4d")
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -22,13 +22,13 @@ Quaternion = tuple[float, float, float, float]  # w, x, y, z
 class Transforms:
     """Publishes `/tf` and `/tf_static`.
 
-    The base's pose in `odom` is that of the odometry. Before there is one, and after the robot stopped
-    walking, its place is the last one (at first the origin), and the IMU's orientation turned by a constant
-    yaw.
+    The base's pose in `odom` is that of the odometry. Before the first odometry and after the end of walking,
+    its position is the last one (at first the origin), and its orientation is the IMU's, rotated by a
+    constant yaw.
     """
 
     def __init__(self, links: Sequence[dict[str, Any]], put: Callable[[str, int, bytes], None]) -> None:
-        """Transforms of some links, none for no transforms.
+        """Transforms of some links; none for an empty sequence.
 
         Args:
             links: each with `name`, `parent`, `kind` of its joint, `index` of that joint among the robot's
@@ -43,22 +43,23 @@ class Transforms:
         self._put = put
         self._next_ns = 0
         self._place: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        self._turned: Quaternion | None = None  # from the IMU's heading to that of odometry
-        self._pose: bytes | None = None  # by the odometry since the last readings
+        self._turned: Quaternion | None = None  # rotation from the IMU's heading to that of the odometry
+        self._pose: bytes | None = None  # from odometry since the last readings
 
     def begin(self, time_ns: int) -> None:
-        """Publish what never changes."""
+        """Publish the constant transforms."""
         if self._fixed:
             frames = tuple((link["parent"], link["name"]) for link in self._fixed)
             poses = [_packed(link["position"], tuple(link["quaternion"])) for link in self._fixed]
             self._put("/tf_static", time_ns, transforms(frames).fill(time_ns, *poses))
 
     def odometry(self, numbers: bytes) -> None:
-        """The base's pose from now on: numbers of a nav_msgs/Odometry."""
+        """Set the base's pose from the numbers of a nav_msgs/Odometry."""
         self._pose = numbers[: _PLACED.size]
 
     def readings(self, time_ns: int, positions: bytes, quaternion: bytes) -> None:
-        """Publish the links' places, if it is time: joint positions, rad or m, and the IMU's w, x, y, z."""
+        """Publish the poses of the links if due, given joint positions, rad or m, and the IMU's w, x, y,
+        z."""
         if not self._moved or time_ns < self._next_ns:
             return
         self._next_ns = time_ns + EVERY_NS
@@ -111,7 +112,7 @@ def _inverse(a: Quaternion) -> Quaternion:
 
 
 def _heading(a: Quaternion) -> Quaternion:
-    """The rotation about the vertical in a rotation."""
+    """The rotation about the vertical that is part of a rotation."""
     w, _, _, z = a
     size = math.hypot(w, z)
     return (w / size, 0.0, 0.0, z / size) if size else (1.0, 0.0, 0.0, 0.0)

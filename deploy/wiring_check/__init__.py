@@ -1,1 +1,1 @@
-"""Finds wrong wiring before the first step: one joint after the other moves a little, and so does a model."""
+"""Detects wrong wiring before the first step: a model repeats small motions of the joints, one by one."""

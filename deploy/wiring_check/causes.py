@@ -1,4 +1,4 @@
-"""Wiring mistakes, and the torque responses that each one leads to."""
+"""Wiring mistakes, and the torque responses that result from each."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -8,32 +8,32 @@ import numpy as np
 
 from footfall.deploy.wiring import Wiring
 
-RATIOS = (0.6, 0.8, 1.25, 1.5)  # of real gears over those that motors assume
+RATIOS = (0.6, 0.8, 1.25, 1.5)  # possible actual gear ratios relative to the assumed ones
 IN_MOTOR = "correct it in the motor's own settings"
 
 
 class Cause(NamedTuple):
-    """A wiring: the joint that each motor moves, and the turns that it reports for one turn of the joint."""
+    """A possible wiring: the joint moved by each motor, and the turns reported per turn of the joint."""
 
-    text: str  # what is wrong and what to do
-    joint: np.ndarray  # (n,) moved by the motor that should move joint 0, 1, ...
-    ratio: np.ndarray  # (n,) turns reported for a turn made; negative for a motor that is reversed
-    key: tuple[int, ...] = ()  # joints concerned
+    text: str  # mistake and remedy
+    joint: np.ndarray  # (n,) joints moved by the motors that should move joint 0, 1, ...
+    ratio: np.ndarray  # (n,) reported turns per actual turn; negative for a reversed motor
+    key: tuple[int, ...] = ()  # affected joints
 
     def responses(self, right: np.ndarray) -> np.ndarray:
-        """Torque responses (n, n) to the same motions, if all else stays the same."""
+        """Torque responses (n, n) to the same motions, if everything else is unchanged."""
         return right[np.ix_(self.joint, self.joint)] / np.outer(self.ratio, self.ratio)
 
 
 def as_wired(joints: int) -> Cause:
-    """The wiring of `robot.yaml`."""
+    """The wiring in `robot.yaml`."""
     return Cause("", np.arange(joints), np.ones(joints))
 
 
 def causes(wiring: Wiring, legs: Sequence[np.ndarray]) -> Iterator[Cause]:
-    """Every single mistake: two buses, legs or motors exchanged, a motor reversed, a gear ratio.
+    """All single mistakes: exchanged buses, legs or motors, a reversed motor, a wrong gear ratio.
 
-    Legs are given by the joints of each, from the base outwards.
+    Legs are given by their joints, from the base outwards.
     """
     n = len(wiring.motor_id)
     places = [wiring.place(joint) for joint in range(n)]
@@ -64,14 +64,13 @@ def causes(wiring: Wiring, legs: Sequence[np.ndarray]) -> Iterator[Cause]:
 
 def _about_gears(place: str, ratio: float) -> str:
     if ratio < 0.0:
-        return f"{place} turns the other way: {IN_MOTOR}"
-    return (
-        f"{place} turns {1.0 / ratio:.2g} times as far as it reports, so its gear ratio is wrong: {IN_MOTOR}"
-    )
+        return f"{place} turns in the opposite direction: {IN_MOTOR}"
+    return f"{place} turns {1.0 / ratio:.2g} times as far as it reports: its gear ratio is wrong: {IN_MOTOR}"
 
 
 def _buses_exchanged(wiring: Wiring, first: int, second: int) -> np.ndarray | None:
-    """Which joint each motor's messages reach; None where an id of one bus is not on the other."""
+    """Joint of the motor that receives each motor's messages; None if an id exists on only one of the
+    buses."""
     at = {(int(c), int(i)): j for j, (c, i) in enumerate(zip(wiring.channel, wiring.motor_id, strict=True))}
     other = {first: second, second: first}
     joints = [at.get((other.get(c, c), i)) for c, i in at]
@@ -79,12 +78,13 @@ def _buses_exchanged(wiring: Wiring, first: int, second: int) -> np.ndarray | No
 
 
 def turn_about_z(measured: np.ndarray, expected: np.ndarray) -> float:
-    """Angle about z, rad, of an IMU in the base, from the tilts (n, 2) of the IMU and of a model."""
+    """Rotation of an IMU about the base's z axis, rad, from the tilts (n, 2) measured by it and of a
+    model."""
     cross = float((expected[:, 0] * measured[:, 1] - expected[:, 1] * measured[:, 0]).sum())
     return -float(np.arctan2(cross, float((expected * measured).sum())))
 
 
 def turned_back(measured: np.ndarray, angle_rad: float) -> np.ndarray:
-    """Tilts (n, 2) in base axes, from those of an IMU that is turned by an angle about z."""
+    """Tilts (n, 2) in base axes, from those of an IMU that is rotated about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return measured @ np.array([[c, s], [-s, c]])

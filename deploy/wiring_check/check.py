@@ -1,4 +1,4 @@
-"""The wiring check of a run: motions, recording, verdict; in the pose found, then standing."""
+"""The wiring check of a run: motions, recording, verdict; in the initial pose, and again when standing."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -23,9 +23,10 @@ RECORD_EVERY = 2  # ticks
 
 
 class WiringCheck:
-    """Moves one joint after the other, at the stiffness of holding, and compares the robot with its model.
+    """Moves one joint after the other, with the gains for standing, and compares the robot with its model.
 
-    A robot that lies is checked again once it stands, since some joints carry no load while it lies.
+    A robot that lies at first is checked again after standing up, since some joints are unloaded while it
+    lies.
     """
 
     def __init__(
@@ -38,21 +39,21 @@ class WiringCheck:
         in_background: bool,
         check: WiringCheckConfig | None = None,
     ) -> None:
-        """A check that has not begun.
+        """Create a check; `begin` starts it.
 
         Args:
             robot: the robot.
             wiring: its wiring.
-            driver: driver of its motors, which may accept less stiffness than the robot stands with.
+            driver: driver of its motors, which may limit the gains.
             config: settings of the loop.
-            passed: called with all verdicts once the wiring is right.
-            in_background: whether the verdict is reached in a thread, while the loop goes on holding.
+            passed: called with all verdicts if the wiring is right.
+            in_background: whether the verdict is computed in a thread while the loop continues.
             check: motions and limits.
         """
         self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
         most = driver.highest[2:4]
         self._asked = np.minimum([config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd], most)
-        self._gains = config.scale * self._asked  # gains that reach the motors
+        self._gains = config.scale * self._asked  # gains after the drivers' limits
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
@@ -62,10 +63,10 @@ class WiringCheck:
         self.signals = WiringSignals(due=True)
 
     def begin(self, here: np.ndarray, sensed: Sensed) -> None:
-        """Begin about these joint positions, rad, (n,).
+        """Start the motions about these joint positions, rad, (n,).
 
-        A robot that stood up holds where it is: friction keeps its feet off their places, and legs that pull
-        at each other slip.
+        A robot that has stood up uses its measured positions instead: friction holds its feet away from their
+        targets, and legs that pull at each other slip.
         """
         check, again = self._check, bool(self.verdicts)
         here = sensed.joint_position.copy() if again else here
@@ -79,13 +80,13 @@ class WiringCheck:
         self.signals = WiringSignals(due=lies, stood=again)
 
     def command(self, time_s: float) -> JointCommand:
-        """The joint command at a time since the check began, s."""
+        """The joint command at a time since the start of the check, s."""
         target = self._here + self._motions.offsets(time_s)
         kp, kd = self._asked
         return JointCommand(target, self._zeros, kp, kd, self._zeros)
 
     def look(self, time_s: float, sensed: Sensed) -> None:
-        """Take in the readings of a tick."""
+        """Record the readings of a tick."""
         if self._thread is not None or self.signals.done or self.signals.fault:
             return
         self._ticks += 1
@@ -106,7 +107,7 @@ class WiringCheck:
         lost = np.abs(self._here + self._motions.offsets(time_s) - sensed.joint_position)
         moved = self._places[self._motions.joint_at(time_s)]
         if lean > self._check.lean_rad:
-            self._fail(f"the base turned by {lean:.2f} rad while {moved} moved a little")
+            self._fail(f"the base turned by {lean:.2f} rad during a small motion of {moved}")
         elif lost.max() > self._check.lost_rad:
             joint = int(lost.argmax())
             self._fail(f"{self._places[joint]} is {lost[joint]:.2f} rad off its target while {moved} moved")
@@ -116,7 +117,7 @@ class WiringCheck:
         self.signals = self.signals._replace(fault=f"wiring: {what}: {why}")
 
     def _judge(self) -> None:
-        """Reach the verdict; runs in a thread of its own where the loop must not wait."""
+        """Compute the verdict; runs in a separate thread if the loop must not wait."""
         try:
             times, values = zip(*self._samples, strict=True)
             n = len(self._here)
@@ -136,12 +137,12 @@ class WiringCheck:
             if not (fault or self.signals.due):
                 self._passed(self.verdicts)
         except Exception as error:  # an exception in a thread would be lost
-            fault = f"wiring: it cannot be checked: {type(error).__name__}: {error}"
+            fault = f"wiring: the check failed: {type(error).__name__}: {error}"
         self._thread = None
         self.signals = self.signals._replace(done=not fault, fault=fault)
 
 
 def _up(sensed: Sensed) -> np.ndarray:
-    """The world's up in the base frame, (3,)."""
+    """World's z axis in the base frame, (3,)."""
     up: np.ndarray = rotation_matrix(sensed.quaternion)[2]
     return up

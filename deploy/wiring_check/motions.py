@@ -1,4 +1,4 @@
-"""The motions of the wiring check, and the responses to them."""
+"""The motions of the wiring check, and the joints' responses to them."""
 
 import math
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from footfall.deploy.wiring_check.config import WiringCheckConfig
 
-HEIGHT = 1.0 / 0.7698  # so that the largest value of `pulse` is 1
+HEIGHT = 1.0 / 0.7698  # makes the maximum of `pulse` 1
 
 
 def pulse(share: float) -> float:
-    """To one side, to the other and back, smoothly, while a share goes from 0 to 1; at most 1 in size."""
+    """Smooth motion to one side, to the other and back, for `share` from 0 to 1; amplitude 1."""
     if not 0.0 <= share <= 1.0:
         return 0.0
     return HEIGHT * math.sin(2.0 * math.pi * share) * math.sin(math.pi * share) ** 2
@@ -20,13 +20,13 @@ class Motions:
     """Offsets of joint targets: one joint after the other moves, and the others hold."""
 
     def __init__(self, amplitude_rad: np.ndarray, config: WiringCheckConfig) -> None:
-        """Motions of n joints with these amplitudes (n,), rad."""
+        """Motions of n joints with amplitudes (n,), rad."""
         self._n, self._amplitude = len(amplitude_rad), amplitude_rad
         self._settle_s, self._move_s = config.settle_s, config.move_s
         self.duration_s = config.settle_s + self._n * config.move_s
 
     def offsets(self, time_s: float) -> np.ndarray:
-        """Offsets from the first pose, rad, (n,)."""
+        """Offsets from the initial pose, rad, (n,)."""
         offsets = np.zeros(self._n)
         since_s = time_s - self._settle_s
         joint = int(since_s // self._move_s)
@@ -35,20 +35,20 @@ class Motions:
         return offsets
 
     def joint_at(self, time_s: float) -> int:
-        """The joint that moves at a time; the first or last one before and after."""
+        """The joint that moves at a time; the first one before all motions and the last one after them."""
         return min(max(int((time_s - self._settle_s) // self._move_s), 0), self._n - 1)
 
     def responses(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Regression coefficients of each value on each joint's motion, per radian.
 
-        A linear trend is removed first: it stems from slow sway of the whole robot.
+        A linear trend is removed first: it comes from slow swaying of the whole robot.
 
         Args:
-            time_s: (T,) of the samples.
+            time_s: (T,) times of the samples.
             values: (T, k).
 
         Returns:
-            (n, k), a row for each joint that moved.
+            (n, k), one row per moved joint.
         """
         rows = []
         for joint in range(self._n):

@@ -1,4 +1,4 @@
-"""What a robot's own model does when one joint after the other moves."""
+"""Predicts the responses of a robot's own model to the motions of the wiring check."""
 
 import mujoco
 import numpy as np
@@ -11,15 +11,15 @@ from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, read_plant
 
 STEP_S = 0.002
-SETTLE_S = 0.5  # of the model, before the motions begin
-SEARCH_M = 2.0  # how high the base may be
+SETTLE_S = 0.5  # settling time of the model before the motions
+SEARCH_M = 2.0  # maximum height of the base
 
 
 class Prediction:
-    """The robot's own model on level ground, in which its motors are wired in one way or another."""
+    """The robot's own model on level ground, with a given wiring of its motors."""
 
     def __init__(self, robot: Robot, kp: np.ndarray, kd: np.ndarray) -> None:
-        """The model, held with gains (n,), N m/rad and N m s/rad."""
+        """Load the model; it holds its joints with gains (n,), N m/rad and N m s/rad."""
         plant = read_plant(robot)
         self._model, self._motor, self._base = plant.model, plant.motor, plant.base
         self._model.opt.timestep = STEP_S
@@ -30,13 +30,14 @@ class Prediction:
         self._kp, self._kd, self._default = kp, kd, robot.default_pose
 
     def responses(self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
-        """Responses of torques and of up's x and y, base frame; the last row has the means. (n + 1, n + 2)
+        """Responses (n + 1, n + 2) of torques and of the x and y of `up` in the base frame; means in the last
+        row.
 
         Args:
-            start: joint positions that the motors report before they move, rad, (n,).
-            here: position targets about which they move, rad, (n,).
+            start: joint positions reported by the motors before the motions, rad, (n,).
+            here: position targets at the centre of the motions, rad, (n,).
             motions: the joints' motions.
-            cause: the wiring; encoders are right in the default pose.
+            cause: the wiring; encoders are correct in the default pose.
         """
         data, model, n = self._data, self._model, len(here)
         ratio, about = cause.ratio, self._default
@@ -70,7 +71,7 @@ class Prediction:
         )
 
     def _put_down(self, pose: np.ndarray) -> None:
-        """Place the model level in a pose so that its lowest part touches the ground."""
+        """Set the model down, level, in a pose: its lowest part touches the ground."""
         data, at = self._data, self._base_at
         mujoco.mj_resetData(self._model, data)
         data.qpos[self._qpos] = pose

@@ -1,7 +1,7 @@
-"""Keeps on this computer which wiring has passed the check: a file for each robot and kind of bus.
+"""Remembers on this computer which wiring has passed the check: a file per robot and kind of bus.
 
-The files lie in `$XDG_STATE_HOME/footfall/wiring`, by default `~/.local/state/footfall/wiring`. They are
-about the machine on this computer's buses, not about the robot's folder, which several machines share.
+The files are in `$XDG_STATE_HOME/footfall/wiring`, by default `~/.local/state/footfall/wiring`. They apply to
+the machine on this computer's buses, not to the robot's folder, which several machines may share.
 """
 
 import hashlib
@@ -22,18 +22,18 @@ from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.robots.description import Robot
 
 Choice = Literal["auto", "check", "trust"]
-SIMULATED = ("sim", "virtual")  # kinds of buses whose robot is in this process
+SIMULATED = ("sim", "virtual")  # kinds of buses with a simulated robot in this process
 
 
 def wiring_digest(robot: Robot, bus: str) -> str:
-    """Fingerprint of a robot's description, the places of its motors and IMU, and the kind of bus."""
+    """Fingerprint of a robot's description, the buses and ids of its motors and IMU, and the kind of bus."""
     facts = {"robot": robot.digest, "bus": bus} | asdict(wire(robot))
     text = json.dumps(facts, sort_keys=True, default=_as_list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def proof_file(robot: Robot, bus: str) -> Path:
-    """The file that keeps the proof."""
+    """The file with the proof."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "footfall" / "wiring" / f"{robot.name}.{bus}.json"
 
@@ -48,7 +48,7 @@ def is_proven(robot: Robot, bus: str) -> bool:
 
 
 def keep_proof(robot: Robot, bus: str, verdicts: Sequence[Verdict]) -> str:
-    """Keep that a wiring has passed the check; returns a note: where, or why that is impossible."""
+    """Save that a wiring has passed the check; returns a note: the file, or the reason for a failure."""
     path = proof_file(robot, bus)
     content = {
         "digest": wiring_digest(robot, bus),
@@ -60,33 +60,33 @@ def keep_proof(robot: Robot, bus: str, verdicts: Sequence[Verdict]) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, (json.dumps(content, indent=2) + "\n").encode())
     except OSError as error:
-        return f"the wiring is right, but that cannot be kept in {path}: {error.strerror}"
-    return f"the wiring is right: kept in {path}"
+        return f"the wiring is right, but this cannot be saved in {path}: {error.strerror}"
+    return f"the wiring is right: saved in {path}"
 
 
 def must_check(robot: Robot, bus: str, choice: Choice) -> bool:
     """Whether a run has to check its wiring first.
 
     Raises:
-        UserError: it has to, and this robot cannot be checked.
+        UserError: it has to, but this robot cannot be checked.
     """
     wanted = choice == "check" or (choice == "auto" and bus not in SIMULATED and not is_proven(robot, bus))
     if wanted and robot.description.held_start:
         raise UserError(
             f"{robot.name} cannot stand still, so its wiring cannot be checked:"
-            " add --wiring trust to run it on wiring that is not proven"
+            " add --wiring trust to run it with unproven wiring"
         )
     return wanted
 
 
 def unproven_note(robot: Robot, bus: str) -> str:
-    """What a run on unchecked wiring has to say; empty on proven wiring or a simulated robot."""
+    """Note for a run with unchecked wiring; empty for proven wiring or a simulated robot."""
     if bus in SIMULATED or is_proven(robot, bus):
         return ""
-    return f"the wiring of {robot.name} on {bus} is not proven: leave out --wiring trust to have it checked"
+    return f"the wiring of {robot.name} on {bus} is not proven: omit --wiring trust to have it checked"
 
 
 def _as_list(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no JSON")
+    raise TypeError(f"{type(value).__name__} cannot be stored as JSON")

@@ -1,4 +1,4 @@
-"""Compares what a robot did with what its model does, and finds the wiring that explains the difference."""
+"""Compares a robot's motions with its model's, and finds the wiring that explains the difference."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -11,39 +11,40 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
 
-LIKELY = 4  # most likely causes to simulate, beside those of the `STRANGEST` joints
-STRANGEST = 2  # joints with the largest errors
-LIKELY_JOINTS = 12  # most likely causes of one joint to simulate, where no other explains the responses
-FLOOR = 0.5  # share of the median response: the least scale of errors
-LEAST_TILT = 0.06  # rad per rad: a base that tilts less says nothing of the IMU
-LEAST_TURN_RAD = 0.15  # least turn of an IMU about z that is a cause
+LIKELY = 4  # number of most likely causes to simulate, in addition to those for the `STRANGEST` joints
+STRANGEST = 2  # number of joints with the largest errors
+LIKELY_JOINTS = 12  # likely single-joint causes to simulate if nothing else explains the responses
+FLOOR = 0.5  # minimum scale of errors, relative to the median response
+LEAST_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
+LEAST_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
 
 
 class Recorded(NamedTuple):
-    """T samples of a check."""
+    """The T samples of a check."""
 
     time_s: np.ndarray  # (T,)
     position: np.ndarray  # (T, n) rad
     torque: np.ndarray  # (T, n) N m
-    up: np.ndarray  # (T, 3) of the world, base frame, by the IMU
+    up: np.ndarray  # (T, 3) world's z axis in the base frame, measured by the IMU
 
 
 class Verdict(NamedTuple):
-    """The result of a check."""
+    """Result of a check."""
 
-    fault: str  # the cause and what to do; empty if the wiring is right
-    joint_error: float  # largest error of a joint's response, as a share of the model's
-    imu_error: float  # the same of the base's tilt
+    fault: str  # cause and remedy; empty if the wiring is right
+    joint_error: float  # largest error of a joint's response, relative to the model's
+    imu_error: float  # same for the base's tilt
 
 
 class Responses(NamedTuple):
-    """What n motions do: torques (n, n), N m/rad, and the base's tilt by up's x and y (n, 2), 1/rad."""
+    """Responses to n motions: torques (n, n), N m/rad, and the base's tilt by the x and y of `up` (n, 2),
+    1/rad."""
 
     torque: np.ndarray
     tilt: np.ndarray
 
     def errors(self, right: "Responses") -> tuple[np.ndarray, float]:
-        """Error of each joint's torques (n,) and of all tilts, as shares of the right responses."""
+        """Error of each joint's torques (n,) and of all tilts, relative to the right responses."""
         size = np.linalg.norm(right.torque, axis=1)
         joint = np.linalg.norm(self.torque - right.torque, axis=1) / np.maximum(size, FLOOR * np.median(size))
         tilt = np.linalg.norm(right.tilt)
@@ -51,7 +52,7 @@ class Responses(NamedTuple):
         return joint, float(np.linalg.norm(self.tilt - right.tilt) / max(tilt, least))
 
     def cost(self, right: "Responses", noise: float) -> float:
-        """Squared error of the joints, on average, and of the tilts beyond the IMU's noise."""
+        """Mean squared error of the joints, plus the squared error of the tilts beyond the IMU's noise."""
         joint, tilt = self.errors(right)
         return float((joint**2).mean() + max(tilt - noise, 0.0) ** 2)
 
@@ -65,12 +66,12 @@ def judged(
     legs: Sequence[np.ndarray],
     config: WiringCheckConfig,
 ) -> Verdict:
-    """The verdict on a recording.
+    """Compute the verdict on a recording.
 
     Args:
         recorded: the samples.
         motions: the joints' motions.
-        here: position targets about which the joints move, rad, (n,).
+        here: position targets at the centre of the motions, rad, (n,).
         prediction: the robot's model.
         wiring: the wiring of `robot.yaml`.
         legs: joints of each leg.
@@ -104,20 +105,22 @@ def judged(
         return verdict._replace(fault=fault)
     strange = float(np.median(errors)) > config.unlike
     if not fault and askew > config.askew_rad and not strange:
-        fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
+        fault = (
+            f"the IMU is askew by {askew:.2f} rad, or the ground is not level: align it with the base's axes"
+        )
     if not fault and (strange or imu_error > config.unlike):
         strangest = wiring.place(int(errors.argmax()))
-        fault = f"the robot moves otherwise than its description says, most of all with {strangest}"
+        fault = f"the robot's motions do not match its description, most of all with {strangest}"
     return verdict._replace(fault=fault)
 
 
 def _responses(rows: np.ndarray) -> Responses:
-    n = rows.shape[1] - 2  # a prediction has a last row of means
+    n = rows.shape[1] - 2  # the last row of a prediction has the means
     return Responses(rows[:n, :n], rows[:n, n:])
 
 
 def _rough_cost(measured: Responses, cause: Cause, right: Responses) -> float:
-    """Squared error of the joints if a cause only exchanged and scaled the right responses."""
+    """Squared error of the joints if a cause only permuted and scaled the right responses."""
     joint, _ = measured._replace(tilt=right.tilt).errors(Responses(cause.responses(right.torque), right.tilt))
     return float((joint**2).mean())
 
@@ -131,9 +134,9 @@ def _cause(
     left: float,
     noise: float,
 ) -> str:
-    """The text of the cause that leaves at most a share `left` of the cost; empty if none does.
+    """The text of the cause that leaves at most a share `left` of the cost; empty if there is none.
 
-    `noise` is the error of the IMU's tilts that does not count.
+    `noise` is an error of the IMU's tilts that is ignored.
     """
     limit = left * measured.cost(right, noise)
 
@@ -154,7 +157,7 @@ def _cause(
     for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):
         found.append((cost_of(every[row]), every[row].text))
     if min(found)[0] > limit:
-        found += [(cost_of(each), each.text) for each in every if len(each.key) > 2]  # legs and buses: few
+        found += [(cost_of(each), each.text) for each in every if len(each.key) > 2]  # few: legs and buses
         if min(found)[0] > limit:
             found += _of_one_joint(every, rough_costs, cost_of)
     cost, text = min(found)
@@ -164,9 +167,10 @@ def _cause(
 def _of_one_joint(
     every: list[Cause], rough_costs: np.ndarray, cost_of: Callable[[Cause], float]
 ) -> list[tuple[float, str]]:
-    """Costs and texts of causes of one joint: the likely ones, then all of the joint of the best of these.
+    """Costs and texts of single-joint causes: the likely ones, then all of the best one's joint.
 
-    Where many legs stand, a wrong gear shows most in other joints, and the rough costs prefer a mild one.
+    If many legs stand, a wrong gear ratio shows mostly in other joints, and the rough costs favour a mild
+    one.
     """
     alone = [row for row in np.argsort(rough_costs).tolist() if len(every[row].key) == 1]
     found = [(cost_of(every[row]), every[row].text, every[row].key) for row in alone[:LIKELY_JOINTS]]

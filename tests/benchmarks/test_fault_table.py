@@ -58,14 +58,14 @@ def test_a_run_tells_what_was_noticed_when_and_what_went_out(
     ("kind", "says"),
     [
         ("IMU on its side, all its parts alike", "tilt of 1.5"),
-        ("robot on its side", "tilt of 1.57 rad is past the limit of 1.05 rad, by the IMU"),
+        ("robot on its side", "tilt of 1.57 rad exceeds the limit of 1.05 rad, by the IMU"),
         ("robot upside down", "tilt of 3.1"),
-        ("IMU askew by 15 degrees", "the IMU: before the start its acceleration is off its quaternion"),
+        ("IMU askew by 15 degrees", "the IMU: at the start its acceleration differs from its quaternion"),
         ("acceleration in units of g", "gravity by 90%"),
         ("acceleration a fifth too high", "gravity by 20%"),
         ("acceleration reads nothing but zero", "gravity by 100%"),
         ("acceleration frames lost", "no answer from the IMU (acceleration) within 1 s"),
-        ("gyro off by 2 rad/s", "still for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
+        ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
     ],
 )
 def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(kind: str, says: str) -> None:
@@ -224,7 +224,7 @@ def test_on_rough_ground_the_ground_is_the_scenarios(go1: Robot) -> None:
     ("title", "within_s", "says"),
     [
         ("battery runs empty (battery)", 12.0, "the battery is empty"),
-        ("battery's voltage reads 0.5 V a cell too low", 2.0, "off what its charge and current explain"),
+        ("battery's voltage reads 0.5 V a cell too low", 2.0, "from what its charge implies"),
     ],
 )
 def test_a_robot_with_a_battery_lies_down_in_time(title: str, within_s: float, says: str) -> None:

@@ -74,6 +74,6 @@ def test_motors_that_never_answer_are_told(go1: Robot, monkeypatch: pytest.Monke
     monkeypatch.setattr(fuzz_frames, "INTRODUCED_S", 0.01)
     monkeypatch.setattr(DamiaoDriver, "_note_registers", lambda _, data, motor: None)
     with pytest.raises(
-        AssertionError, match=r"after 0.01 s: motor .* has not told its communication time-out"
+        AssertionError, match=r"after 0.01 s: motor .* has not reported its communication timeout"
     ):
         fuzzed("DM4310")

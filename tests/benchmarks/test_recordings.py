@@ -119,7 +119,7 @@ def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None
     assert numbers["kt"] == pytest.approx(0.4, rel=0.05)
     assert numbers["duty_resistance"] == pytest.approx(0.4, abs=0.1)
     assert numbers["offset"] == pytest.approx(0.02, abs=0.005)
-    with pytest.raises(UserError, match="no recording"):
+    with pytest.raises(UserError, match="not a recording"):
         servo_logs.read(Path(__file__), servo_logs.SERVOS["xl330"])
 
 

@@ -77,9 +77,9 @@ def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot
     [
         ({}, ""),
         ({"resistance": 3.0}, ""),  # old and cold: less is allowed, and the robot goes on
-        ({"resistance": 12.0}, "empty|off"),  # it sags below what its cells bear
-        ({"off_v": np.full(MOTORS, -8.0)}, "off"),
-        ({"off_v": np.full(MOTORS, 8.0)}, "off"),
+        ({"resistance": 12.0}, "empty|differs"),  # it sags below what its cells bear
+        ({"off_v": np.full(MOTORS, -8.0)}, "differs"),
+        ({"off_v": np.full(MOTORS, 8.0)}, "differs"),
         ({"off_v": np.where(np.arange(MOTORS) < 3, -30.0, 0.0)}, ""),  # the other motors' count
     ],
 )

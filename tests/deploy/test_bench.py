@@ -91,7 +91,7 @@ class TestBench:
         assert everyone.states()[5].position < -1.5
 
     @pytest.mark.parametrize(
-        ("lost", "says"), [(1, ""), (9, "FR_calf_joint (can0, id 3) did not take its position for zero")]
+        ("lost", "says"), [(1, ""), (9, "FR_calf_joint (can0, id 3) did not set its zero")]
     )
     def test_a_zero_that_gets_lost_is_set_again(self, go1: Robot, lost: int, says: str) -> None:
         stand = OnStand(go1)
@@ -113,7 +113,7 @@ class TestBench:
         bus.outgoing = lambda frames, _: frames.take((frames.data[:, 7] != 0xFE) | (frames.channel == 0))
         bench = stand.bench(stand.wiring.take(np.array([2, 5])))
         said = (bench.settle(), bench.zero())
-        assert said == ("", "FL_calf_joint (can1, id 3) did not take its position for zero")
+        assert said == ("", "FL_calf_joint (can1, id 3) did not set its zero")
 
     def test_a_joint_that_keeps_moving_is_named(self, go1: Robot) -> None:
         stand = OnStand(go1)

@@ -78,11 +78,11 @@ class TestCriteria:
         ("moved", "by", "says"),
         [
             (2, 1.0, []),
-            (2, -1.0, ["joint 2 turns the other way: its sign is wrong"]),
-            (2, 0.1, ["joint 2 makes 10% of its travel: it has no power, or something blocks it"]),
-            (2, -0.1, ["joint 2 makes -10% of its travel: it has no power, or something blocks it"]),
-            (2, 1.5, ["joint 2 makes 150% of its travel: its gear ratio is wrong"]),
-            (7, 1.0, ["joint 2 should move, and joint 7 does: their ids or plugs are swapped"]),
+            (2, -1.0, ["joint 2 turns in the wrong direction: its sign is wrong"]),
+            (2, 0.1, ["joint 2 covers 10% of its travel: it has no power, or is blocked"]),
+            (2, -0.1, ["joint 2 covers -10% of its travel: it has no power, or is blocked"]),
+            (2, 1.5, ["joint 2 covers 150% of its travel: its gear ratio is wrong"]),
+            (7, 1.0, ["joint 2 should move, but joint 7 does: their ids or plugs are swapped"]),
         ],
     )
     def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, says: list[str]) -> None:
@@ -94,8 +94,8 @@ class TestCriteria:
     def test_of_two_joints_that_move_the_one_that_shall_is_not_taken_for_the_other(self, go1: Robot) -> None:
         made = samples(target=only(2, WAY), position=only(2, 1.5 * WAY) + only(5, 0.5 * WAY))
         assert list(follow(case_of(go1, made, 2))) == [
-            "joint 2 makes 150% of its travel: its gear ratio is wrong",
-            "joint 5 moves by 0.07 rad, and should not",
+            "joint 2 covers 150% of its travel: its gear ratio is wrong",
+            "joint 5 moves by 0.07 rad, but should not",
         ]
 
     def test_no_joint_shakes(self, go1: Robot) -> None:
@@ -168,7 +168,7 @@ class TestCriteria:
     def test_the_base_is_level(self, go1: Robot, up: tuple[float, float], says: str) -> None:
         leaning = np.tile([*up, np.cos(0.2)], (101, 1))
         found = list(level(case_of(go1, samples(up=leaning))))
-        assert found == [f"the base's {says} rad: a joint's zero is wrong, or the IMU is askew"]
+        assert found == [f"the base's {says} rad: a joint's zero or the IMU's mounting is wrong"]
         assert list(level(case_of(go1, samples()))) == []
 
     @pytest.mark.parametrize(("tilt", "passes"), [(0.3, True), (0.4, False)])
@@ -189,8 +189,8 @@ class TestCriteria:
             return list(carry(case_of(go1, made)))
 
         assert told(force) == []
-        assert told(0.5 * force) == ["by their torques the legs carry 50% of the robot's weight"]
-        assert told(2.0 * force) == ["by their torques the legs carry 200% of the robot's weight"]
+        assert told(0.5 * force) == ["according to their torques, the legs carry 50% of the robot's weight"]
+        assert told(2.0 * force) == ["according to their torques, the legs carry 200% of the robot's weight"]
         assert told(force * [[1.3], [1.3], [1.3], [0.1]]) == [
             "leg RL carries 3 N of 125: a zero, a ratio or a sign is wrong"
         ]
@@ -210,10 +210,12 @@ class TestCriteria:
             return list(sway(case_of(go1, samples(target=position, position=position, up=up), sways=sways)))
 
         assert told(tilt) == told(tilt + 0.05) == []
-        assert f"the base's {sways} is 50% of the tilt from the joints" in told(tilt / 2)[0]
-        assert f"the base's {sways} is -100% of the tilt from the joints" in told(-tilt)[0]
+        assert f"the base's {sways} by the IMU is 50% of that by the joints" in told(tilt / 2)[0]
+        assert f"the base's {sways} by the IMU is -100% of that by the joints" in told(-tilt)[0]
         weak = samples(target=position, position=np.tile(go1.default_pose, (101, 1)))
-        assert list(sway(case_of(go1, weak, sways=sways))) == ["the legs do not tilt the base: too weak?"]
+        assert list(sway(case_of(go1, weak, sways=sways))) == [
+            "the legs do not tilt the base: check gains and torques"
+        ]
 
 
 class TestMotions:
@@ -347,7 +349,7 @@ class TestJudge:
     def test_what_the_supervisor_found_comes_first_and_an_early_end_is_no_pass(self, go1: Robot) -> None:
         step = Step("x", False, "", no_plan, ())
         judge = self.judged(go1, step, Window(0.0, 9.0))
-        assert judge.verdict(RESULT).findings == ("it was ended before it was done",)
+        assert judge.verdict(RESULT).findings == ("it ended early",)
         judge.findings.append("it leans")
         fallen = replace(RESULT, faults=("it fell",))
         verdict = judge.verdict(fallen)
@@ -460,7 +462,7 @@ class TestCommand:
         (tmp_path / "quick.yaml").write_text("hold_s: 0.5")
         done = shell("bring-up", "stand", "--steps", "hold", "--limits", str(tmp_path / "quick.yaml"))
         assert done.status == 0
-        assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
+        assert done.out == "hold: the joints hold their initial pose: passed\n"
 
     def test_a_simulated_robots_motors_wait_for_as_long_as_the_loop_believes(
         self, shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -547,7 +549,7 @@ class TestCommand:
     def test_two_feet_leave_out_what_takes_three(self, shell: Shell, steps_run: list[str]) -> None:
         done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
         assert (done.status, steps_run) == (0, ["walk"])
-        assert done.out.splitlines()[0] == "shift: skipped, since it takes 3 feet"
+        assert done.out.splitlines()[0] == "shift: skipped, since it needs 3 feet"
 
     def test_somebody_agrees_to_each_step_before_it_moves(
         self, shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch

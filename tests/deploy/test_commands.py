@@ -36,8 +36,8 @@ class TestLimits:
             limits.apply(np.array([forward, 0.0, 0.0]))
         limits.apply(np.array([0.0, 0.0, 1.1]))
         assert limits.notes == [
-            "the policy was trained on forward commands from -1 to 1.5 m/s: 5 became 1.5",
-            "the policy was trained on yaw commands from -1 to 1 rad/s: 1.1 became 1",
+            "the policy was trained on forward commands from -1 to 1.5 m/s: 5 was clipped to 1.5",
+            "the policy was trained on yaw commands from -1 to 1 rad/s: 1.1 was clipped to 1",
         ]
 
     def test_a_controller_without_ranges_gets_what_was_asked(self) -> None:
@@ -45,11 +45,11 @@ class TestLimits:
         command = np.array([5.0, -3.0, 2.0])
         assert limits.apply(command) is command
         assert limits.apply(np.array([np.nan, 1.0, 0.0])).tolist() == [0.0, 1.0, 0.0]
-        assert limits.notes == ["a forward command of nan m/s counted as 0"]
+        assert limits.notes == ["a forward command of nan m/s was replaced with 0"]
         limits.apply(np.array([0.0, np.inf, -np.inf]))
         assert limits.notes[1:] == [
-            "a leftward command of inf m/s counted as 0",
-            "a yaw command of -inf rad/s counted as 0",
+            "a leftward command of inf m/s was replaced with 0",
+            "a yaw command of -inf rad/s was replaced with 0",
         ]
 
     def test_what_was_asked_for_stays_as_it_was(self) -> None:
@@ -67,6 +67,8 @@ def test_a_run_tells_and_uses_the_trained_ranges(go1: Robot, contract: Contract,
     trace = run_episode(go1, policy, episode)
     assert {tuple(observation.command) for observation in policy.seen} == {(1.5, 0.0, 0.0)}
     assert np.unique(trace.command[:, 0]).tolist() == [5.0]
-    assert trace.notes == ("the policy was trained on forward commands from -1 to 1.5 m/s: 5 became 1.5",)
+    assert trace.notes == (
+        "the policy was trained on forward commands from -1 to 1.5 m/s: 5 was clipped to 1.5",
+    )
     logged = [entry.message.data for entry in read_log(log).entries if entry.topic == "/notes"]
     assert logged == list(trace.notes)

@@ -139,7 +139,7 @@ def test_simulated_motors_alone_can_be_told_to_wait_for_longer(go1: Robot, tmp_p
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     assert deploy_config(go1, path, simulated=True).motor_timeout_s == 0.5
-    with pytest.raises(UserError, match=r"0\.5 s: go1's motors switch themselves off after 0\.1 s"):
+    with pytest.raises(UserError, match=r"0\.5 s: go1's motors disable themselves after 0\.1 s"):
         deploy_config(go1, path)
 
 
@@ -170,7 +170,7 @@ class TestLimitsOfARobot:
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}
         robot = replace(go1, description=replace(go1.description, motors=motors))
-        with pytest.raises(UserError, match=r"motors that hear nothing for 0\.06 s"):
+        with pytest.raises(UserError, match=r"motors without commands for 0\.06 s"):
             deploy_config(robot)
         sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)  # 57 ms with a tick
         assert deploy_config(sooner).motor_timeout_s == 0.06

@@ -116,8 +116,8 @@ class TestRegisters:
         ("register", "value", "says"),
         [
             (damiao.MODE, 2, "is in control mode 2: register 10 must be 1, MIT mode"),
-            (damiao.TORQUE_MAX, -1.0, "has -1 for its TMAX (register 23)"),
-            (damiao.VELOCITY_MAX, float("nan"), "has nan for its VMAX (register 22)"),
+            (damiao.TORQUE_MAX, -1.0, "has -1 as its TMAX (register 23)"),
+            (damiao.VELOCITY_MAX, float("nan"), "has nan as its VMAX (register 22)"),
         ],
     )
     def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, says: str) -> None:

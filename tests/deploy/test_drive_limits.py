@@ -72,7 +72,7 @@ def test_a_drive_that_keeps_another_limit_is_not_enabled(go1: Robot, maker: str)
     problem = driver.not_ready()
     assert "FR_hip_joint" in problem
     if maker != "ODrive":  # whose heartbeat is missing here, too
-        assert "does not take" in problem
+        assert "does not accept" in problem
 
 
 def _reads_alone(data: np.ndarray) -> np.ndarray:

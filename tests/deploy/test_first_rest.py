@@ -73,7 +73,7 @@ class TestFirstRest:
         assert rest.awaited(0) == ""  # nothing was heard yet
         for now_us in range(0, 200_000, TICK_US):
             rest.look(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
-        says = "the robot does not keep still for 0.05 s before it gets stiffness: "
+        says = "the robot is not at rest for 0.05 s before it gets stiffness: "
         assert rest.awaited(200_000) == (says + who if who else "")
 
     def test_who_need_not_keep_still_is_not_looked_at(self) -> None:

@@ -121,7 +121,7 @@ class TestGuard:
         assert set(acts[:-1]) == {"damp"}
         assert acts[-1] == "off"
         assert taken_over.is_set()
-        assert "did not come back" in capsys.readouterr().err
+        assert "did not return" in capsys.readouterr().err
 
     def test_leaves_alone_a_loop_that_beats(self) -> None:
         taken_over = threading.Event()

@@ -130,4 +130,4 @@ def test_a_cell_without_a_number_is_refused_with_its_line(tmp_path: Path) -> Non
 
 
 def test_a_robot_that_never_rests_has_no_attitude(shell: Shell, walk: Walk, tmp_path: Path) -> None:
-    assert "keep still" in shell.refuses(*typed(shell, walk, tmp_path, gyro=["ax", "ay", "az"]))
+    assert "never at rest" in shell.refuses(*typed(shell, walk, tmp_path, gyro=["ax", "ay", "az"]))

@@ -240,7 +240,7 @@ class TestPort:
 
     @pytest.mark.parametrize("name", ["serial:", "serial:/dev/ttyS0@fast"])
     def test_a_name_without_a_port_or_with_a_wrong_rate_is_refused(self, name: str) -> None:
-        with pytest.raises(UserError, match="named like"):
+        with pytest.raises(UserError, match="expected a name such as"):
             port_of(name)
 
 

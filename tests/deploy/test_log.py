@@ -316,7 +316,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
         assert decoded(tmp_path / "whole.mcap")
         if not with_its_writer:  # which has written the index, too
             assert decoded(path, "/imu/data")
-            assert "ended before the run" in decoded(path, "/notes")[-1].message.data
+            assert "died before the end of the run" in decoded(path, "/notes")[-1].message.data
 
     def test_torn_file_is_recovered(self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path) -> None:
         torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
@@ -360,7 +360,7 @@ class TestReplay:
         for one, other in zip(back.sensed, sensed, strict=True):
             assert np.array_equal(one, other)
         assert np.isnan(back.base_velocity).all()
-        with pytest.raises(ValueError, match="30 numbers are no observation of 5 joints"):
+        with pytest.raises(ValueError, match="30 numbers do not match the policy input of 5 joints"):
             unflatten(flatten(inputs), joints=5)
 
 
@@ -421,13 +421,13 @@ class TestDisk:
         trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
         assert trace.final_state == "IDLE"
         assert trace.walked_s == pytest.approx(1.0, abs=0.01)
-        assert trace.notes == ("the log /dev/full is cut short: No space left on device",)
+        assert trace.notes == ("the log /dev/full is truncated: No space left on device",)
         assert told_after
         assert told_after[0] < 1_000_000
 
     def test_a_pause_loses_ticks(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """A process that is stopped is like one whose disk hangs."""
-        monkeypatch.setattr(log_module, "MOST_WAITING_BYTES", 20_000)
+        monkeypatch.setattr(log_module, "MAX_WAITING_BYTES", 20_000)
         path = tmp_path / "a.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, may_wait=False)
         log.begin(0)
@@ -460,7 +460,7 @@ class TestDisk:
         log._process.wait()
         for tick in range(3):
             log.tick(tick, STILL, HEALTH, None)
-        assert "is cut short: the process that writes it failed" in log.close()
+        assert "is truncated: the process that writes it failed" in log.close()
 
 
 Mutation = Callable[[bytes, np.random.Generator], bytes]

@@ -302,7 +302,7 @@ class TestLog:
         assert [time_us for time_us, *_ in steps] == [100_000, 120_000, 140_000, 160_000]
         assert [each[1] for each in steps] == policy.seen
         np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
-        assert log.of("note") == [(140_000, "a forward command of nan m/s counted as 0")]
+        assert log.of("note") == [(140_000, "a forward command of nan m/s was replaced with 0")]
 
     def test_an_order_is_logged_at_once_with_who_gave_it_whatever_the_mode(self, go1: Robot) -> None:
         log, inbox = Notebook(), Inbox()

@@ -116,7 +116,7 @@ class TestSettings:
         assert settings[time_out] == kept
 
     @pytest.mark.parametrize(
-        ("told", "says"), [(0, "has no"), (20_000, "has a communication time-out of 1 s")]
+        ("told", "says"), [(0, "has no"), (20_000, "has a communication timeout of 1 s")]
     )
     def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, told: int, says: str) -> None:
         """It confirms the write, and tells what it told before."""
@@ -161,7 +161,7 @@ class TestRobots:
                 body.reboot(np.array([joint]))
 
         trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
-        assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is switched off",)
+        assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is disabled",)
         assert maker == "ODrive" or trace.walked_s < 0.32  # an axis says so with its next heartbeat
 
 

@@ -119,9 +119,9 @@ def test_who_is_still_on_is_told_by_joint() -> None:
 
 
 def test_only_those_are_asked_that_are_not_ready() -> None:
-    driver = mixed(Maker(0x10, 2), Maker(0x20, 3, why="the hip has not told its range"))
+    driver = mixed(Maker(0x10, 2), Maker(0x20, 3, why="the hip has not reported its range"))
     assert driver.query_settings().id.tolist() == [0x20]
-    assert driver.not_ready() == "the hip has not told its range"
+    assert driver.not_ready() == "the hip has not reported its range"
 
 
 def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:

@@ -144,7 +144,7 @@ class TestFrames:
     def test_an_axis_that_was_on_and_is_off_has_rebooted(self, driver: OdriveDriver) -> None:
         driver.replies(heartbeat(1))
         (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
-        assert driver.error_name(int(error)) == "that it is switched off"
+        assert driver.error_name(int(error)) == "that it is disabled"
 
     def test_frames_of_others_are_left_aside(self, driver: OdriveDriver) -> None:
         others = [pair(0x089, 1, 1), pair(0x069 | 1 << 31, 1, 1), frame(0x069, b"\0" * 7)]
@@ -234,13 +234,13 @@ class TestStart:
             assert driver.not_ready().startswith(missing)
         driver.replies(heartbeat(1, channel=1))
         assert driver.not_ready() == ""
-        assert driver.not_enabled() == "motor hip (can0, id 3) does not switch on"
+        assert driver.not_enabled() == "motor hip (can0, id 3) does not confirm that it is enabled"
         driver.replies(joined([heartbeat(8), heartbeat(8, channel=1)]))
         assert driver.not_enabled() == ""
 
     def test_one_axis_of_several_that_does_not_switch_on_is_named(self, driver: OdriveDriver) -> None:
         driver.replies(heartbeat(1, channel=1))
-        assert driver.not_enabled() == "motor knee (can1, id 3) does not switch on"
+        assert driver.not_enabled() == "motor knee (can1, id 3) does not confirm that it is enabled"
         assert driver.not_confirmed_off().tolist() == [True, False]
 
     def test_an_axis_is_told_to_switch_on_now_and_then(self) -> None:
@@ -256,7 +256,7 @@ class TestStart:
             (1, 0.02, ""),
             (1, 0.1 * (1 + 1e-7), ""),  # by a float's rounding
             (1, 0.11, "has a watchdog of 0.11 s (set watchdog_timeout to 0.1)"),
-            (0, 0.1, "has its watchdog off (set enable_watchdog)"),
+            (0, 0.1, "has its watchdog disabled (set enable_watchdog)"),
             (1, 0.5, "has a watchdog of 0.5 s (set watchdog_timeout to 0.1)"),
             (1, 0.0, "has a watchdog of 0 s (set watchdog_timeout to 0.1)"),
         ],
@@ -265,7 +265,7 @@ class TestStart:
         """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         tell_all(driver)
-        assert "has not told its watchdog" in driver.not_ready()
+        assert "has not reported its watchdog" in driver.not_ready()
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 9a 01 00")]
         assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]

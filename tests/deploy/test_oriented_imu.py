@@ -76,7 +76,7 @@ def test_a_robot_that_does_not_keep_still_at_first_is_not_let_up(go1: Robot) -> 
     robot = without_orientation(go1)
     trace = run_episode(robot, Hold(robot), episode)
     assert trace.faults
-    assert "keep still" in trace.faults[0]
+    assert "at rest at first" in trace.faults[0]
     assert not len(trace.time_s)
 
 

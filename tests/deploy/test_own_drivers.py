@@ -176,7 +176,7 @@ def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(misfit: 
     [
         ("no_such_module:Driver", "no_such_module"),
         ("own_drivers:NoSuchDriver", "NoSuchDriver"),
-        ("own_drivers:REPLY", "no class"),
+        ("own_drivers:REPLY", "not a class"),
         ("NoSuchMotor", "MODULE:NAME"),
     ],
 )
@@ -202,7 +202,7 @@ def test_misfitting_imu_drivers_are_refused(monkeypatch: pytest.MonkeyPatch, par
 
 def test_an_imu_driver_that_lacks_a_part_is_refused_with_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(own_drivers, "Misfit", OwnDriver, raising=False)
-    with pytest.raises(UserError, match=r"is no IMU driver: it has no imu_end"):
+    with pytest.raises(UserError, match=r"cannot be used as IMU driver: it has no imu_end"):
         open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))
 
 

@@ -180,8 +180,8 @@ class TestFailure:
     @pytest.mark.parametrize(
         ("change", "error"),
         [
-            (lambda hold: [part[:11] for part in hold], "WrongSizeError: it decides on shape (5, 11)"),
-            (lambda hold: hold[:4], "WrongSizeError: it decides on shape (4, 12)"),
+            (lambda hold: [part[:11] for part in hold], "WrongSizeError: its command has shape (5, 11)"),
+            (lambda hold: hold[:4], "WrongSizeError: its command has shape (4, 12)"),
             (lambda hold: {}["legs"], "KeyError: 'legs'"),
             (lambda hold: sys.exit(3), "SystemExit: 3"),
         ],

@@ -121,10 +121,10 @@ class TestReplay:
         others = [f"joint{k}" for k in range(8)]
         nameless: list[Any] = [[], "text", [1, 2], None]
         for decisions, steps, names, says in (
-            ([], 1, joints, "holds no policy steps"),
-            ([np.zeros(40)], 1, others, "is of a robot with 8 joints"),
+            ([], 1, joints, "has no policy steps"),
+            ([np.zeros(40)], 1, others, "is from a robot with 8 joints"),
             ([np.zeros(59)], 1, joints, "step 0 has 59 numbers for 12 joints"),
-            *(([], 0, names, "does not say its joints") for names in nameless),
+            *(([], 0, names, "has no joints in its metadata") for names in nameless),
         ):
             path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
             with pytest.raises(UserError, match=says):
@@ -158,7 +158,7 @@ class TestReplay:
             writer.start()
             writer.add_metadata("other", {"joints": "[]"})
             writer.finish()
-        with pytest.raises(UserError, match=r"a\.mcap is no log of a footfall run: it has no metadata"):
+        with pytest.raises(UserError, match=r"a\.mcap is not the log of a footfall run: it has no metadata"):
             read_log(path)
 
     def test_entries_carry_the_time_of_the_log(self, joints: list[str], tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ class TestFrames:
     def test_a_fault_of_a_motor_that_went_off_is_told_beside_that(self, driver: RobstrideDriver) -> None:
         driver.replies(frame(0x028007FD, "8000 8000 8000 0190"))
         (error,) = driver.replies(frame(0x020107FD, "8000 8000 8000 0190")).error
-        assert driver.error_name(int(error)) == "under-voltage and that it is switched off"
+        assert driver.error_name(int(error)) == "under-voltage and that it is disabled"
 
     def test_clearing_faults_and_setting_a_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
         """Byte 0 is 1 in both: of a stop (4), which then clears faults, and of type 6."""

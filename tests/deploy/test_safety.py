@@ -49,7 +49,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEEEE"),
     ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEEEE"),
     ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEEEE"),
-    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFFF-"),
+    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad exceeds", "FFFFFF-"),
     ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEEEE"),
     ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEEEE"),
     ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEEEE"),
@@ -69,7 +69,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"policy.error": "the policy failed: x"}, "the policy failed: x", "E-LLL-E"),
     (
         {"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"},
-        "not on its legs 6 s after it began",
+        "not standing 6 s after it started",
         "------F",
     ),
     ({"policy.command_finite": False}, "is not finite", "E-LLL-E"),

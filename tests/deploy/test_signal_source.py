@@ -68,7 +68,7 @@ def test_an_imu_whose_parts_disagree_on_gravity_keeps_a_still_robot_from_getting
     body.quaternion = (math.cos(lean_rad / 2), 0.0, math.sin(lean_rad / 2), 0.0)
     body.acceleration = acceleration
     (fault,) = refused(loop, body)
-    assert fault.startswith("the IMU: before the start")
+    assert fault.startswith("the IMU: at the start")
     assert fault.endswith(off)
 
 
@@ -143,7 +143,7 @@ def test_of_two_motors_that_report_errors_the_first_is_named(go1: Robot) -> None
         ([*range(0, 150_000, TICK_US), *range(360_000, 380_000, TICK_US)], "the loop paused for 212 ms"),
         (
             [*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)],
-            "of the last second's ticks were left out",
+            "of the last second's ticks were skipped",
         ),
     ],
 )

@@ -97,7 +97,7 @@ def test_a_heartbeat_that_falls_silent_or_never_came_stops(heard: Heard) -> None
 @pytest.mark.parametrize(("bus", "identifier"), [("can1", 2), ("can0", 0x300)])
 def test_an_identifier_of_a_motor_or_the_imu_is_refused(go1: Robot, bus: str, identifier: int) -> None:
     robot = with_inputs(go1, StopFrame(bus, identifier))
-    with pytest.raises(UserError, match="is a motor's"), stop_inputs(robot, wire(robot), None):  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="is already used by a motor"), stop_inputs(robot, wire(robot), None):  # type: ignore[arg-type]
         pass
 
 

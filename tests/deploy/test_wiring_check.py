@@ -77,7 +77,7 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..
     ("inject", "lying", "limits", "names"),
     [
         (exchanged("can0", "can2"), True, {}, ["can0", "can2", "exchanged"]),
-        (geared(-1.0), False, {}, ["other way"]),
+        (geared(-1.0), False, {}, ["opposite direction"]),
         (geared(1.25), False, {"alike": 1.0}, ["gear ratio", "0.8 times"]),  # errors that would pass
         (imu_turned(2, 90.0), False, {}, ["IMU is turned", "about z"]),
     ],
@@ -143,7 +143,7 @@ class TestProof:
 
     def test_a_proof_that_cannot_be_kept_or_read_is_none(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "footfall").write_text("a file where the folder should be")
-        assert "cannot be kept" in keep_proof(go1, "socketcan", PROOF)
+        assert "cannot be saved" in keep_proof(go1, "socketcan", PROOF)
         (tmp_path / "footfall").unlink()
         keep_proof(go1, "socketcan", PROOF)
         proof_file(go1, "socketcan").write_text("no JSON")

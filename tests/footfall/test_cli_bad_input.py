@@ -165,7 +165,7 @@ def test_motor_timeouts_beyond_the_buss_greatest(shell: Shell, tmp_path: Path, v
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", path)
-    assert "motor_timeout_s is 0.5 s: go1's motors switch themselves off after 0.1 s" in complaint
+    assert "motor_timeout_s is 0.5 s: go1's motors disable themselves after 0.1 s" in complaint
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")

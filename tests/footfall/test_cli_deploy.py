@@ -121,7 +121,7 @@ def test_a_command_beyond_the_training_is_clipped_with_a_note(shell: Shell, tmp_
     )
     assert outcome.status == 0
     (note,) = json.loads(path.read_text())["notes"]
-    assert note == "the policy was trained on forward commands from -1.2 to 1.8 m/s: 5 became 1.8"
+    assert note == "the policy was trained on forward commands from -1.2 to 1.8 m/s: 5 was clipped to 1.8"
     assert note in " ".join(outcome.out.split())
 
 

@@ -108,6 +108,6 @@ def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, 
 def test_garbage_and_logs_without_frames_are_refused(shell: Shell, go1: Robot, tmp_path: Path) -> None:
     (tmp_path / "garbage.mcap").write_bytes(b"no MCAP")
     for verb in ("info", "plot", "cut", "frames", "recover"):
-        assert "no MCAP" in shell.refuses("log", verb, "garbage.mcap")
+        assert "not an MCAP" in shell.refuses("log", verb, "garbage.mcap")
     run_episode(go1, Sway(go1), short_episode(duration_s=0.02, log=tmp_path / "a.mcap"))
     assert "--log-frames" in shell.refuses("log", "frames", "a.mcap")

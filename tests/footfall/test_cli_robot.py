@@ -42,7 +42,7 @@ class TestVerdict:
     @pytest.mark.parametrize(
         ("changes", "complaint"),
         [
-            ({"sank_m": 0.151 * GO1_HEIGHT_M}, "it sinks by 44 mm: the gains are low, or the pose asks"),
+            ({"sank_m": 0.151 * GO1_HEIGHT_M}, "it sinks by 44 mm: the gains are low, or the pose is hard"),
             ({"tilt_rad": 0.175}, "it tilts by 10 degrees"),
             (
                 {"torque_share": np.where(np.arange(12) == 4, 0.81, 0.1)},
