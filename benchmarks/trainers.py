@@ -94,7 +94,7 @@ def clocked(function: Callable[..., Any], part: str, parts: dict[str, float]) ->
 def waited_for(iterate: Callable[[], dict[str, Any]]) -> float:
     """Seconds until an iteration's metrics are ready."""
     began = time.perf_counter()
-    jax.block_until_ready(list(iterate().values()))
+    jax.block_until_ready(iterate())
     return time.perf_counter() - began
 
 

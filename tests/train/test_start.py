@@ -18,6 +18,7 @@ from footfall.robots.description import load_robot
 from footfall.train import api, entry
 from footfall.train.brax import parts
 from footfall.train.brax.devices import GPU_OPTIONS, caches_programs, compiler_options, device_mesh
+from footfall.train.brax.iteration import Iteration
 from footfall.train.brax.parts import assemble, made_from
 from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
@@ -111,10 +112,10 @@ def test_what_a_training_is_told_of_world_and_learning_tells_its_programs_apart(
 
 
 def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both programs are asked for as they were read ahead; a resumed run has its state."""
+    """All programs are asked for as they were read ahead; a resumed run has its state."""
     run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
     robot, asked, read = load_robot("go1"), [], []
-    programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "iteration": "the iteration"}
+    programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "act": "act", "learn": "learn"}
 
     def ready(lower: object, beside: object, say: Callable[[str], None], *made: object) -> Future:
         asked.append(fingerprint(made))
@@ -128,12 +129,12 @@ def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(parts, "prefetch", lambda *made: read.append(fingerprint(made)))
     parts.prefetch_programs(robot, run.config)
     assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
-    assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), "the iteration")
+    assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
     assert asked == read
     assert said == ["a warning"]
     restored = TrainState(*np.arange(7.0)[:, None])
     state, iteration = assembled.prepare(mesh, restored, print)
-    assert (float(state.iteration[0]), iteration, asked[2:]) == (6.0, "the iteration", read[:1])
+    assert (float(state.iteration[0]), iteration, asked[3:]) == (6.0, Iteration("act", "learn"), read[:2])
 
 
 def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:

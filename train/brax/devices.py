@@ -16,6 +16,7 @@ from footfall.train.config import PpoConfig
 AXIS = "devices"
 REPLICATED = PartitionSpec()  # the same on each device
 SHARDED = PartitionSpec(AXIS)  # along the first dimension
+SHARDED_ROLLOUT = PartitionSpec(None, AXIS)  # arrays (time, environment, ...)
 GPU_OPTIONS: dict[str, str | bool] = {
     # Independent kernels run at the same time: small batches do not fill a GPU.
     "xla_gpu_command_buffer_scheduling_mode": "CONCURRENT",

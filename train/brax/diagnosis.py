@@ -32,6 +32,7 @@ from footfall.train.runs.failure import (
     not_finite,
 )
 from footfall.train.runs.folder import Run
+from footfall.train.stacked import floats
 
 DIVERGED = "the simulation diverged"
 
@@ -90,7 +91,7 @@ class _Replay:
     def failing_iteration(self, state: TrainState, iterate: Iteration) -> tuple[str | None, TrainState]:
         """Why the iteration fails, or None, and the state after it, on the host."""
         after, metrics, _ = iterate(jax.tree.map(jnp.copy, state))  # it donates its argument
-        figures = {name: float(value) for name, value in jax.device_get(metrics).items()}
+        figures = floats(metrics)
         after = jax.device_get(after)
         broken = non_finite_leaves(after)
         reason = failure_of(figures, self._failure.config.diverged_limit)

@@ -1,23 +1,53 @@
-"""One iteration as one function, which is compiled as a whole: roll out, update, normalise."""
+"""One iteration in two halves, which are compiled side by side: act, then learn."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
+from brax.training.types import Transition
 from jax.sharding import Mesh
 
 from footfall.envs.environment import Environment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.train.actor import LOGGED_OBSERVATIONS
-from footfall.train.brax.devices import AXIS, REPLICATED, SHARDED, mean_over_devices
+from footfall.train.brax.devices import AXIS, REPLICATED, SHARDED, SHARDED_ROLLOUT, mean_over_devices
 from footfall.train.brax.ppo import Ppo
-from footfall.train.brax.rollout import roll_out
-from footfall.train.brax.state import MIN_STD, STATE_SPECS, TrainState
+from footfall.train.brax.rollout import Episodes, roll_out
+from footfall.train.brax.state import LEARNER_SPECS, MIN_STD, TrainState
 from footfall.train.config import PpoConfig
+from footfall.train.stacked import StackedScalars
 
-Iteration = Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]
+
+class Experience(NamedTuple):
+    """What a rollout leaves to learn from."""
+
+    rollout: Transition  # arrays (time, environment, ...)
+    metrics: Any  # scalars by name
+
+
+EPISODE_SPECS = (SHARDED, SHARDED)  # how each half's arguments and results lie on several devices
+EXPERIENCE_SPECS = Experience(SHARDED_ROLLOUT, REPLICATED)
+LEARNED_SPECS = (LEARNER_SPECS, REPLICATED, SHARDED)
+Learned = tuple[TrainState, StackedScalars, jax.Array]
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """A training iteration: from a state to the next one, scalar metrics and a sample of observations."""
+
+    act: Callable[[Episodes, TrainState], tuple[Episodes, Experience]]
+    learn: Callable[[TrainState, dict[str, jax.Array], Experience], Learned]
+
+    def __call__(self, state: TrainState) -> Learned:
+        """Act, and learn from it. Compiled halves reuse the memory of the state."""
+        episodes, learner = state.episodes, state.learner
+        episodes, experience = self.act(episodes, learner)
+        learner, metrics, seen = self.learn(learner, episodes[1], experience)
+        return learner.with_episodes(episodes), metrics, seen
 
 
 def make_iteration(
@@ -27,7 +57,7 @@ def make_iteration(
     mesh: Mesh | None = None,
     mirror: EnvironmentMirror | None = None,
 ) -> Iteration:
-    """The training iteration: from a state to the next one, scalar metrics and a sample of observations.
+    """The training iteration, not compiled.
 
     Over several devices, each one rolls out and learns from its share of the environments; gradients and
     statistics are averaged. With a mirror, learning is augmented by mirror images.
@@ -36,33 +66,58 @@ def make_iteration(
     mean = mean_over_devices(devices)
     ppo = Ppo(networks, config, devices, mirror)
 
-    def iteration(state: TrainState) -> tuple[TrainState, dict[str, jax.Array], jax.Array]:
-        device = jnp.int32(0) if devices == 1 else jax.lax.axis_index(AXIS)
-        key, step_keys, learn_key = iteration_keys(state, config, device)
-        (env_state, observation), (rollout, metrics) = roll_out(env, networks, config, state, step_keys)
-        params, optimizer, losses = ppo.update(state, rollout, observation, learn_key)
+    def device() -> jax.Array:
+        return jnp.int32(0) if devices == 1 else jax.lax.axis_index(AXIS)
+
+    def act(episodes: Episodes, learner: TrainState) -> tuple[Episodes, Experience]:
+        _, step_keys, _ = iteration_keys(learner, config, device())
+        state = learner.with_episodes(episodes)
+        episodes, (rollout, means) = roll_out(env, networks, config, state, step_keys, _means)
+        metrics = mean(dict(means.mean(axis=0)) | {"reward/total": rollout.reward.mean() / env.period_s})
+        done, length = metrics.pop("done"), metrics.pop("length")
+        length_s = (
+            length / jnp.maximum(done, 1.0 / (config.num_envs * config.num_steps_per_env)) * env.period_s
+        )
+        scalars = metrics | {"episode/length_s": length_s}
+        return episodes, Experience(rollout, scalars)
+
+    def learn(learner: TrainState, observation: dict[str, jax.Array], experience: Experience) -> Learned:
+        rollout = experience.rollout
+        key, _, learn_key = iteration_keys(learner, config, device())
+        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key)
         # Updated after PPO, so that the rollout's log-probabilities stay comparable.
         normalizer = running_statistics.update(
-            state.normalizer,
+            learner.normalizer,
             rollout.observation,
             std_min_value=MIN_STD,
             pmap_axis_name=AXIS if devices > 1 else None,
         )
-        done, length = mean((metrics.pop("done").sum(), metrics.pop("length").sum()))
-        scalars = {name: jnp.mean(value) for name, value in metrics.items()}
-        scalars |= {f"learning/{name}": jnp.mean(value) for name, value in losses.items()}
-        scalars |= {"reward/total": rollout.reward.mean() / env.period_s}
-        scalars = mean(scalars) | {"episode/length_s": length / jnp.maximum(done, 1.0) * env.period_s}
+        scalars = mean({f"learning/{name}": jnp.mean(value) for name, value in losses.items()})
         seen = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
-        next_state = TrainState(
-            params, optimizer, normalizer, env_state, observation, key, state.iteration + 1
+        learner = learner._replace(
+            params=params,
+            optimizer=optimizer,
+            normalizer=normalizer,
+            key=key,
+            iteration=learner.iteration + 1,
         )
-        return next_state, scalars, seen
+        return learner, StackedScalars.of(experience.metrics | scalars), seen
 
     if devices == 1:
-        return iteration
-    outputs = (STATE_SPECS, REPLICATED, SHARDED)
-    return jax.shard_map(iteration, mesh=mesh, in_specs=(STATE_SPECS,), out_specs=outputs, check_vma=False)
+        return Iteration(act, learn)
+
+    def sharded(half: Callable[..., Any], arguments: Any, results: Any) -> Callable[..., Any]:
+        return jax.shard_map(half, mesh=mesh, in_specs=arguments, out_specs=results, check_vma=False)
+
+    return Iteration(
+        sharded(act, (EPISODE_SPECS, LEARNER_SPECS), (EPISODE_SPECS, EXPERIENCE_SPECS)),
+        sharded(learn, (LEARNER_SPECS, SHARDED, EXPERIENCE_SPECS), LEARNED_SPECS),
+    )
+
+
+def _means(metrics: dict[str, jax.Array]) -> StackedScalars:
+    """Means over the environments in one array: a scan's outputs take a kernel or two each."""
+    return StackedScalars.of({name: jnp.mean(value) for name, value in metrics.items()})
 
 
 def iteration_keys(

@@ -17,13 +17,12 @@ from footfall.envs.make import make_environment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.workarounds.program_cache import load_or_compile, prefetch
 from footfall.robots.description import Robot
-from footfall.train.brax.devices import caches_programs, compiler_options, place, shardings
+from footfall.train.brax.devices import caches_programs, place, shardings
 from footfall.train.brax.iteration import Iteration, make_iteration
 from footfall.train.brax.networks import make_networks
+from footfall.train.brax.programs import NAMES, Programs
 from footfall.train.brax.state import STATE_SPECS, TrainState, initial_state
 from footfall.train.config import TrainConfig
-
-PROGRAMS = ("iteration", "first state")  # compiled programs of a training, the slowest to compile first
 
 
 @dataclass(frozen=True)
@@ -75,19 +74,9 @@ class Parts:
         """
         if self.env.note:
             say(self.env.note)
-        where, options = shardings(STATE_SPECS, mesh), compiler_options(mesh)
-        first_state = self.first_state  # one reference for both uses: JAX caches the trace by it
         # JAX's keys take 32 bits.
         seed = None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
-
-        def first() -> jax.stages.Lowered:
-            return jax.jit(first_state, out_shardings=where, compiler_options=options).lower(seed)
-
-        def iteration() -> jax.stages.Lowered:
-            iterate = self.iteration(mesh)
-            jitted = jax.jit(iterate, donate_argnums=0, in_shardings=(where,), compiler_options=options)
-            return jitted.lower(self.shapes)
-
+        programs = Programs(self.iteration(mesh), self.first_state, mesh)
         shown: list[str] = []
 
         def show_once(line: str) -> None:
@@ -96,13 +85,14 @@ class Parts:
                 say(line)
 
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
-        with ThreadPoolExecutor(len(PROGRAMS)) as executor:
-            compiled = self._program("iteration", iteration, mesh, executor, show_once)
-            initial = None
+        with ThreadPoolExecutor(len(NAMES)) as executor:
+            act = self._program("act", programs.act, mesh, executor, show_once)
+            learn = self._program("learn", programs.learn, mesh, executor, show_once)
+            first = None
             if seed is not None:
-                initial = self._program("first state", first, mesh, executor, show_once)
-        state = place(start, where) if initial is None else initial.result()(seed)
-        return state, compiled.result()
+                first = self._program("first state", programs.first_state, mesh, executor, show_once)
+        state = place(start, shardings(STATE_SPECS, mesh)) if first is None else first.result()(seed)
+        return state, Iteration(act.result(), learn.result())
 
     def _program(
         self,
@@ -112,7 +102,7 @@ class Parts:
         executor: Executor,
         say: Callable[[str], None],
     ) -> Future[jax.stages.Compiled]:
-        """One of `PROGRAMS`: loaded from the disk, or traced here and compiled in another thread."""
+        """One of `NAMES`: loaded from the disk, or traced here and compiled in another thread."""
         if not caches_programs(mesh):
             return executor.submit(lower().compile)
         return load_or_compile(lower, executor, say, name, *made_from(self.env.robot, self.config))
@@ -120,7 +110,7 @@ class Parts:
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
     """Start loading, in the background, what an earlier training of this robot and settings compiled."""
-    for name in PROGRAMS:
+    for name in NAMES:
         prefetch(name, *made_from(robot, config))
 
 

@@ -58,9 +58,9 @@ class Ppo:
         rate = jnp.minimum(learning_rate(state.optimizer), limit) if adaptive else limit
         # Drawn before the epochs: inside them XLA's older partitioner, which jax 0.11 needs for several
         # devices, cannot divide the sort (envs/workarounds/partitioner.py).
-        key, *shuffle_keys = jax.random.split(key, self.config.num_learning_epochs + 1)
-        orders = jnp.stack([jax.random.permutation(k, rollout.reward.shape[1]) for k in shuffle_keys])
-        learner = Learner(state.params, with_learning_rate(state.optimizer, rate), key)
+        keys = jax.random.split(key, self.config.num_learning_epochs + 1)
+        orders = jax.vmap(jax.random.permutation, (0, None))(keys[1:], rollout.reward.shape[1])
+        learner = Learner(state.params, with_learning_rate(state.optimizer, rate), keys[0])
         entropy = self.config.entropy_weight(state.iteration)
         epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy)
         learner, losses = jax.lax.scan(epoch, learner, orders)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import jax
 from brax.training.agents.ppo.networks import PPONetworks, make_inference_fn
@@ -17,22 +18,35 @@ Episodes = tuple[State, dict[str, jax.Array]]  # environment states, and the obs
 
 
 def roll_out(
-    env: Environment, networks: PPONetworks, config: PpoConfig, state: TrainState, keys: jax.Array
-) -> tuple[Episodes, tuple[Transition, dict[str, jax.Array]]]:
+    env: Environment,
+    networks: PPONetworks,
+    config: PpoConfig,
+    state: TrainState,
+    keys: jax.Array,
+    summary: Callable[[dict[str, jax.Array]], Any] = lambda metrics: metrics,
+) -> tuple[Episodes, tuple[Transition, Any]]:
     """Act for one control step per key.
 
+    Args:
+        env: the environment.
+        networks: actor and critic.
+        config: the trainer's settings.
+        state: the training's state.
+        keys: one for each control step.
+        summary: what to keep of a control step's metrics, arrays (environment,).
+
     Returns:
-        The episodes to continue with; transitions and the environment's metrics, (time, environment, ...).
+        The episodes to continue with; transitions (time, environment, ...), and each control step's summary.
     """
     policy = make_inference_fn(networks)((state.normalizer, state.params.policy))
     level = env.level(state.iteration * float(config.steps_per_iteration))
     episodes = (env.at_level(state.env, level), state.observation)
-    return jax.lax.scan(partial(_control_step, env, policy), episodes, keys)
+    return jax.lax.scan(partial(_control_step, env, policy, summary), episodes, keys)
 
 
 def _control_step(
-    env: Environment, policy: Callable, episodes: Episodes, key: jax.Array
-) -> tuple[Episodes, tuple[Transition, dict[str, jax.Array]]]:
+    env: Environment, policy: Callable, summary: Callable, episodes: Episodes, key: jax.Array
+) -> tuple[Episodes, tuple[Transition, Any]]:
     env_state, observation = episodes
     action, policy_extras = policy(observation, key)
     env_state, next_observation, step = step_batch(env, env_state, action)
@@ -44,4 +58,4 @@ def _control_step(
         next_observation=None,  # the loss reads only the last one, an argument of `Ppo.update`
         extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
     )
-    return (env_state, next_observation), (transition, step.metrics)
+    return (env_state, next_observation), (transition, summary(step.metrics))

@@ -18,6 +18,9 @@ from footfall.train.config import PpoConfig
 MIN_STD = 0.02  # smallest deviation to divide by: an observation that hardly varies is not amplified
 
 
+_NO_EPISODES: dict[str, Any] = {"env": (), "observation": ()}
+
+
 class TrainState(NamedTuple):
     """The whole state of a training: the next iteration depends on nothing else."""
 
@@ -29,12 +32,28 @@ class TrainState(NamedTuple):
     key: jax.Array
     iteration: jax.Array
 
+    @property
+    def episodes(self) -> tuple[State, dict[str, jax.Array]]:
+        """The environments' states, and the observations for the next actions."""
+        return self.env, self.observation
+
+    @property
+    def learner(self) -> "TrainState":
+        """Everything but the episodes, whose places are empty."""
+        return self._replace(**_NO_EPISODES)
+
+    def with_episodes(self, episodes: tuple[State, dict[str, jax.Array]]) -> "TrainState":
+        """The state with these episodes."""
+        env, observation = episodes
+        return self._replace(env=env, observation=observation)
+
 
 _SPECS: dict[str, Any] = dict.fromkeys(TrainState._fields, REPLICATED) | {
     "env": SHARDED,
     "observation": SHARDED,
 }
 STATE_SPECS = TrainState(**_SPECS)  # how each part of a state lies on several devices
+LEARNER_SPECS = STATE_SPECS.learner
 
 
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import numpy as np
@@ -59,20 +59,20 @@ class BraxTrainer(Trainer):
         start = self._run.provenance.seed if self._state is None else self._state
         self._state, self._compiled = self._parts.prepare(mesh, start, say)
         if cluster.is_main_process():
-            Thread(target=self._prepare_export, name="prepare export").start()
+            like = jax.tree.map(
+                lambda leaf: np.zeros(leaf.shape, leaf.dtype),
+                (self._state.normalizer, self._state.params.policy),
+            )
+            Thread(target=self._prepare_export, args=(like,), name="prepare export").start()
 
-    def _prepare_export(self) -> None:
-        """Import and compile, beside the training, what the export needs."""
+    def _prepare_export(self, like: tuple[Any, Any]) -> None:
+        """Import and compile, beside the training, what the export needs of such a normaliser and actor."""
         with suppress(Exception):  # the export reports it
             from footfall.train.export import RANDOM_OBSERVATIONS
 
-            shapes = self._parts.shapes
-            normalizer, policy = jax.tree.map(
-                lambda leaf: np.zeros(leaf.shape, leaf.dtype), (shapes.normalizer, shapes.params.policy)
-            )
-            size = shapes.observation[ACTOR].shape[-1]
+            size = self._parts.env.observation_sizes[ACTOR]
             logged = min(LOGGED_OBSERVATIONS, self._run.config.ppo.steps_per_iteration)
-            self._means(normalizer, policy, np.zeros((RANDOM_OBSERVATIONS + logged, size), np.float32))
+            self._means(*like, np.zeros((RANDOM_OBSERVATIONS + logged, size), np.float32))
 
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normaliser; see `footfall.train.trainer.Trainer`."""
@@ -91,8 +91,7 @@ class BraxTrainer(Trainer):
         assert self._compiled is not None, "prepare first"
         self._state, metrics, self._observations = self._compiled(self._state)
         self.iteration += 1
-        for value in metrics.values():  # copied now: later, the copy would queue behind the next iteration
-            value.copy_to_host_async()
+        metrics.send()  # now: later, the copy would queue behind the next iteration
         return metrics
 
     def save(self) -> None:

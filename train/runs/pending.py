@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import jax
 
+from footfall.train.stacked import floats
 from footfall.train.trainer import Metrics
 
 EPISODE_LENGTH = "episode/length_s"
@@ -24,7 +25,7 @@ class PendingMetrics:
         """Store an iteration's metrics, and pass on those of the previous iteration."""
         self.flush()
         self._pending = iteration, metrics
-        if not any(isinstance(value, jax.Array) for value in metrics.values()):
+        if not any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(metrics)):
             self.flush()
 
     def flush(self) -> None:
@@ -33,7 +34,7 @@ class PendingMetrics:
             return
         iteration, metrics = self._pending
         self._pending = None
-        figures = {name: float(value) for name, value in metrics.items()}
+        figures = floats(metrics)
         if figures.get(EPISODE_LENGTH) == 0.0:  # no episode ended: there is no length
             del figures[EPISODE_LENGTH]
         self._receive(iteration, figures)
