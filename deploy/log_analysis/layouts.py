@@ -79,7 +79,7 @@ def plotjuggler_layout(joints: Sequence[str]) -> str:
 
 
 def _foxglove_series(path: str, label: str) -> dict[str, Any]:
-    return {"value": path, "label": label, "enabled": True, "timestampMethod": "headerStamp"}
+    return {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
 
 
 def _split(direction: str, first: Any, second: Any, percentage: int = 50) -> dict[str, Any]:
