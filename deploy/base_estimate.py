@@ -68,7 +68,8 @@ class BaseEstimate:
             self._estimator.reset(sensed)
 
     def start(self) -> None:
-        """Set the pose to zero at the start of walking."""
+        """Set the pose to zero at the start of walking; the next `pose` is read anew."""
+        self._next_pose_us = 0
         if self._estimator is not None:
             self._estimator.start()
 

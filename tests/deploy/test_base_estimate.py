@@ -1,5 +1,7 @@
 """When the base's velocity and height are estimated, and with what."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 from deploy_policies import Hold
@@ -75,3 +77,17 @@ def test_a_known_state_takes_the_place_of_an_estimate_and_else_it_is_unknown(go1
         [*seen.base_velocity, seen.base_height], [1, 2, 3, 0.4] if known else [np.nan] * 4
     )
     assert BaseEstimate(250.0).odometry(0) is None
+
+
+def test_the_pose_is_zero_from_the_moment_on_at_which_the_policy_takes_over() -> None:
+    """Not what it was some ms before: a mission counts from the first pose that it is given."""
+
+    class Walked(Note):
+        def pose(self) -> tuple[float, float, float]:
+            return (0.0 if self.started else 0.02), 0.0, 0.0
+
+    estimate, sensed = BaseEstimate(250.0, Walked()), cast(Sensed, None)
+    estimate.reset(0, sensed)
+    assert estimate.pose(2_000).x_m == 0.02
+    estimate.start()
+    assert estimate.pose(4_000).x_m == 0.0
