@@ -27,7 +27,7 @@ class Tracking:
     position_gain: float = 1.0  # m/s for each metre of error
     heading_gain: float = 1.5  # rad/s for each radian of error
     deceleration_m_s2: float = 0.4  # before corners and the end
-    tolerance_m: float = 0.04  # at the end
+    tolerance_m: float = 0.02  # at the end
     tolerance_deg: float = 4.0  # likewise
     off_path_m: float = 0.5  # farther away the mission gives up
     blocked_s: float = 8.0  # after so long without progress it gives up, too
