@@ -32,7 +32,7 @@ from footfall.train.runs.folder import (
     open_run,
     trained_robot,
 )
-from footfall.train.runs.provenance import PACKAGES, source_revision
+from footfall.train.runs.provenance import PACKAGES, imported_revision
 from footfall.train.trainer import Trainer
 from footfall.train.trainers import DEFAULT_TRAINER, find_trainer
 
@@ -107,7 +107,7 @@ def _make_run(request: TrainRequest) -> Path:
         preset=request.preset,
         trainer=request.trainer,
         device=cluster.devices()[0].device_kind,
-        revision=source_revision(),
+        revision=imported_revision(),
         created=now.isoformat(timespec="seconds"),
         versions=versions((*PACKAGES, *trainer.packages)),
         robot_digest=robot.digest,
@@ -257,7 +257,7 @@ def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
 def _changes(began: Provenance, device: str) -> list[str]:
     """Device and source revision that a run began with, if they have changed."""
     changes = [began.device] if began.device != device else []
-    revision = source_revision()
+    revision = imported_revision()
     if began.revision != revision:
         changes.append(f"source revision {began.revision}, now {revision}")
     return changes

@@ -1,5 +1,6 @@
 """Imports of the learning libraries, which may not be installed."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Thread
@@ -29,6 +30,8 @@ def start_device() -> None:
     with collector_paused(), suppress(ModuleNotFoundError):  # `learning_libraries` reports it
         import jax.numpy
 
+        # Reserving most of a GPU's memory at once takes a second or two, longer than the rest of its start.
+        os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
         from footfall.train.compilation_cache import use_compilation_cache
 
         use_compilation_cache()

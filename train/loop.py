@@ -43,8 +43,8 @@ def _iterate(run: Run, trainer: Trainer, journal: Journal | None) -> None:
         if reason is not None:
             raise TrainingFailedError(iteration, reason)
 
-    pending, stopped = PendingMetrics(receive), False
-    with StopRequest() as stop:
+    stopped = False
+    with PendingMetrics(receive) as pending, StopRequest() as stop:
         while trainer.iteration < run.config.ppo.iterations and not stopped:
             metrics = trainer.iterate()
             pending.report(trainer.iteration, metrics)

@@ -15,8 +15,9 @@ import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any, NamedTuple
 
 import jax
@@ -37,6 +38,7 @@ SOURCES = Path(__file__).parents[2]
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
 DEVICE_LIBRARIES = ("jax*", "nvidia_*")  # JAX, its plug-ins, CUDA's parts
 ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # prefixes of environment variables that JAX reads
+MEMORY = "XLA_PYTHON_CLIENT_"  # prefix of those that change no program
 CACHE_SETTINGS = ("jax_compilation_cache", "jax_persistent_cache")  # settings that change no program
 NVIDIA_DRIVER = Path("/proc/driver/nvidia/version")
 LARGEST_BYTES = 2 * 2**30  # of all programs together; beyond it, the least recently used are deleted
@@ -115,9 +117,18 @@ def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") ->
     return content.tobytes()
 
 
+_READING = Lock()  # threads that need the same files wait for one of them
+
+
+@cache
+def _read(root: Path) -> list[tuple[Path, bytes]]:
+    return read_sources(root, TRAINING)
+
+
 def _source() -> list[tuple[Path, bytes]] | None:
     """Our source files, as this process imported them; None if one of them has changed since."""
-    source = read_sources(SOURCES, TRAINING)
+    with _READING:
+        source = _read(SOURCES)
     latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
     # Checked after reading. Unlike mtime, ctime cannot be set.
     return source if all((SOURCES / path).stat().st_ctime_ns < latest for path, _ in source) else None
@@ -131,7 +142,11 @@ def _surroundings() -> list[Any]:
         _device_libraries(),
         (device.platform, device.device_kind, device.client.platform_version),
         NVIDIA_DRIVER.read_text() if NVIDIA_DRIVER.is_file() else "",
-        sorted((name, value) for name, value in os.environ.items() if name.startswith(ENVIRONMENT)),
+        sorted(
+            (name, value)
+            for name, value in os.environ.items()
+            if name.startswith(ENVIRONMENT) and not name.startswith(MEMORY)
+        ),
         sorted((n, repr(v)) for n, v in jax.config.values.items() if not n.startswith(CACHE_SETTINGS)),
     ]
 
@@ -144,10 +159,10 @@ def _device_libraries() -> list[str]:
 
 
 def _look_up(made_from: tuple[Any, ...]) -> _Found:
-    cache, source = jax.config.values["jax_compilation_cache_dir"], _source()
-    if cache is None or source is None:
+    folder, source = jax.config.values["jax_compilation_cache_dir"], _source()
+    if folder is None or source is None:
         return _Found(None)
-    path = Path(cache) / "programs" / fingerprint([*source, *_surroundings(), *made_from])
+    path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(), *made_from])
     try:
         program, called, *values = pickle.loads(read_private(path))
         kernels.adopt(called)

@@ -17,24 +17,12 @@ from footfall.common.errors import UserError
 from footfall.common.in_time import any_blocked
 from footfall.exit_status import BAD_INPUT, BROKEN_PIPE, INTERRUPTED, TERMINATED
 from footfall.output import discard_output
-from footfall.verbs.bring_up import bring_up
-from footfall.verbs.can import can
-from footfall.verbs.compare import compare
-from footfall.verbs.demo import demo
-from footfall.verbs.deploy import deploy
-from footfall.verbs.diagnose import diagnose
-from footfall.verbs.doctor import doctor
-from footfall.verbs.evaluate import evaluate
-from footfall.verbs.export import export
-from footfall.verbs.identify import identify
-from footfall.verbs.list import list_names
-from footfall.verbs.log import log
-from footfall.verbs.replay import replay
-from footfall.verbs.robot import robot
-from footfall.verbs.sweep import sweep
-from footfall.verbs.train import train
-from footfall.verbs.watch import watch
 
+VERBS = (
+    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "identify",
+    "robot", "can", "bring_up", "demo", "diagnose", "doctor", "list",
+)  # fmt: skip
+FUNCTIONS = {"list": "list_names"}  # of the verbs' modules, where the name is another
 CLOSE = 0.75  # similarity of two option names above which one is suggested
 
 app = App(
@@ -43,26 +31,9 @@ app = App(
     version=lambda: version("footfall"),
     suppress_keyboard_interrupt=False,
 )
-for verb in (
-    train,
-    sweep,
-    watch,
-    evaluate,
-    export,
-    deploy,
-    compare,
-    replay,
-    log,
-    identify,
-    robot,
-    can,
-    bring_up,
-    demo,
-    diagnose,
-    doctor,
-):
-    app.command(verb)
-app.command(list_names, name="list")
+for verb in VERBS:  # a verb's module is imported when the verb is used
+    app.command(f"footfall.verbs.{verb}:{FUNCTIONS.get(verb, verb)}", name=app.name_transform(verb))
+_import_verbs = app.resolved_commands
 
 
 def main(tokens: Sequence[str] | None = None) -> int:
@@ -77,6 +48,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
     if "" in arguments:
         return _complain(f"an empty argument: give a value, or leave it out {_where_to_look(arguments)}")
     try:
+        if not arguments or arguments[0].startswith("-"):
+            _import_verbs()  # the help describes all of them
         with _interrupted_by_sigterm():
             status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
             if not any_blocked():
@@ -169,6 +142,6 @@ def _one_line(error: Exception) -> str:
 
 
 def _where_to_look(arguments: list[str]) -> str:
-    if arguments and arguments[0] in app.resolved_commands():
+    if arguments and arguments[0] in set(map(app.name_transform, VERBS)):
         return f"(see footfall {arguments[0]} --help)"
     return "(see footfall --help)"

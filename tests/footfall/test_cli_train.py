@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +26,7 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
     """A run of nearly the smoke preset, whose policy has walked two episodes of the usual ones."""
     folder = tmp_path_factory.mktemp("runs") / "smoke"
     with pytest.MonkeyPatch.context() as patch:
+        import_module("footfall.verbs.train")  # its options take their defaults from what is replaced here
         brief = partial(EvaluationConfig, episodes=2, workers=1)
         patch.setattr("footfall.evaluate.config.EvaluationConfig", brief)
         assert main(["train", "--preset", six_iterations, "--seed", "1", "--out", str(folder)]) == 0

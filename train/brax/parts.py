@@ -1,7 +1,7 @@
 """A training's environment, networks and compiled programs, from its settings."""
 
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -84,34 +84,27 @@ class Parts:
                 shown.append(line)
                 say(line)
 
+        made = made_from(self.env.robot, self.config) if caches_programs(mesh) else None
+
+        def program(name: str, lower: Callable[[], jax.stages.Lowered]) -> Future[jax.stages.Compiled]:
+            """Loaded from the disk, or traced here and compiled in another thread."""
+            if made is None:
+                return executor.submit(lower().compile)
+            return load_or_compile(lower, executor, show_once, name, *made)
+
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
         with ThreadPoolExecutor(len(NAMES)) as executor:
-            act = self._program("act", programs.act, mesh, executor, show_once)
-            learn = self._program("learn", programs.learn, mesh, executor, show_once)
-            first = None
-            if seed is not None:
-                first = self._program("first state", programs.first_state, mesh, executor, show_once)
+            act, learn = program("act", programs.act), program("learn", programs.learn)
+            first = None if seed is None else program("first state", programs.first_state)
         state = place(start, shardings(STATE_SPECS, mesh)) if first is None else first.result()(seed)
         return state, Iteration(act.result(), learn.result())
-
-    def _program(
-        self,
-        name: str,
-        lower: Callable[[], jax.stages.Lowered],
-        mesh: Mesh,
-        executor: Executor,
-        say: Callable[[str], None],
-    ) -> Future[jax.stages.Compiled]:
-        """One of `NAMES`: loaded from the disk, or traced here and compiled in another thread."""
-        if not caches_programs(mesh):
-            return executor.submit(lower().compile)
-        return load_or_compile(lower, executor, say, name, *made_from(self.env.robot, self.config))
 
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
     """Start loading, in the background, what an earlier training of this robot and settings compiled."""
+    made = made_from(robot, config)
     for name in NAMES:
-        prefetch(name, *made_from(robot, config))
+        prefetch(name, *made)
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:

@@ -25,7 +25,7 @@ from footfall.train.config import TrainConfig
 from footfall.train.old_names import with_current_names
 from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
-from footfall.train.runs.provenance import PACKAGES, source_revision
+from footfall.train.runs.provenance import PACKAGES, imported_revision
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
@@ -124,7 +124,7 @@ def record_failure(run: Run, failed: TrainingFailedError, can_diagnose: bool) ->
         reason=failed.reason,
         device=jax.devices()[0].device_kind,
         devices=len(jax.devices()),
-        versions=versions(PACKAGES) | {SOURCE: source_revision()},
+        versions=versions(PACKAGES) | {SOURCE: imported_revision()},
         provenance=run.provenance,
         config=run.config,
     )

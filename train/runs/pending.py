@@ -1,6 +1,7 @@
 """Metrics of the newest iteration, which the device may still compute."""
 
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import jax
 
@@ -11,7 +12,10 @@ EPISODE_LENGTH = "episode/length_s"
 
 
 class PendingMetrics:
-    """Passes an iteration's metrics to a function when they are computed, while the next iteration runs."""
+    """Passes an iteration's metrics to a function when they are computed, while the next iteration runs.
+
+    The function runs in another thread: a GPU's iteration of a few milliseconds is launched by this one.
+    """
 
     def __init__(self, receive: Callable[[int, dict[str, float]], None]) -> None:
         """
@@ -19,21 +23,29 @@ class PendingMetrics:
             receive: called with each iteration, from 1, and its metrics.
         """
         self._receive = receive
-        self._pending: tuple[int, Metrics] | None = None
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="metrics")
+        self._pending: Future[None] | None = None
+
+    def __enter__(self) -> "PendingMetrics":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._thread.shutdown()
 
     def report(self, iteration: int, metrics: Metrics) -> None:
-        """Store an iteration's metrics, and pass on those of the previous iteration."""
+        """Begin to pass on an iteration's metrics, once those of the previous iteration are passed on."""
         self.flush()
-        self._pending = iteration, metrics
+        self._pending = self._thread.submit(self._pass_on, iteration, metrics)
         if not any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(metrics)):
             self.flush()
 
     def flush(self) -> None:
-        """Wait for the pending metrics and pass them on."""
-        if self._pending is None:
-            return
-        iteration, metrics = self._pending
-        self._pending = None
+        """Wait until the pending metrics are passed on; raises what the function raised."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
+
+    def _pass_on(self, iteration: int, metrics: Metrics) -> None:
         figures = floats(metrics)
         if figures.get(EPISODE_LENGTH) == 0.0:  # no episode ended: there is no length
             del figures[EPISODE_LENGTH]

@@ -2,6 +2,7 @@
 
 import hashlib
 import subprocess
+from functools import cache
 from pathlib import Path
 
 from footfall.common.sources import TRAINING, read_sources
@@ -30,6 +31,12 @@ def source_revision() -> str:
         return git("rev-parse", "HEAD") + (f" with uncommitted changes {_digest(changes)}" if changes else "")
     except (OSError, subprocess.SubprocessError):
         return f"digest {_digest(repr(read_sources(here.parents[2], TRAINING, ('*.py', '*.yaml'))))}"
+
+
+@cache
+def imported_revision() -> str:
+    """The revision when this process first asks; later changes of the files are not what it runs."""
+    return source_revision()
 
 
 def _digest(text: str) -> str:
