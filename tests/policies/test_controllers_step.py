@@ -56,6 +56,13 @@ def world(ahead: float, left: float, heading: float = HEADING) -> np.ndarray:
     return Rotation.from_euler("z", heading).apply([ahead, left, 0.0])[:2]
 
 
+class Moment(SimpleNamespace):
+    """Dynamics by hand, as a tuple with names would be changed."""
+
+    def _replace(self, **changes: Any) -> "Moment":
+        return Moment(**{**vars(self), **changes})
+
+
 def moment(
     centre: Any = (0.0, 0.0, 0.6),
     moving: Any = STILL,
@@ -65,14 +72,14 @@ def moment(
 ) -> Any:
     """Dynamics by hand: centre and feet from the middle along the feet's axes, the velocity in the world."""
     foot = np.array([[*world(*each), 0.0] for each in feet]) + MIDDLE
-    return SimpleNamespace(
+    return Moment(
+        **{"bias": np.zeros(6 + N), "foot_jacobian": np.zeros((2, 6, 6 + N)), **more},
         centre=TURN.apply(centre) + MIDDLE,
         centre_velocity=np.array(moving, dtype=float),
         middle=foot.mean(axis=0),
         foot=foot,
         foot_rotation=Rotation.from_rotvec([[0.0, 0.0, each] for each in headings]).as_matrix(),
         angular_momentum=np.array([1.0, -2.0, 3.0]),
-        **more,
     )
 
 

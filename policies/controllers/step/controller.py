@@ -5,9 +5,11 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.common.rotations import heading_matrix, yaw_of
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.step.centre_offset import CentreOffset
 from footfall.policies.controllers.step.config import StepConfig
 from footfall.policies.controllers.step.footwork import UNLOADED, Footwork
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
+from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, pendulum_rate, standing
 from footfall.policies.controllers.whole_body.problem import Wanted
 from footfall.policies.policy import PolicyInput
@@ -38,6 +40,7 @@ class Step:
         self.footwork = Footwork(config, np.sign(rest.foot[:, 1]), pendulum_rate(self.com_height_m))
         points = np.bincount(body.foot_of_point)
         self._most_force = (config.most_force * body.weight_n / points)[body.foot_of_point]
+        self._offset = CentreOffset(body.weight_n, self.footwork.fall_rate, config.rate_hz)
         self._begin(self.com_height_m + config.lower_m)
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -47,7 +50,8 @@ class Step:
     def _begin(self, height: float) -> None:
         self.control.reset()
         self.footwork.reset()
-        self._start_height, self._yaw = height, 0.0
+        self._offset.reset()
+        self._start_height, self._yaw, self._centre_error = height, 0.0, np.zeros(2)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -67,6 +71,7 @@ class Step:
         self._yaw = yaw_of(sensed.quaternion.tolist())
         dynamics = observed(self.control.body, inputs)
         settled = min(1.0, inputs.time_s / config.settle_s)
+        dynamics = self._corrected(dynamics, sensed.joint_torque, settled == 1.0)
         pressure, feet = self.footwork.advance(dynamics, inputs.command, settled == 1.0)
 
         load = self.footwork.load
@@ -86,3 +91,14 @@ class Step:
         )
         most = self._most_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
+
+    def _corrected(self, dynamics: Dynamics, joint_torque: np.ndarray, settled: bool) -> Dynamics:
+        """The dynamics with the centre of mass where it is found while the robot settles on both feet."""
+        to_world = heading_matrix(self._yaw)[:2, :2]
+        if not settled:
+            self._offset.observe(dynamics, joint_torque)
+            self._centre_error = to_world.T @ self._offset.value
+            return dynamics
+        centre = dynamics.centre.copy()
+        centre[:2] += to_world @ self._centre_error
+        return dynamics._replace(centre=centre)
