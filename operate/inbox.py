@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -244,16 +245,15 @@ def _wrong_name(operator: Any) -> str:
 
 
 def _velocity(given: Any) -> np.ndarray:
-    try:
-        velocity = np.array(given, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        velocity = np.empty(0)
-    if velocity.shape != (3,):
+    values = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    numbers: list[Any] = [each for each in values if isinstance(each, Real) and not isinstance(each, bool)]
+    if len(values) != 3 or len(numbers) != 3:
         raise ValueError("a velocity is three numbers: forward m/s, leftward m/s, yaw rad/s")
+    if any(abs(each) > FASTEST for each in numbers):
+        raise ValueError(f"a velocity beyond {FASTEST:g} m/s or rad/s is refused")
+    velocity = np.array(numbers, dtype=float)
     if not np.isfinite(velocity).all():
         raise ValueError("a velocity that is not finite is refused")
-    if (np.abs(velocity) > FASTEST).any():
-        raise ValueError(f"a velocity beyond {FASTEST:g} m/s or rad/s is refused")
     return velocity
 
 
