@@ -65,7 +65,7 @@ class Excitation:
         self._place = np.zeros(n)  # of each joint in its leg
         for joints in robot.foot_joints:
             self._place[joints] = np.arange(len(joints))
-        self._side = _senses(robot)
+        self._side = swing_senses(robot)
         self._longest = 1 + int(self._place.max())
         self._start = self._middle
         self._signs = np.random.default_rng(config.seed).choice((-1.0, 1.0), size=(4096, n))
@@ -130,7 +130,7 @@ class Excitation:
         return torque
 
 
-def _senses(robot: Robot) -> np.ndarray:
+def swing_senses(robot: Robot) -> np.ndarray:
     """Signs, (n,), by which all legs swing the same way in the body's frame: they keep their distance."""
     model = training_model(robot)
     data = mujoco.MjData(model)

@@ -1,5 +1,6 @@
 """A run of the excitation on a robot that is bolted to a stand or hangs, through the loop and its log."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.identify.excitation import Excitation, ExcitationConfig
+from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
 COOLER_C = 15.0  # than a motor's limit: the recording ends
@@ -37,6 +39,20 @@ def record(
     """
     deploy = deploy or DeployConfig()
     policy = Excitation(robot, excitation or ExcitationConfig(), deploy.joint_rate_hz)
+    return run_on_stand(robot, policy, bus, policy.duration_s, deploy, realtime, log)
+
+
+def run_on_stand(
+    robot: Robot,
+    policy: Policy,
+    bus: Bus,
+    duration_s: float,
+    deploy: DeployConfig,
+    realtime: bool,
+    log: Path | None = None,
+    done: Callable[[], bool] = lambda: False,
+) -> SessionResult:
+    """A run that ends after `duration_s`, where `done` holds, or where a motor gets warm."""
     most_c = robot.motor_figures("temperature_limit_c") - COOLER_C
     warm: list[str] = []
 
@@ -45,11 +61,12 @@ def record(
         if len(hot) and not warm:
             name = robot.joint_names[hot[0]]
             warm.append(f"ended early: {name} is at {loop.temperature_c[hot[0]]:.0f} °C")
+        if warm or done():
             loop.finish(skip_lie_down=True)
 
     session = Session(
         command_source=lambda _: np.zeros(3),
-        duration_s=policy.duration_s,
+        duration_s=duration_s,
         realtime=realtime,
         log=log,
         config=deploy,

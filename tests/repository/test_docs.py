@@ -23,6 +23,7 @@ from footfall.deploy.log_analysis.recorded_csv import ColumnMap
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.gain_search import GainConfig
 from footfall.operate.gamepad import GamepadConfig
 from footfall.operate.missions.mission import load_mission
 from footfall.operate.ros2.bridge_process import Ros2Config
@@ -135,6 +136,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
     "columns": lambda path: load(path, ColumnMap),
     "excitation": lambda path: load(path, ExcitationConfig),
+    "gain-search": lambda path: load(path, GainConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "gamepad": lambda path: load(path, GamepadConfig),
     "mission": load_mission,

@@ -14,20 +14,18 @@ from footfall.common.outputs import check_outputs, write_json, write_text
 from footfall.confirm import Yes, confirm
 from footfall.options import AS_TYPED, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
+from footfall.stand_bus import PLACE, SAFE, SIMULATED, VIRTUAL, opened
+from footfall.verbs.identify_gains import gains
 
 if TYPE_CHECKING:
-    from footfall.deploy.bus import Bus
     from footfall.identify.fit import LegFit
     from footfall.identify.leg import FixedLeg
     from footfall.identify.recording import Recording
     from footfall.learned_law import Comparison
     from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
-SAFE = "IDLE"
-PLACE = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
-
 identify = App(name="identify", help="Find a robot's parameters from its own motion.")
+identify.command(gains)
 
 
 @Parameter(name="*")
@@ -76,30 +74,12 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
     if options.bus not in (SIMULATED, VIRTUAL):
         confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {PLACE}?", options.yes)
     with ExitStack() as resources:
-        bus = _opened(robot, options, resources)
+        bus = opened(robot, options.bus, options.plant, options.seed, resources)
         outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)
     for line in (*outcome.faults, *outcome.notes):
         print(line)
     print(f"{log}: {outcome.walked_s:.1f} s of motion")
     return 0 if outcome.final_state == SAFE and not outcome.faults else 1
-
-
-def _opened(robot: "Robot", options: RecordOptions, resources: ExitStack) -> "Bus":
-    if options.bus == SIMULATED:
-        from footfall.identify.simulated import simulated_bus
-
-        return simulated_bus(robot, plant=options.plant, seed=options.seed)
-    from footfall.deploy.interfaces import robots_interfaces
-    from footfall.deploy.stop_inputs.open import filters_of
-    from footfall.deploy.wiring import wire
-
-    if options.bus == VIRTUAL:
-        from footfall.identify.simulated import on_a_stand
-        from footfall.plant.serve import serving
-
-        resources.enter_context(serving(robot, VIRTUAL, on_a_stand(), options.seed))
-    wiring = wire(robot)
-    return resources.enter_context(robots_interfaces(options.bus, wiring.buses, filters_of(robot, wiring)))
 
 
 @Parameter(name="*")

@@ -1,0 +1,242 @@
+"""Step responses of single joints, and the search for their gains: up until the joint rings, then back.
+
+First the stiffness at the present damping, then the damping at the stiffness that was found.
+"""
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.identify.excitation import swing_senses
+from footfall.policies.contract import Contract
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+RISE = (0.1, 0.9)  # shares of the step between which the rise time is taken
+LEAST = 0.05  # share of the robot's own gain below which the search gives up
+TORQUE_SHARE = 0.3  # of a motor's peak torque that a step asks for at most
+LOST = 3.0  # steps from the target at which a trial ends at once
+
+
+@dataclass(frozen=True)
+class GainConfig:
+    """Steps of the target, and the way of the search. Gains are shares of the robot's own."""
+
+    settle_s: float = 1.0  # from the pose found to the default pose, and at rest after a joint rang
+    step_rad: float = 0.05
+    trial_s: float = 0.6  # of each step
+    raise_by: float = 1.25
+    most: float = 8.0  # highest gain that is tried
+    back_to: float = 0.8  # of the first gain that rings
+    rings_rad: float = 0.1  # peak to peak in the second half of a trial, as a share of the step
+    rings_rad_s: float = 0.3  # velocity then, root mean square
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.1, 60.0, "settle_s", "trial_s")
+        require_between(self, 0.005, 0.5, "step_rad")
+        require_between(self, 1.01, 4.0, "raise_by")
+        require_between(self, 1.0, 100.0, "most")
+        require_between(self, 0.1, 1.0, "back_to", "rings_rad")
+        require_between(self, 0.01, 10.0, "rings_rad_s")
+
+
+class Response(NamedTuple):
+    """What a joint makes of a step."""
+
+    rise_s: float  # from 10 to 90 % of where it ends; NaN if it does not move
+    overshoot: float  # share of the step
+    rings: bool
+
+
+class Gains(NamedTuple):
+    """Shares of the robot's own gains."""
+
+    kp: float = 1.0
+    kd: float = 1.0
+
+
+class Tuned(NamedTuple):
+    """The result for one joint. Gains are shares of the robot's own; None: no gain that was tried rings."""
+
+    own: Response  # with the robot's own gains
+    kp_rings: float | None
+    kd_rings: float | None
+    proposed: Gains
+
+    def figures(self) -> dict[str, Any]:
+        """For a file."""
+        rest = {"kp_rings": self.kp_rings, "kd_rings": self.kd_rings}
+        return {"own": self.own._asdict(), **rest, "proposed": self.proposed._asdict()}
+
+
+RESTING = Gains(0.5, 1.0)  # between two joints, and after a joint rang
+
+Search = Generator[Gains, Response, Tuned]
+"""Yields the gains of the next trial and takes its response."""
+
+
+def response_of(
+    time_s: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: float, config: GainConfig
+) -> Response:
+    """Rise, overshoot and ringing.
+
+    Args:
+        time_s: (T,) from the step on.
+        position: (T,) rad, from where the joint was before the step.
+        velocity: (T,) rad/s.
+        step: of the target, rad, with its sign.
+        config: when a joint rings.
+    """
+    share = position / step
+    late = time_s >= 0.5 * time_s[-1]
+    final = float(share[late].mean())
+    first, last = (np.flatnonzero(share >= each * final) for each in RISE)
+    rise_s = float(time_s[last[0]] - time_s[first[0]]) if final > 0.0 and len(last) else np.nan
+    rings = (
+        np.ptp(share[late]) > config.rings_rad
+        or np.sqrt((velocity[late] ** 2).mean()) > config.rings_rad_s
+        or np.abs(share - 1.0).max() > LOST
+    )
+    return Response(rise_s, max(0.0, float(share.max()) - final), bool(rings))
+
+
+def search(config: GainConfig) -> Search:
+    """The search for one joint's gains."""
+    own = yield Gains()
+    kp, kp_rings = yield from _edge(lambda share: Gains(kp=share), config, own)
+    calm = Response(np.nan, 0.0, False)
+    kd, kd_rings = yield from _edge(lambda share: Gains(kp, share), config, calm)
+    return Tuned(own, kp_rings, kd_rings, Gains(kp, kd))
+
+
+def _edge(
+    gains: Callable[[float], Gains], config: GainConfig, first: Response
+) -> Generator[Gains, Response, tuple[float, float | None]]:
+    """A gain that does not ring, and the lowest one that does; `first` is the response to the share 1.
+
+    Where nothing rings, there is no reason to leave the robot's own gain.
+    """
+    share, response = 1.0, first
+    if response.rings:
+        while response.rings and share > LEAST:
+            rings, share = share, share * config.back_to
+            response = yield gains(share)
+        return share, rings
+    while share * config.raise_by <= config.most:
+        share *= config.raise_by
+        response = yield gains(share)
+        if response.rings:
+            return config.back_to * share, share
+    return 1.0, None
+
+
+class GainSearch:
+    """A policy that steps the joints of a robot on a stand, one joint of each leg at a time."""
+
+    name = "gain search"
+    needs_estimate = False
+    contract: Contract | None = None
+    notes: Sequence[str] = ()
+
+    def __init__(self, robot: Robot, config: GainConfig, rate_hz: float) -> None:
+        """Decides at `rate_hz`, which may be that of joint ticks."""
+        self.rate_hz, self._robot, self._config = rate_hz, robot, config
+        self._middle, self._start = robot.default_pose, robot.default_pose
+        self._sides = swing_senses(robot)
+        longest = max(map(len, robot.foot_joints))
+        self._waiting = [
+            [int(joints[place]) for joints in robot.foot_joints if place < len(joints)]
+            for place in range(longest)
+        ]
+        self._trials: list[_Trials] = []
+        self.tuned: dict[int, Tuned] = {}  # by joint
+
+    @property
+    def duration_s(self) -> float:
+        """Of the longest search."""
+        config = self._config
+        trials = 2 + 2 * math.ceil(math.log(max(config.most, 1.0 / LEAST)) / math.log(config.raise_by))
+        return config.settle_s + len(self._waiting) * (trials * config.trial_s + 4 * config.settle_s)
+
+    @property
+    def done(self) -> bool:
+        """Whether all joints have their result."""
+        return not self._waiting and not self._trials
+
+    def reset(self, inputs: PolicyInput) -> None:
+        self._start = inputs.sensed.joint_position.copy()
+
+    def stance(self) -> np.ndarray | None:
+        return None
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        robot, sensed, time_s = self._robot, inputs.sensed, inputs.time_s
+        zero = np.zeros_like(self._middle)
+        target, kp, kd = self._middle.copy(), robot.kp.copy(), robot.kd.copy()
+        if time_s < self._config.settle_s:
+            share = 0.5 - 0.5 * math.cos(math.pi * time_s / self._config.settle_s)
+            target = self._start + share * (self._middle - self._start)
+            return JointCommand(target, zero, kp, kd, zero)
+        if not self._trials and self._waiting:
+            self._trials = [self._trial(joint, time_s) for joint in self._waiting.pop(0)]
+        for trial in list(self._trials):
+            joint = trial.joint
+            gains = trial.tick(time_s, sensed.joint_position[joint], sensed.joint_velocity[joint])
+            target[joint] += trial.offset
+            kp[joint] *= gains.kp
+            kd[joint] *= gains.kd
+            if trial.tuned is not None:
+                self.tuned[joint] = trial.tuned
+                self._trials.remove(trial)
+        return JointCommand(target, zero, kp, kd, zero)
+
+    def _trial(self, joint: int, time_s: float) -> "_Trials":
+        most_nm, kp = TORQUE_SHARE * float(self._robot.motor.peak_torque[joint]), float(self._robot.kp[joint])
+
+        def step(share: float) -> float:
+            """A larger one would show the motor's limit instead of the gain."""
+            return float(self._sides[joint]) * min(self._config.step_rad, most_nm / (share * kp))
+
+        return _Trials(joint, step, self._config, time_s)
+
+
+class _Trials:
+    """The trials of one joint: the target steps away from the default pose and back in turn."""
+
+    def __init__(self, joint: int, step: Callable[[float], float], config: GainConfig, time_s: float) -> None:
+        self.joint, self._step_at, self._config = joint, step, config
+        self._search = search(config)
+        self._gains = next(self._search)
+        self.offset = 0.0
+        self.tuned: Tuned | None = None
+        self._begin_s = time_s + config.trial_s
+        self._samples: list[tuple[float, float, float]] = []
+
+    def tick(self, time_s: float, position: float, velocity: float) -> Gains:
+        """The gains from now on; the trial ends where its time is up or the joint is lost."""
+        if time_s < self._begin_s:
+            return RESTING
+        if not self._samples:
+            self._step = -self.offset if self.offset else self._step_at(self._gains.kp)
+            self.offset += self._step
+            self._first = position
+        self._samples.append((time_s - self._begin_s, position - self._first, velocity))
+        lost = abs(position - self._first - self._step) > LOST * abs(self._step)
+        if lost or time_s - self._begin_s >= self._config.trial_s:
+            self._finish(time_s)
+        return self._gains
+
+    def _finish(self, time_s: float) -> None:
+        times, position, velocity = np.array(self._samples).T
+        response = response_of(times, position, velocity, self._step, self._config)
+        self._samples = []
+        self._begin_s = time_s + (self._config.settle_s if response.rings else 0.0)
+        try:
+            self._gains = self._search.send(response)
+        except StopIteration as end:
+            self.tuned, self._gains = end.value, RESTING

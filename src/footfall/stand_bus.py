@@ -1,0 +1,32 @@
+"""The bus to a robot on a stand, for `footfall identify`."""
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from footfall.deploy.bus import Bus
+    from footfall.robots.description import Robot
+
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
+SAFE = "IDLE"
+PLACE = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
+
+
+def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: ExitStack) -> "Bus":
+    """The bus of this kind, which `resources` closes; `plant` is the MJCF of a simulated robot."""
+    if kind == SIMULATED:
+        from footfall.identify.simulated import simulated_bus
+
+        return simulated_bus(robot, plant=plant, seed=seed)
+    from footfall.deploy.interfaces import robots_interfaces
+    from footfall.deploy.stop_inputs.open import filters_of
+    from footfall.deploy.wiring import wire
+
+    if kind == VIRTUAL:
+        from footfall.identify.simulated import on_a_stand
+        from footfall.plant.serve import serving
+
+        resources.enter_context(serving(robot, VIRTUAL, on_a_stand(), seed))
+    wiring = wire(robot)
+    return resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(robot, wiring)))
