@@ -17,11 +17,13 @@ os.environ.setdefault(
 os.environ["XDG_STATE_HOME"] = str(Path(__file__).parents[1] / ".cache" / "state")  # not the user's
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
+import multiprocessing
 import shutil
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -108,6 +110,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(
         key=lambda item: place.get(item.path.relative_to(Path(__file__).parent).as_posix(), len(LONGEST))
     )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def forked_evaluations() -> Iterator[None]:
+    """Evaluations fork their processes from one that has already imported what they need."""
+    from footfall.evaluate import pool, suite, weakest
+
+    multiprocessing.set_forkserver_preload([suite.run_task.__module__, weakest.__name__])
+    forking = SimpleNamespace(get_context=lambda _: multiprocessing.get_context("forkserver"))
+
+    def run_all(*arguments: Any, **options: Any) -> list[pool.TaskResult[Any]]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(pool, "multiprocessing", forking)
+            return pool.run_all(*arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (suite, weakest):
+            patch.setattr(module, "run_all", run_all)
+        yield
 
 
 @pytest.fixture(scope="session")

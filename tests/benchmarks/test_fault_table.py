@@ -220,16 +220,10 @@ def test_on_rough_ground_the_ground_is_the_scenarios(go1: Robot) -> None:
     assert (run["detected"], run["ground"]) == (True, "rough")
 
 
-@pytest.mark.parametrize(
-    ("title", "within_s", "says"),
-    [
-        ("battery runs empty (battery)", 12.0, "the battery is empty"),
-        ("battery's voltage reads 0.5 V a cell too low", 2.0, "from what its charge implies"),
-    ],
-)
-def test_a_robot_with_a_battery_lies_down_in_time(title: str, within_s: float, says: str) -> None:
+def test_a_robot_with_a_battery_lies_down_in_time() -> None:
+    title = "battery's voltage reads 0.5 V a cell too low"
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
-    assert says in run["fault"]
-    assert run["seconds"] < within_s
+    assert "from what its charge implies" in run["fault"]
+    assert run["seconds"] < 2.0
     assert (run["final_state"], run["fell"], run["stiff_when_damped"]) == ("ESTOP", False, False)
     assert run["torque_over"] < fault_rows.ROUNDING

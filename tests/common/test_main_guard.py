@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 CALL = """
-from footfall import EvaluationConfig, evaluate_policy
+from footfall.evaluate.pool import run_all
 def score():
-    evaluate_policy("stand", EvaluationConfig(scenarios=("gentle",), episodes=1, workers=1))
+    run_all(abs, [-1], workers=1)
 """
 
 

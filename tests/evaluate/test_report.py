@@ -45,20 +45,17 @@ def standing(go1: Robot) -> Trace:
     return run_episode(go1, load_policy("stand", go1), episode)
 
 
-class TestSuite:
-    def test_the_same_seed_gives_the_same_figures_with_any_number_of_workers(self) -> None:
-        alone, together = (
-            run_suite(["stand"], EvaluationConfig("go1", ("push",), episodes=2, workers=workers), SHORT)
-            for workers in (1, 2)
-        )
-        for figures in (*alone["stand"].values(), *together["stand"].values()):
-            del figures["compute_ms"], figures["missed_deadlines"]
-        assert alone == together
-
-    def test_a_robot_that_stands_survives_a_touch_and_not_a_truck(self) -> None:
-        figures = run_suite(["stand"], EvaluationConfig("go1", ("push",)), SHORT)["stand"]["push"]
+def test_figures_depend_on_the_push_and_not_on_the_number_of_workers() -> None:
+    """A robot that stands survives a touch and not a truck."""
+    alone, together = (
+        run_suite(["stand"], EvaluationConfig("go1", ("push",), workers=workers), SHORT)["stand"]["push"]
+        for workers in (1, 2)
+    )
+    for figures in (alone, together):
+        del figures["compute_ms"], figures["missed_deadlines"]
         assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
         assert 0.1 < figures["dv50"] < 6.0
+    assert alone == together
 
 
 @pytest.fixture(scope="module")

@@ -47,14 +47,14 @@ def drift(result: Walk, after_s: float = 1.0) -> float:
 class TestAll:
     @pytest.mark.parametrize("make", CONTROLLERS)
     def test_zero_command_means_stand_still(self, make: Callable[..., Policy]) -> None:
-        result = go(make(ROBOT), (0.0, 0.0, 0.0), 3.0)
+        result = go(make(ROBOT), (0.0, 0.0, 0.0), 2.0)
         assert not result.fell
         assert drift(result) < 0.02
 
     @pytest.mark.parametrize("make", CONTROLLERS)
     def test_a_second_episode_repeats_the_first_to_the_bit(self, make: Callable[..., Policy]) -> None:
         policy = make(ROBOT)
-        first, again = (go(policy, (0.4, 0.0, 0.3), 1.5) for _ in range(2))
+        first, again = (go(policy, (0.4, 0.0, 0.3), 0.8) for _ in range(2))
         np.testing.assert_array_equal(first.position, again.position)
 
     def test_a_wrong_setting_is_named(self, own_folder: Path) -> None:

@@ -66,8 +66,7 @@ def test_the_plan_moves_as_fast_as_it_says_until_the_feet_leave_the_ground() -> 
     np.testing.assert_array_equal(later.velocity, leaving.velocity)
 
 
-def test_it_jumps_again_while_the_command_lasts_and_not_without_one() -> None:
-    assert jumps(run(3.0, 3.5)) == 2
+def test_without_a_command_it_does_not_jump() -> None:
     assert jumps(run(0.0, 1.7)) == 0
 
 
