@@ -56,6 +56,7 @@ class WiringCheck:
         self._gains = config.scale * self._asked  # gains after the drivers' limits
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
+        self._motor_lag_s = self._check.motor_lag_s + self._check.motor_lag_ticks * config.tick_us * 1e-6
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._zeros = np.zeros(len(robot.joint_names))
         self._thread: threading.Thread | None = None
@@ -121,7 +122,8 @@ class WiringCheck:
         try:
             times, values = zip(*self._samples, strict=True)
             n = len(self._here)
-            recorded = Recorded(np.array(times), *np.split(np.array(values), [n, 2 * n], axis=1))
+            position, torque, up = np.split(np.array(values), [n, 2 * n], axis=1)
+            recorded = Recorded(np.array(times), position, torque, up, self._motor_lag_s)
             prediction = Prediction(self._robot, *self._gains)
             verdict = judged(
                 recorded,

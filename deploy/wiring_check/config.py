@@ -14,7 +14,8 @@ class WiringCheckConfig:
     standing_rad: float = 0.05  # amplitude while the robot stands
     lying_rad: float = 0.15  # amplitude while it lies
     least_rad: float = 0.03  # amplitude of a joint at a limit of its range
-    motor_lag_s: float = 0.004  # delay from a command to the reading with its effect, including the bus
+    motor_lag_s: float = 0.001  # delay from a command to the reading with its effect, besides these ticks:
+    motor_lag_ticks: float = 1.5  # half a tick until the next command, and one over the bus
     imu_lag_s: float = 0.002  # same for the tilt measured by the IMU
     alike: float = 0.13  # maximum error of a joint's response
     doubtful: float = 0.09  # same, if a wrong wiring explains the error
@@ -34,4 +35,5 @@ class WiringCheckConfig:
         require_between(self, 0.01, 1.0, "alike", "imu_alike", "explained")
         require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt")
         require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s")
+        require_between(self, 0.0, 10.0, "motor_lag_ticks")
         require_between(self, 0.1, 10.0, "unlike")

@@ -26,6 +26,7 @@ class Recorded(NamedTuple):
     position: np.ndarray  # (T, n) rad
     torque: np.ndarray  # (T, n) N m
     up: np.ndarray  # (T, 3) world's z axis in the base frame, measured by the IMU
+    motor_lag_s: float  # delay from a command to the reading with its effect
 
 
 class Verdict(NamedTuple):
@@ -79,7 +80,7 @@ def judged(
     """
     n, up = len(here), recorded.up[:, :2]
     measured = Responses(
-        motions.responses(recorded.time_s - config.motor_lag_s, recorded.torque),
+        motions.responses(recorded.time_s - recorded.motor_lag_s, recorded.torque),
         motions.responses(recorded.time_s - config.imu_lag_s, up),
     )
 
