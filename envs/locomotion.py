@@ -280,5 +280,5 @@ class LocomotionEnv:
         """Draw the differences of this episode's robot from the nominal one."""
         randomisation = self.config.randomisation
         bodies = self.scene.bodies
-        sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, bodies)
+        sample = draw(randomisation, lambda k: uniform(key, k)[0], self.action_size, bodies)
         return towards_nominal(sample, self.task.strength("randomisation", level), self._friction)

@@ -6,8 +6,12 @@ import numpy as np
 
 
 def uniform(key: jax.Array, *sizes: int) -> list[jax.Array]:
-    """Independent numbers in [0, 1), in vectors of these sizes."""
-    return split(jax.random.uniform(key, (sum(sizes),)), *sizes)
+    """Independent numbers in [0, 1), in vectors of these sizes.
+
+    They are computed apart from their uses: XLA would fuse twenty rounds of a hash into each of them, which
+    takes a third of a program's compilation.
+    """
+    return split(jax.lax.optimization_barrier(jax.random.uniform(key, (sum(sizes),))), *sizes)
 
 
 def split(vector: jax.Array, *sizes: int) -> list[jax.Array]:

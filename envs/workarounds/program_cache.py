@@ -15,9 +15,8 @@ import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from threading import Lock, Thread
+from threading import Thread
 from typing import Any, NamedTuple
 
 import jax
@@ -56,13 +55,18 @@ class _Found(NamedTuple):
 _fetched: dict[str, Future[_Found]] = {}  # programs that are being loaded, by fingerprint
 
 
-def prefetch(*made_from: Any) -> None:
-    """Start loading the program that is made from these, in the background."""
-    name = fingerprint(made_from)
-    if name not in _fetched:
-        executor = ThreadPoolExecutor(1)
-        _fetched[name] = executor.submit(_look_up, made_from)
-        executor.shutdown(wait=False)
+def prefetch(*programs: tuple[Any, ...]) -> None:
+    """Start loading programs in the background; each is given by all that it is made from."""
+    missing = {fingerprint(made_from): made_from for made_from in programs}
+    missing = {name: made_from for name, made_from in missing.items() if name not in _fetched}
+    if not missing:
+        return
+    # Here: a thread would wait for Python's lock after each of hundreds of files, while others import.
+    source, installed = _source(), _installed()
+    executor = ThreadPoolExecutor(len(missing))
+    for name, made_from in missing.items():
+        _fetched[name] = executor.submit(_look_up, made_from, source, installed)
+    executor.shutdown(wait=False)
 
 
 def load_or_compile(
@@ -82,7 +86,7 @@ def load_or_compile(
             compared by `repr`, or as bytes.
     """
     fetched = _fetched.pop(fingerprint(made_from), None)
-    found = fetched.result() if fetched else _look_up(made_from)
+    found = fetched.result() if fetched else _look_up(made_from, _source(), _installed())
     if found.refusal:
         say(f"{found.refusal}: its compiled programs are not used, compiling again")
     if found.program is None:
@@ -117,29 +121,19 @@ def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") ->
     return content.tobytes()
 
 
-_READING = Lock()  # threads that need the same files wait for one of them
-
-
-@cache
-def _read(root: Path) -> list[tuple[Path, bytes]]:
-    return read_sources(root, TRAINING)
-
-
 def _source() -> list[tuple[Path, bytes]] | None:
     """Our source files, as this process imported them; None if one of them has changed since."""
-    with _READING:
-        source = _read(SOURCES)
+    source = read_sources(SOURCES, TRAINING)
     latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
     # Checked after reading. Unlike mtime, ctime cannot be set.
     return source if all((SOURCES / path).stat().st_ctime_ns < latest for path, _ in source) else None
 
 
-def _surroundings() -> list[Any]:
+def _surroundings(installed: Any) -> list[Any]:
     """Libraries, device and settings that a program depends on."""
     device = jax.local_devices()[0]
     return [
-        versions(LIBRARIES),
-        _device_libraries(),
+        installed,
         (device.platform, device.device_kind, device.client.platform_version),
         NVIDIA_DRIVER.read_text() if NVIDIA_DRIVER.is_file() else "",
         sorted(
@@ -151,6 +145,11 @@ def _surroundings() -> list[Any]:
     ]
 
 
+def _installed() -> tuple[dict[str, str], list[str]]:
+    """Versions of the libraries that programs are made with."""
+    return versions(LIBRARIES), _device_libraries()
+
+
 def _device_libraries() -> list[str]:
     """Names and versions from folder names: reading all installed packages takes much longer."""
     folders = {Path(entry) for entry in sys.path}
@@ -158,11 +157,11 @@ def _device_libraries() -> list[str]:
     return sorted(path.name for folder in folders for each in patterns for path in folder.glob(each))
 
 
-def _look_up(made_from: tuple[Any, ...]) -> _Found:
-    folder, source = jax.config.values["jax_compilation_cache_dir"], _source()
+def _look_up(made_from: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, installed: Any) -> _Found:
+    folder = jax.config.values["jax_compilation_cache_dir"]
     if folder is None or source is None:
         return _Found(None)
-    path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(), *made_from])
+    path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(installed), *made_from])
     try:
         program, called, *values = pickle.loads(read_private(path))
         kernels.adopt(called)

@@ -101,8 +101,8 @@ def test_a_program_is_made_once_and_does_the_same_from_then_on(cache: Path, make
 
 def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
     kept(make, "settings")
-    prefetch("settings")
-    prefetch("settings")  # the same request again
+    prefetch(("settings",))
+    prefetch(("settings",))  # the same request again
     file = only_file(cache)
     program_cache._fetched[fingerprint(("settings",))].result()
     file.unlink()

@@ -126,7 +126,7 @@ def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(parts, "caches_programs", lambda _: True)
     monkeypatch.setattr(parts, "load_or_compile", ready)
-    monkeypatch.setattr(parts, "prefetch", lambda *made: read.append(fingerprint(made)))
+    monkeypatch.setattr(parts, "prefetch", lambda *made: read.extend(map(fingerprint, made)))
     parts.prefetch_programs(robot, run.config)
     assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
     assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))

@@ -103,8 +103,7 @@ class Parts:
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
     """Start loading, in the background, what an earlier training of this robot and settings compiled."""
     made = made_from(robot, config)
-    for name in NAMES:
-        prefetch(name, *made)
+    prefetch(*((name, *made) for name in NAMES))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
