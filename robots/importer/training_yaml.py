@@ -4,10 +4,11 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 
-# The robot for which the presets (train/presets/) were tuned, and their values that depend on size.
+# The robot for which the presets (train/presets/) were tuned, and values for it that depend on size.
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
-TORQUE, POWER = -1.2e-3, -6.0e-3
+TORQUE, POWER = -1.2e-3, -6.8e-3
+CROWDED_FEET, FOOT_DISTANCE_M = -40.0, 0.12  # less than the presets': other robots may stand on narrower feet
 BEYOND = 1.2  # largest command in training over the largest in scenarios
 
 
@@ -43,4 +44,5 @@ env:
     torque: {torque:.2g}
     power: {power:.2g}
     swing_height: {{height_m: {SWING_HEIGHT_M * length:.2g}}}
+    crowded_feet: {{weight: {CROWDED_FEET / length**2:.3g}, distance_m: {FOOT_DISTANCE_M * length:.2g}}}
 """

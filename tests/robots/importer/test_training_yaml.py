@@ -56,8 +56,9 @@ def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
     env = written(tmp_path, 1.8, 39.0)
     assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
     assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
-    assert env["rewards"]["power"] == pytest.approx(-6.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
+    assert env["rewards"]["power"] == pytest.approx(-6.8e-3 / 6, rel=0.05)  # torque 12 times, rates a half
     assert env["rewards"]["swing_height"]["height_m"] == pytest.approx(0.32)
+    assert env["rewards"]["crowded_feet"] == pytest.approx({"weight": -40.0 / 16, "distance_m": 0.48})
 
 
 def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
