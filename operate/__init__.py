@@ -1,1 +1,1 @@
-"""Who steers and who looks: command sources, and what they share."""
+"""Command sources for operators and programs, and code that they share."""

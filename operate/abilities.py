@@ -1,4 +1,4 @@
-"""What a policy on a robot can be asked for."""
+"""What a policy on a robot can be commanded to do."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,40 +13,40 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
 NOWHERE = CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-ABOVE = 1.2  # a command that shall move the robot, over the smallest that does
+ABOVE = 1.2  # ratio of a command that must move the robot to the smallest one that does
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Commands that a policy follows."""
+    """Range of commands that a policy follows."""
 
     ranges: CommandRange
-    slowest: float = 0.0  # commands of a smaller norm may mean: stand still
+    slowest: float = 0.0  # commands with a smaller norm may be treated as zero
 
     @property
     def yaw_rad_s(self) -> float:
-        """Highest yaw rate in both directions."""
+        """Maximum yaw rate possible in both directions."""
         return min(-self.ranges.yaw_rad_s[0], self.ranges.yaw_rad_s[1])
 
     @property
     def anywhere(self) -> bool:
-        """Whether the robot can go and turn in every direction."""
+        """Whether the robot can walk and turn in all directions."""
         return all(low < 0.0 < high for low, high in vars(self.ranges).values())
 
 
 class Abilities(NamedTuple):
-    """What one policy of a run can do."""
+    """Capabilities of one policy of a run."""
 
     limits: Limits
     offer: Offer
 
 
 def abilities_of(policies: Mapping[str, Policy], robot: Robot) -> Callable[[str], Abilities]:
-    """Abilities by name of a policy.
+    """Return a function from a policy's name to its abilities.
 
     Args:
-        policies: those that may decide in a run, by spec.
-        robot: on which they run.
+        policies: selectable policies of a run, by spec.
+        robot: the robot they run on.
     """
     names = tuple(policy.name for policy in policies.values())
     found = {
@@ -57,7 +57,7 @@ def abilities_of(policies: Mapping[str, Policy], robot: Robot) -> Callable[[str]
 
 
 def limits_of(spec: str, policy: Policy, robot: Robot) -> Limits:
-    """What a policy can be asked for: within the robot's ranges and those that the policy was trained on."""
+    """Commands that are within the ranges of both the robot and the policy's training."""
     own = robot.description.commands
     if (contract := policy.contract) is not None:
         return Limits(_common(own, contract.commands), ABOVE * contract.standing_command)

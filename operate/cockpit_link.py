@@ -1,7 +1,8 @@
-"""The loop's end of the cockpit: a thread that passes a page's commands on to the inbox, and the state back.
+"""Connects the control loop to the cockpit: a thread forwards a page's commands to the inbox, and the state
+back.
 
-The page is served by another process, so that nothing of it runs in the loop's. If that process stalls or
-ends, the inbox hears nothing any more, and its rules for a silent operator hold.
+The page is served by another process, to keep its work out of the loop's process. If it stalls or ends, the
+inbox gets nothing any more, and applies its rules for a silent operator.
 """
 
 import json
@@ -17,9 +18,9 @@ from footfall.deploy.command_source import Status
 from footfall.operate.inbox import Inbox
 from footfall.policies.live_settings import DECLARED
 
-EVERY_S = 0.1  # between states
-LONGEST_BYTES = 4096  # of a message
-PATIENCE_S = 1.0  # for a process that takes nothing
+EVERY_S = 0.1  # interval between states
+LONGEST_BYTES = 4096  # maximum message size
+PATIENCE_S = 1.0  # maximum wait for a process that does not read
 
 
 class CockpitLink:
@@ -28,12 +29,12 @@ class CockpitLink:
     def __init__(
         self, inbox: Inbox, connection: Connection, more: Callable[[], Mapping[str, Any]] = dict
     ) -> None:
-        """Begin.
+        """Start the thread.
 
         Args:
-            inbox: takes the commands.
+            inbox: gets the commands.
             connection: to the process that serves the page.
-            more: further facts about the run, for JSON; called from the link's thread.
+            more: returns further facts about the run, for JSON; called from the link's thread.
         """
         self._inbox, self._connection, self._more = inbox, connection, more
         self._steered, self._ended = threading.Event(), threading.Event()
@@ -41,17 +42,17 @@ class CockpitLink:
         self._thread.start()
 
     def wait_until_steered(self, timeout_s: float | None = None) -> bool:
-        """Wait until somebody has taken control; False after the timeout."""
+        """Wait until an operator has taken control; False after the timeout."""
         return self._steered.wait(timeout_s)
 
     def close(self) -> None:
-        """Send a last state, and end."""
+        """Send a last state and end the thread."""
         self._ended.set()
         self._thread.join(PATIENCE_S)
 
     def _run(self) -> None:
         next_s = time.monotonic()
-        with suppress(OSError, EOFError):  # the other process is gone: its silence is what counts
+        with suppress(OSError, EOFError):  # if the other process is gone, the inbox notices the silence
             while not self._ended.is_set():
                 if self._connection.poll(max(0.0, next_s - time.monotonic())):
                     self._take(self._connection.recv_bytes(LONGEST_BYTES))
@@ -65,13 +66,13 @@ class CockpitLink:
         operator = message.pop("operator")
         try:
             refused = self._act(operator, **message)
-        except Exception as error:  # a visitor must not be able to end this thread
+        except Exception as error:  # a bad message must not end this thread
             refused = f"{type(error).__name__}: {error}"[:200]
         if refused:
             self._send({"to": operator, "refused": refused})
 
     def _act(self, operator: str, do: str, **given: Any) -> str:
-        """Do what an operator asks for; returns why it is refused, or an empty string."""
+        """Carry out an operator's request; returns why it is refused, or an empty string."""
         match do:
             case "take":
                 refused = self._inbox.take_over(operator)
@@ -82,7 +83,7 @@ class CockpitLink:
                 return self._inbox.release(operator)
             case "stop":
                 damp = given.get("damp") is True
-                if damp or self._inbox.stopped is None:  # a page repeats itself until it sees the stop
+                if damp or self._inbox.stopped is None:  # a page repeats a stop until it sees the effect
                     self._inbox.stop(operator, damp=damp)
                 return ""
             case "put" if self._inbox.owner == operator:
@@ -93,17 +94,17 @@ class CockpitLink:
         self._connection.send_bytes(json.dumps(message).encode())
 
     def _state(self) -> dict[str, Any]:
-        """The run, for JSON."""
+        """State of the run, for JSON."""
         status, stop = self._inbox.status, self._inbox.stopped
         state = {"owner": self._inbox.owner, "stopped": None if stop is None else stop.reason}
         try:
             return state | ({} if status is None else described(status)) | dict(self._more())
-        except Exception as error:  # commands and stop still have to come through
+        except Exception as error:  # commands and stops must still work
             return state | {"notes": [f"the state cannot be shown: {type(error).__name__}: {error}"[:200]]}
 
 
 def described(status: Status) -> dict[str, Any]:
-    """A run's status for JSON, where what is unknown is None."""
+    """A run's status for JSON; None for unknown values."""
     offer = status.offer
     return {
         "now_s": round(status.now_s, 3),

@@ -1,4 +1,4 @@
-"""A UDP socket whose datagrams are answered by a thread of its own."""
+"""A UDP socket whose datagrams are answered in a separate thread."""
 
 import socket
 import threading
@@ -15,13 +15,13 @@ JOIN_S = 1.0
 def answered(
     place: tuple[str, int], largest: int, answer: Callable[[bytes], bytes], option: str
 ) -> Iterator[int]:
-    """Answer datagrams for as long as the context lasts; yields the port.
+    """Answer datagrams while the context is open; yields the port.
 
     Args:
-        place: host and port to listen on; port 0 takes a free one.
-        largest: bytes of a datagram. A longer one is cut after one byte more.
-        answer: the reply to a datagram; empty for none.
-        option: of the command line, for the message.
+        place: host and port to listen on; port 0 chooses a free one.
+        largest: maximum size of a datagram, bytes. A longer one is cut to one byte more.
+        answer: returns the reply to a datagram; empty for none.
+        option: name of the command-line option, for the message.
 
     Raises:
         UserError: the address cannot be used.
@@ -36,7 +36,7 @@ def answered(
 
         def listen() -> None:
             while not ended.is_set():
-                with suppress(OSError):  # nothing came, or a sender that is gone
+                with suppress(OSError):  # no datagram, or the sender is gone
                     datagram, sender = plug.recvfrom(largest + 1)
                     if reply := answer(datagram):
                         plug.sendto(reply, sender)

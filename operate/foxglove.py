@@ -1,4 +1,4 @@
-"""Starts the WebSocket server that Foxglove, Lichtblick and PlotJuggler connect to, in its own process."""
+"""Starts the WebSocket server for Foxglove, Lichtblick and PlotJuggler in a separate process."""
 
 import subprocess
 import sys
@@ -12,20 +12,20 @@ from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 
 READY = "ready"
-END_S = 3.0  # patience
-PORT = 8765  # that the tools expect
+END_S = 3.0  # maximum wait
+PORT = 8765  # default of these tools
 
 
 @contextmanager
 def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
-    """Serve a run's feed to viewers, read-only, for as long as the context lasts.
+    """Serve a run's feed to viewers, read-only, while the context is open.
 
     Args:
-        feed: socket of the run's telemetry; it may come to be later.
-        host, port: where to listen.
+        feed: socket of the run's telemetry; it may be created later.
+        host, port: address to listen on.
 
     Yields:
-        The address that viewers open.
+        The address for the viewers.
 
     Raises:
         UserError: the extra is not installed, or the server cannot listen there.

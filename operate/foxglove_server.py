@@ -1,7 +1,7 @@
-"""The process that serves a run's feed to Foxglove and its kin: `python -m … FEED HOST PORT`.
+"""The process that serves a run's feed to Foxglove and similar viewers: `python -m … FEED HOST PORT`.
 
-Viewers get the very bytes of the log. They cannot send anything: the server offers neither messages from
-clients nor services nor parameters. It ends with the feed, or when its standard input does.
+Viewers get the same bytes as the log. They cannot send anything: the server accepts no messages from clients,
+and has no services or parameters. It ends with the feed or when its standard input is closed.
 """
 
 import logging
@@ -23,7 +23,7 @@ ENCODING = "cdr"
 
 
 class Fan(ServerListener):
-    """Passes messages on, and the last one of a latched topic again to whoever subscribes late."""
+    """Publishes messages, and repeats the last one of a latched topic for each new subscriber."""
 
     def __init__(self) -> None:
         self._channels: dict[str, Channel] = {}
@@ -31,7 +31,7 @@ class Fan(ServerListener):
         self._lock = threading.Lock()
 
     def pass_on(self, message: FeedMessage) -> None:
-        """Publish one message."""
+        """Publish a message."""
         topic = message.channel.topic
         with self._lock:
             channel = self._channels.get(topic)
@@ -45,7 +45,7 @@ class Fan(ServerListener):
             channel.log(message.data, log_time=message.time_ns)
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """A viewer wants a topic."""
+        """Called when a viewer subscribes to a topic."""
         with self._lock:
             message = self._latched.get(channel.topic)
             if message is not None:
@@ -53,8 +53,8 @@ class Fan(ServerListener):
 
 
 def end_with_input() -> None:
-    """End the process once whoever started it has ended."""
-    while os.read(sys.stdin.fileno(), 4096):  # without the buffer, whose lock would disturb the exit
+    """End the process when its parent has ended."""
+    while os.read(sys.stdin.fileno(), 4096):  # unbuffered: the buffer's lock would interfere with the exit
         pass
     os._exit(0)
 
@@ -67,7 +67,7 @@ def main() -> int:
         server = foxglove.start_server(
             name="footfall", host=host, port=port, capabilities=[], services=[], server_listener=fan
         )
-    except Exception as error:  # the library's own kinds
+    except Exception as error:  # the library has several error types
         print(" ".join(str(error).split()), flush=True)
         return 1
     print(READY, flush=True)

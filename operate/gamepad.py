@@ -1,8 +1,8 @@
-"""Steering by a gamepad, through Linux's joystick device.
+"""Control by a gamepad, through Linux's joystick device.
 
-The robot moves only while the dead-man button is pressed. A device that is unplugged is silent: its last
-request ages like that of any operator, so the velocity becomes zero. Plugged in again it goes on, once the
-dead-man button is pressed anew.
+The robot moves only while the dead-man button is pressed. An unplugged device sends nothing: its last request
+ages like any operator's, so the velocity becomes zero. When plugged in again, it works after the dead-man
+button has been pressed again.
 """
 
 import math
@@ -28,26 +28,26 @@ RETRY_S = 0.5
 
 @dataclass(frozen=True)
 class Buttons:
-    """Numbers of buttons, as `jstest` shows them; these are an Xbox pad's under Linux."""
+    """Button numbers as shown by `jstest`; the defaults are those of an Xbox pad on Linux."""
 
-    dead_man: int = 4  # left shoulder: the robot moves only while it is pressed
+    dead_man: int = 4  # left shoulder: the robot moves only while this is pressed
     stop: int = 1  # B: stop, latched; pressed again it damps
     lie_down: int = 6  # back
     stand: int = 0  # A
     walk: int = 2  # X
     take_over: int = 7  # start
-    gait: int = 3  # Y: the next one
+    gait: int = 3  # Y: next gait
 
 
 @dataclass(frozen=True)
 class GamepadConfig:
-    """How a gamepad steers."""
+    """Settings of a gamepad."""
 
     device: str = "/dev/input/js0"
     axes: tuple[int, int, int] = (1, 0, 3)  # forward, leftward, yaw: left stick, and right stick sideways
-    dead_zone: float = 0.12  # of a stick; less counts as zero
-    expo: float = 0.4  # share of a cubic curve: fine near the middle; 0 for none
-    speed_share: float = 0.7  # of the policy's highest commands
+    dead_zone: float = 0.12  # of a stick's range; smaller values count as zero
+    expo: float = 0.4  # share of a cubic curve, for fine control near the centre; 0 for none
+    speed_share: float = 0.7  # maximum speed, relative to the policy's maximum commands
     rate_hz: float = 25.0  # of requests
     buttons: Buttons = field(default_factory=Buttons)
 
@@ -60,13 +60,13 @@ class GamepadConfig:
 
 
 def shaped(value: float, dead_zone: float, expo: float) -> float:
-    """A stick's place from -1 to 1 after dead zone and expo, without a jump at the zone's edge."""
+    """A stick's position from -1 to 1 after dead zone and expo, continuous at the zone's edge."""
     beyond = max(0.0, abs(value) - dead_zone) / (1.0 - dead_zone)
     return math.copysign(expo * beyond**3 + (1.0 - expo) * beyond, value)
 
 
 class Gamepad:
-    """From sticks and buttons to an operator's orders."""
+    """Translates sticks and buttons into an operator's requests."""
 
     def __init__(self, operator: Operator, config: GamepadConfig) -> None:
         self._operator, self._config = operator, config
@@ -83,18 +83,18 @@ class Gamepad:
 
     @property
     def line(self) -> str:
-        """What a status line shows of it."""
+        """Text for a status line."""
         if not self.joystick.connected:
-            return f"gamepad {self._config.device} is not there"
+            return f"gamepad {self._config.device} is not connected"
         held = "" if self._alive else f"hold button {self._config.buttons.dead_man} to move"
         return ", ".join(filter(None, ["gamepad", held, self._operator.line]))
 
     def work(self, wait_s: float) -> None:
-        """Take in what is pressed, and ask for what it means."""
+        """Read the device, and send the resulting requests."""
         for button in self.joystick.read(wait_s):
             if button in self._orders:
                 self._orders[button]()
-        if self.joystick.connected:  # one that is unplugged is silent
+        if self.joystick.connected:  # an unplugged device requests nothing
             self._operator.move([self._share(axis) for axis in self._config.axes] if self._alive else STILL)
 
     @property
@@ -102,7 +102,7 @@ class Gamepad:
         return self.joystick.down(self._config.buttons.dead_man)
 
     def _share(self, axis: int) -> float:
-        """A stick's share of the highest command; sticks count forward and left as negative."""
+        """A stick's share of the maximum command; devices report forward and left as negative."""
         config = self._config
         return -config.speed_share * shaped(self.joystick.axis(axis), config.dead_zone, config.expo)
 
@@ -111,17 +111,17 @@ class Gamepad:
 def steered_by_gamepad(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: GamepadConfig
 ) -> Iterator[Opened]:
-    """A gamepad puts requests into the inbox for as long as the context lasts.
+    """Control by a gamepad through the inbox, while the context is open.
 
     Raises:
-        UserError: there is no such device.
+        UserError: the device does not exist.
     """
     pad, ended = Gamepad(Operator(NAME, inbox, abilities), config), threading.Event()
     try:
         pad.joystick.open()
     except OSError as error:
         why = f"{config.device}: {error.strerror or error}"
-        raise UserError(f"--from gamepad: {why}; name another one: --from gamepad:/dev/input/js1") from None
+        raise UserError(f"--from gamepad: {why}; choose another one: --from gamepad:/dev/input/js1") from None
 
     def listen() -> None:
         while not ended.is_set():

@@ -1,7 +1,7 @@
-"""Height scans from a mapping program, by UDP datagrams (`udp_client.UdpHeightScan` is the other side).
+"""Height scans from a mapping program in UDP datagrams (sent with `udp_client.UdpHeightScan`).
 
-The sender says how old a scan is when it leaves, so no two clocks are compared. The way through the network
-is not counted.
+The sender gives the age of a scan at the time of sending, so the two computers' clocks are not compared. The
+network's delay is not included.
 """
 
 import os
@@ -22,14 +22,14 @@ LONGEST_AGE_S = 60.0
 
 
 class Arrived(NamedTuple):
-    """A scan, and when it was taken by this computer's monotonic clock."""
+    """A scan with its time by this computer's monotonic clock."""
 
     taken_s: float
     heights: np.ndarray  # (points,)
 
 
 class UdpScans:
-    """Keeps the newest scan of those that hold the token."""
+    """Keeps the newest scan from senders with the token."""
 
     def __init__(self, token: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._token, self._clock = token, clock
@@ -37,10 +37,10 @@ class UdpScans:
         self._last: dict[str, int] = {}  # number of each sender's latest datagram
 
     def receive(self, datagram: bytes) -> str:
-        """Take a datagram; returns why it is refused, empty if it is not."""
+        """Read a datagram; returns why it is refused, or an empty string."""
         content = unpack(datagram, self._token, SCAN)
         if content is None:
-            return "no height scan of a holder of the token"
+            return "not a height scan with the right token"
         sender, number, age_s = (content.get(key) for key in ("sender", "number", "age_s"))
         if not isinstance(sender, str) or not isinstance(number, int):
             return "sender and number are missing"
@@ -49,21 +49,21 @@ class UdpScans:
         if sender not in self._last and len(self._last) >= MOST_SENDERS:
             return "too many senders"
         if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= LONGEST_AGE_S:
-            return f"age_s is no number from 0 to {LONGEST_AGE_S:g}"
+            return f"age_s is not a number from 0 to {LONGEST_AGE_S:g}"
         heights = _heights(content.get("heights"))
         if heights is None:
-            return "heights is no list of numbers, with null for unknown ones"
+            return "heights is not a list of numbers, with null for unknown ones"
         self._last[sender] = number
         self._newest = Arrived(self._clock() - age_s, heights)
         return ""
 
     def answer(self, datagram: bytes) -> bytes:
-        """Take a datagram, without a reply."""
+        """Read a datagram; there is no reply."""
         self.receive(datagram)
         return b""
 
     def newest(self, now_us: int) -> Scanned | None:
-        """The newest scan, by the loop's clock."""
+        """The newest scan, with its time by the loop's clock."""
         newest = self._newest
         if newest is None:
             return None
@@ -79,16 +79,16 @@ def _heights(given: Any) -> np.ndarray | None:
         return None
     try:
         return np.array(numbers, dtype=float)
-    except OverflowError:  # an integer beyond all floating-point numbers
+    except OverflowError:  # an integer larger than all floating-point numbers
         return None
 
 
 @contextmanager
 def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
-    """Receives height scans for as long as the context lasts.
+    """Receive height scans while the context is open.
 
     Args:
-        address: HOST:PORT to listen on; by default this computer alone.
+        address: HOST:PORT to listen on; by default only from this computer.
 
     Raises:
         UserError: the address cannot be used, or the token is missing or too short to be a secret.

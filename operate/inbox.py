@@ -1,10 +1,9 @@
-"""Requests of operators on their way to the loop: the newest one of the one who steers, and a stop of anyone.
+"""Passes requests of operators to the loop: the newest one of the owner, and a stop of any operator.
 
-A page, a keyboard or a network has threads of its own; they put requests in here, and the loop polls. One
-operator owns the steering at a time. Another one has to take over, in so many words. Anyone may stop.
-
-Times are those of this computer's monotonic clock when a request arrived: no clock of a sender counts. While
-the owner is silent, its last request counts as old: first the velocity is zero, later the robot lies down.
+A page, a keyboard or a network has its own threads, which put requests into the inbox; the loop polls it. One
+operator at a time owns the control of the robot. Another one has to take over explicitly. Anyone may stop.
+Times are arrival times by this computer's monotonic clock; senders' clocks are not used. While the owner is
+silent, its last request becomes too old: first the velocity becomes zero, later the robot lies down.
 """
 
 import threading
@@ -23,28 +22,28 @@ from footfall.deploy.steering import NO_GET_UP
 from footfall.policies.live_settings import DECLARED, Access
 
 STILL = np.zeros(3)
-LONGEST_NAME = 80  # characters of an operator's name or a stop's reason
-LONGEST_NOTE = 200  # characters
-LARGEST = 1e6  # of any setting, in its unit
-FASTEST = 100.0  # m/s or rad/s: a velocity beyond it is a mistake
+LONGEST_NAME = 80  # maximum length of an operator's name or a stop's reason
+LONGEST_NOTE = 200  # maximum length
+LARGEST = 1e6  # absolute value of any setting, in its unit
+FASTEST = 100.0  # m/s or rad/s: a larger velocity must be a mistake
 
 
 @dataclass(frozen=True)
 class InboxConfig:
-    """How long an owner may be silent."""
+    """Limits of an owner's silence."""
 
-    still_after_s: float = 0.45  # then the velocity is zero: within 0.5 s, a policy step included
-    lie_down_after_s: float = 10.0  # then the robot stops and lies down, and the run ends
+    still_after_s: float = 0.45  # until the velocity is zero: within 0.5 s, including a policy step
+    lie_down_after_s: float = 10.0  # until the robot stops and lies down, and the run ends
 
     def __post_init__(self) -> None:
         require_between(self, 0.05, 60.0, "still_after_s")
         require_between(self, 0.05, 3600.0, "lie_down_after_s")
         if self.lie_down_after_s < self.still_after_s:
-            raise ValueError("lie_down_after_s must not be below still_after_s")
+            raise ValueError("lie_down_after_s must be at least still_after_s")
 
 
 class _Held(NamedTuple):
-    """The newest request, when its owner was heard last, and when the owner last gave a velocity."""
+    """The newest request, the time of the owner's last message, and of its last velocity."""
 
     request: Request
     heard_s: float
@@ -52,43 +51,43 @@ class _Held(NamedTuple):
 
 
 class Inbox:
-    """A command source that operators write to from any thread."""
+    """A command source that operators can write to from any thread."""
 
     def __init__(
         self, config: InboxConfig | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Nobody owns the steering. `clock`: gives local time, s."""
+        """Start without an owner. `clock` returns local time, s."""
         self._config, self._clock = config or InboxConfig(), clock
         self._lock = threading.Lock()
         self._owner = ""
         self._held = _Held(Request(STILL), clock(), clock())
-        self._silent: Request | None = None  # what stands in for a request that is too old
+        self._silent: Request | None = None  # replaces a request that is too old
         self._stop: Stop | None = None
         self._status: Status | None = None
         self._walks_since_s = clock()
-        self._end: Request | None = None  # the run ends, also if the owner comes back
+        self._end: Request | None = None  # ends the run, even if the owner sends again
 
     def set_longest_silence(self, longest_s: float) -> None:
-        """Set the silence, s, after which the run ends; call before the run begins."""
+        """Set the silence, s, that ends the run; call it before the start of the run."""
         self._config = replace(self._config, lie_down_after_s=longest_s)
 
     # -- called by operators, from any thread --------------------------------------------------------
 
     @property
     def owner(self) -> str:
-        """Who owns the steering; empty if nobody does."""
+        """Name of the operator in control; empty if there is none."""
         return self._owner
 
     @property
     def status(self) -> Status | None:
-        """The run at its latest poll; None before the first one."""
+        """Status at the latest poll; None before the first one."""
         return self._status
 
     def take_over(self, operator: str) -> str:
-        """Own the steering from now on, whoever owned it. The robot stands until the new owner's request.
+        """Take control, whoever has it. The robot stands until the new owner's first request.
 
         Returns:
-            Why it is refused, in one line; empty if it is not.
+            Why it is refused, in one line; empty if it is accepted.
         """
         if refused := _wrong_name(operator):
             return refused
@@ -101,7 +100,7 @@ class Inbox:
         return ""
 
     def release(self, operator: str) -> str:
-        """Give the steering back: the robot stands, and after a while lies down. Returns as `take_over`."""
+        """Give up control: the robot stands, and later lies down. Returns the same as `take_over`."""
         with self._lock:
             if self._owner != operator:
                 return self._not_owner(operator)
@@ -119,22 +118,23 @@ class Inbox:
         gait: Any = None,
         settings: Any = None,
     ) -> str:
-        """Ask for something; what is not named stays as it was. The first to ask owns the steering.
+        """Send a request; parts that are not given stay unchanged. The first operator to send one gets
+        control.
 
-        A velocity ages by itself: another request of its owner does not renew it.
+        A velocity ages separately: other requests of its owner do not renew it.
 
-        Any values may be handed over: those of a wrong type or shape, numbers that are not finite and names
-        that the run does not have are refused, and nothing of that request is taken.
+        Arguments of any type are allowed: those of wrong type or shape, numbers that are not finite and names
+            that are unknown in the run are refused, and then the whole request has no effect.
 
         Args:
-            operator: who asks.
+            operator: name of the sender.
             velocity: (3,) forward m/s, leftward m/s, yaw rad/s, body frame.
             wish: a `Wish` or its text.
             policy, gait: names.
             settings: live settings by name.
 
         Returns:
-            Why it is refused, in one line; empty if it is not.
+            Why it is refused, in one line; empty if it is accepted.
         """
         offer = None if self._status is None else self._status.offer
         changes: dict[str, Any] = {}
@@ -174,14 +174,14 @@ class Inbox:
         return ""
 
     def stop(self, operator: str, reason: str = "", damp: bool = False) -> None:
-        """Stop the robot, whoever owns the steering. This is latched: only a new run clears it.
+        """Stop the robot, whoever has control. The stop is latched until a new run.
 
-        Asked again while the robot lies down, it is damped at once.
+        A second stop, while the robot lies down, damps it at once.
 
         Args:
-            operator: who asks.
-            reason: why.
-            damp: damp the joints at once; otherwise the robot lies down, where it can.
+            operator: name of the sender.
+            reason: reason for the stop.
+            damp: damp the joints at once; otherwise the robot lies down if it can.
         """
         by = str(operator)[:LONGEST_NAME] or "an operator"
         why = f": {str(reason)[:LONGEST_NAME]}" if reason else ""
@@ -200,25 +200,27 @@ class Inbox:
 
     @property
     def stopped(self) -> Stop | None:
-        """The stop that was asked for; None if none was."""
+        """The requested stop; None if there was none."""
         return self._stop
 
     def poll(self, status: Status) -> Request:
-        """The owner's newest request, less what is too old of it."""
+        """The owner's newest request, without its outdated parts."""
         self._status = status
         with self._lock:
             request, heard_s, moved_s = self._held
             if self._end is not None:
                 return self._end
-            if status.mode is not Mode.WALKING:  # nobody steers yet
+            if status.mode is not Mode.WALKING:  # the robot is not under command yet
                 self._walks_since_s = self._clock()
                 return request
-            if request.wish is Wish.GET_UP:  # it stands: the next fall has to be asked for anew
+            if (
+                request.wish is Wish.GET_UP
+            ):  # it stands: after another fall, getting up must be requested again
                 request = request._replace(wish=Wish.WALK)
                 self._held = self._held._replace(request=request)
             now_s = self._clock()
             if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
-                who = f"'{self._owner}', who steers," if self._owner else "everybody"
+                who = f"'{self._owner}', who has control," if self._owner else "everybody"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
                 self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why, owner="")
                 return self._end
@@ -229,10 +231,10 @@ class Inbox:
             return self._silent
 
     def _not_owner(self, operator: str) -> str:
-        return f"{self._owner or 'nobody'} steers, not {operator}: take over first"
+        return f"{self._owner or 'nobody'} has control, not {operator}: take over first"
 
     def _may_all(self, operator: str, changes: Mapping[str, Any]) -> str:
-        """Why one who does not own the steering may not change this; empty if everybody may."""
+        """Why an operator without control may not change this; empty if anyone may."""
         settings = changes.get("settings", {})
         if set(changes) == {"settings"} and all(DECLARED[n].access is Access.ANYONE for n in settings):
             return ""
@@ -266,7 +268,7 @@ def _wish(given: Any) -> Wish:
 
 def _name(kind: str, given: Any, known: Any) -> str:
     if not isinstance(given, str) or len(given) > LONGEST_NAME:
-        raise ValueError(f"a {kind} is a name")
+        raise ValueError(f"a {kind} must be a name")
     if known is not None and given not in ("", *known):
         raise ValueError(f"there is no {kind} '{given}' here: {', '.join(known) or 'none can be chosen'}")
     return given
@@ -284,7 +286,7 @@ def _settings(given: Any, offer: Offer | None) -> dict[str, float]:
                 f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
             )
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not abs(value) < LARGEST:  # NaN is refused, too
+        if not number or not abs(value) < LARGEST:  # rejects NaN, too
             raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
         settings[name] = float(value)
     return settings

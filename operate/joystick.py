@@ -6,12 +6,12 @@ import struct
 
 EVENT = struct.Struct("=IhBB")  # time in ms, value, type, number
 BUTTON, AXIS, INITIAL = 0x01, 0x02, 0x80
-HIGHEST = 32767  # value of an axis at its end
-MOST_EVENTS = 64  # of one read
+HIGHEST = 32767  # value of an axis at its limit
+MOST_EVENTS = 64  # maximum number per read
 
 
 class Joystick:
-    """Axes from -1 to 1 and buttons of a device that may come and go."""
+    """Axes from -1 to 1, and buttons, of a device that may be unplugged and plugged in."""
 
     def __init__(self, path: str) -> None:
         self._path, self._file = path, -1
@@ -24,7 +24,7 @@ class Joystick:
         return self._file >= 0
 
     def open(self) -> None:
-        """Open the device, unless it is open. Its first events tell how it is.
+        """Open the device, unless it is open. Its first events report its state.
 
         Raises:
             OSError: it cannot be opened.
@@ -33,7 +33,7 @@ class Joystick:
             self._file = os.open(self._path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self) -> None:
-        """Close the device and forget what was pressed."""
+        """Close the device and forget pressed buttons."""
         if self.connected:
             os.close(self._file)
         self._file = -1
@@ -41,7 +41,7 @@ class Joystick:
         self._down.clear()
 
     def axis(self, number: int) -> float:
-        """Place of an axis; 0 while it is unknown."""
+        """Position of an axis; 0 while unknown."""
         return self._axes.get(number, 0.0)
 
     def down(self, button: int) -> bool:
@@ -49,9 +49,9 @@ class Joystick:
         return button in self._down
 
     def read(self, wait_s: float) -> list[int]:
-        """Take in all events, waiting for the first; returns the buttons that were pressed.
+        """Read all events, waiting for the first one; returns newly pressed buttons.
 
-        A device that is unplugged is closed.
+        An unplugged device is closed.
         """
         pressed: list[int] = []
         try:
@@ -71,7 +71,7 @@ class Joystick:
         if kind & ~INITIAL == AXIS:
             self._axes[number] = max(value / HIGHEST, -1.0)
         elif kind & ~INITIAL == BUTTON:
-            if value and not kind & INITIAL:  # one held while the device is opened asks for nothing
+            if value and not kind & INITIAL:  # a button held when the device is opened has no effect
                 self._down.add(number)
                 return [number]
             self._down.discard(number)

@@ -1,9 +1,9 @@
-"""Steering by the keys of a terminal, also over ssh.
+"""Control by the keys of a terminal, also over ssh.
 
-A terminal reports that a key was pressed, never that it was released. While a key is held, the keyboard
-repeats it, after a first delay. So a key counts as held for `first_s` after it was pressed and for `again_s`
-after each repetition; then the robot stands. Only the last key is repeated: one key at a time counts, and two
-of them go ahead and turn.
+A terminal reports when a key is pressed, but not when it is released. While a key is held, the keyboard
+repeats it, after an initial delay. So a key counts as held for `first_s` after it was pressed and for
+`again_s` after each repetition; then the robot stands. Only the last pressed key is repeated: there is one
+key at a time, and two keys combine walking ahead with turning.
 """
 
 import threading
@@ -43,13 +43,13 @@ HELP = (
 
 @dataclass(frozen=True)
 class KeyboardConfig:
-    """How keys steer."""
+    """Settings of keyboard control."""
 
-    speed_share: float = 0.5  # of the policy's highest commands, at first
+    speed_share: float = 0.5  # initial speed, relative to the policy's maximum commands
     speed_step: float = 0.1
     height_step_m: float = 0.01
-    first_s: float = 0.7  # longer than the keyboard's delay before it repeats a key
-    again_s: float = 0.25  # longer than the time between two repetitions, with the network's jitter
+    first_s: float = 0.7  # longer than the keyboard's delay before the first repetition
+    again_s: float = 0.25  # longer than the interval between repetitions plus the network's jitter
     rate_hz: float = 20.0  # of requests
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class KeyboardConfig:
 
 
 class Keyboard:
-    """From keys to an operator's orders."""
+    """Translates keys into an operator's requests."""
 
     def __init__(self, operator: Operator, config: KeyboardConfig) -> None:
         self._operator, self._config = operator, config
@@ -70,7 +70,7 @@ class Keyboard:
         self._orders: dict[str, Callable[[], None]] = {
             " ": self._let_go,
             "+": partial(self._faster, config.speed_step),
-            "=": partial(self._faster, config.speed_step),  # the same key without shift
+            "=": partial(self._faster, config.speed_step),  # same key without shift
             "-": partial(self._faster, -config.speed_step),
             "g": operator.next_gait,
             "p": operator.next_policy,
@@ -88,7 +88,7 @@ class Keyboard:
         return ", ".join(filter(None, [f"keys at {self._share:.0%}", self._operator.line]))
 
     def press(self, keys: Sequence[str], now_s: float) -> None:
-        """Keys in the order in which they were pressed, or repeated."""
+        """Handle keys in the order in which they were pressed or repeated."""
         for pressed in keys:
             key = ARROWS.get(pressed, pressed.lower())
             if key in MOTIONS:
@@ -116,7 +116,7 @@ class Keyboard:
 def steered_by_keyboard(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: KeyboardConfig, terminal: int = STDIN
 ) -> Iterator[Opened]:
-    """Keys of a terminal go into the inbox for as long as the context lasts.
+    """Control by the keys of a terminal through the inbox, while the context is open.
 
     Raises:
         UserError: there is no terminal.

@@ -8,10 +8,10 @@ from footfall.deploy.command_source import CommandSource
 
 
 class Opened(NamedTuple):
-    """A command source, and what its operator reads."""
+    """A command source with information for its operator."""
 
     source: CommandSource
-    line: Callable[[], str]  # its state, for a status line
-    about: tuple[str, ...] = ()  # lines for the operator before the run begins
-    odometry: bool = False  # whether it tells the operator where the robot is
-    feed: Path | None = None  # socket at which it expects the run's telemetry
+    line: Callable[[], str]  # returns its state for a status line
+    about: tuple[str, ...] = ()  # lines for the operator before the start
+    odometry: bool = False  # whether it reports the robot's position to the operator
+    feed: Path | None = None  # socket on which it expects the run's telemetry

@@ -1,4 +1,4 @@
-"""A person with keys or buttons: what they press becomes requests in the inbox."""
+"""A person with keys or buttons, which are translated to requests in the inbox."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,10 +11,10 @@ STILL = (0.0, 0.0, 0.0)
 
 
 class Operator:
-    """Puts requests into the inbox under one name. Orders answer in `line`."""
+    """Sends requests to the inbox under one name. The results are shown in `line`."""
 
     def __init__(self, name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> None:
-        """`abilities`: of each policy of the run, by its name."""
+        """`abilities`: returns the abilities of a policy of the run by its name."""
         self._name, self._inbox, self._abilities = name, inbox, abilities
         self._answer = self._refused = ""
         self._gait = 0
@@ -22,11 +22,11 @@ class Operator:
 
     @property
     def line(self) -> str:
-        """Why the last velocity was refused, else the answer to the last order."""
+        """Why the last velocity was refused, or the result of the last request."""
         return self._refused or self._answer
 
     def move(self, shares: Sequence[float]) -> None:
-        """Ask for shares (3,), from -1 to 1, of the highest commands of the policy that decides."""
+        """Request shares (3,), from -1 to 1, of the current policy's maximum commands."""
         velocity, status = list(STILL), self._inbox.status
         if status is not None and any(shares):
             ranges = vars(self._abilities(status.policy).limits.ranges).values()
@@ -37,20 +37,20 @@ class Operator:
         self._refused = self._inbox.put(self._name, velocity=velocity)
 
     def wish(self, wish: Wish) -> None:
-        """Ask to walk, to stand or to lie down."""
+        """Request to walk, stand or lie down."""
         self._answer = self._inbox.put(self._name, wish=wish) or wish.value.replace("_", " ")
 
     def stop(self) -> None:
-        """Stop the robot: it lies down; asked again it is damped."""
+        """Stop the robot: it lies down; a second stop damps it."""
         self._inbox.stop(self._name)
         self._answer = "STOP"
 
     def take_over(self) -> None:
-        """Own the steering from now on."""
+        """Take control."""
         self._answer = self._inbox.take_over(self._name)
 
     def next_gait(self) -> None:
-        """Ask for the next gait of the policy that decides."""
+        """Request the current policy's next gait."""
         gaits = () if (status := self._inbox.status) is None else status.offer.gaits
         if not gaits:
             self._answer = "this policy has one gait only"
@@ -59,7 +59,7 @@ class Operator:
         self._answer = self._inbox.put(self._name, gait=gaits[self._gait]) or f"gait {gaits[self._gait]}"
 
     def next_policy(self) -> None:
-        """Ask for the next policy of the run."""
+        """Request the next policy of the run."""
         names = [] if (status := self._inbox.status) is None else list(status.offer.policies)
         if status is None or len(names) < 2:
             self._answer = "this run has one policy only"
@@ -69,7 +69,7 @@ class Operator:
         self._answer = self._inbox.put(self._name, policy=name) or f"policy {name}"
 
     def raise_body(self, by_m: float) -> None:
-        """Ask for a higher or lower body."""
+        """Request a higher or lower body."""
         span = None if (status := self._inbox.status) is None else status.offer.settings.get(BODY_HEIGHT)
         if span is None:
             self._answer = "this policy's body height is fixed"

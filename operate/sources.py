@@ -1,4 +1,4 @@
-"""The command sources by name: who can steer a run."""
+"""The command sources by name."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -15,14 +15,14 @@ from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
 
-ELSEWHERE = ("cockpit",)  # sources that are opened with the pages of a run
+ELSEWHERE = ("cockpit",)  # sources that are opened together with a run's pages
 YAML = (".yaml", ".yml")
 
 
 class Source(NamedTuple):
-    """A way to steer. Its module is imported when it is chosen."""
+    """A command source. Its module is imported when it is selected."""
 
-    place: str  # module:function, a context manager: of inbox, abilities and settings, yielding `Opened`
+    place: str  # MODULE:FUNCTION, context manager of inbox, abilities and settings; yields `Opened`
     settings: str  # module:dataclass
     about: str
 
@@ -52,12 +52,12 @@ SOURCES = {
 
 
 def is_mission(name: str) -> bool:
-    """Whether a name is a mission's file."""
+    """Whether a name is a mission file."""
     return Path(name).suffix.lower() in YAML and name.partition(":")[0] not in SOURCES
 
 
 def check_source(name: str) -> None:
-    """Raise UserError unless there is such a source, or a mission's file."""
+    """Raise UserError unless the name is a source or a mission file."""
     kind = name.partition(":")[0]
     if kind not in SOURCES and not is_mission(name):
         known = [*SOURCES, *ELSEWHERE]
@@ -68,16 +68,16 @@ def check_source(name: str) -> None:
 
 @contextmanager
 def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> Iterator[Opened]:
-    """A source that puts requests into the inbox for as long as the context lasts.
+    """Open a source that sends requests to the inbox, while the context is open.
 
     Args:
-        name: of the source; after a colon a YAML file with its settings, or the value of the first of them:
-            `gamepad:/dev/input/js1`.
-        inbox: takes the requests.
-        abilities: of each policy of the run, by its name.
+        name: name of the source; after a colon a YAML file with its settings, or the value of the first
+            setting: `gamepad:/dev/input/js1`.
+        inbox: gets the requests.
+        abilities: returns the abilities of a policy of the run by its name.
 
     Raises:
-        UserError: there is no such source, or it cannot be opened.
+        UserError: the source does not exist, or cannot be opened.
     """
     check_source(name)
     kind, _, argument = name.partition(":")

@@ -1,4 +1,4 @@
-"""Keys of a terminal, one by one, without echo; the terminal is as before afterwards."""
+"""Reads single keys from a terminal, without echo; afterwards the terminal's settings are restored."""
 
 import os
 import re
@@ -9,15 +9,15 @@ from contextlib import contextmanager, suppress
 
 from footfall.common.errors import UserError
 
-MOST_BYTES = 256  # of one read
+MOST_BYTES = 256  # maximum per read
 _ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}
 _KEY = re.compile(rb"\x1b[\[O]([A-D])|\x1b[\[O][0-9;]*[@-~]|\x1b|(.)", re.DOTALL)
-_BEGUN = re.compile(rb"\x1b([\[O][0-9;]*)?\Z")  # the rest of a sequence may come later
+_BEGUN = re.compile(rb"\x1b([\[O][0-9;]*)?\Z")  # incomplete sequence
 
 
 @contextmanager
 def key_by_key(terminal: int) -> Iterator[None]:
-    """A terminal that hands over each key at once. Ctrl-C still interrupts; Ctrl-Z no longer suspends.
+    """Make a terminal deliver each key at once. Ctrl-C still interrupts; Ctrl-Z does not suspend.
 
     A suspended process would leave a robot without commands.
 
@@ -25,13 +25,13 @@ def key_by_key(terminal: int) -> Iterator[None]:
         terminal: file descriptor.
 
     Raises:
-        UserError: it is no terminal, or one of which this process is in the background.
+        UserError: it is not a terminal, or this process is in its background.
     """
     try:
         before = termios.tcgetattr(terminal)
         in_front = os.tcgetpgrp(terminal) == os.getpgrp()
     except (OSError, termios.error):
-        raise UserError("--from keyboard needs a terminal: standard input is none") from None
+        raise UserError("--from keyboard needs a terminal, but standard input is not one") from None
     if not in_front:
         raise UserError("--from keyboard needs the terminal's foreground: start it without '&'")
     mode = [*before[:6], list(before[6])]
@@ -42,8 +42,8 @@ def key_by_key(terminal: int) -> Iterator[None]:
         termios.tcsetattr(terminal, termios.TCSANOW, mode)
         yield
     finally:
-        with suppress(termios.error):  # a terminal that is gone
-            termios.tcsetattr(terminal, termios.TCSAFLUSH, before)  # keys that were typed are no commands
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(terminal, termios.TCSAFLUSH, before)  # discards typed keys
 
 
 class Keys:
@@ -51,10 +51,10 @@ class Keys:
 
     def __init__(self, terminal: int) -> None:
         self._terminal, self._rest = terminal, b""
-        self.open = True  # until the terminal is gone
+        self.open = True  # False when the terminal is gone
 
     def read(self, wait_s: float) -> list[str]:
-        """The keys that were pressed, after `wait_s` at most: characters, and names of arrows."""
+        """Pressed keys, waiting at most `wait_s`: characters, and names of arrows."""
         try:
             if not select.select([self._terminal], [], [], wait_s)[0]:
                 return []

@@ -1,8 +1,8 @@
-"""Steering from a program on another computer, by UDP datagrams (see `udp_client.py` for the other side).
+"""Control by a program on another computer through UDP datagrams (sent with `udp_client.py`).
 
-Each datagram is an HMAC-SHA256 with a shared token as its key, then JSON. A sender repeats the latest
-challenge that it got, which lasts three seconds at most, and counts its datagrams. So a datagram that was
-recorded and sent again is refused, whether it is of this run or of another one.
+A datagram is an HMAC-SHA256 with a shared token as its key, followed by JSON. A sender includes the latest
+challenge that it has received, which is valid for at most three seconds, and numbers its datagrams. So
+datagrams that were recorded and sent again are refused, whether they are from this run or another one.
 """
 
 import math
@@ -22,16 +22,16 @@ from footfall.operate.opened import Opened
 from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, TOKEN, pack, unpack
 
 SHORTEST_TOKEN = 16  # characters
-CHALLENGE_S = 1.0  # a challenge is accepted for so long, and once more
+CHALLENGE_S = 1.0  # a challenge is valid during this time and the next one
 MOST_SENDERS = 64
 FIELDS = ("velocity", "wish", "policy", "gait", "settings")
 
 
 @dataclass(frozen=True)
 class UdpConfig:
-    """Where to listen."""
+    """Address to listen on."""
 
-    address: str = f"127.0.0.1:{PORT}"  # this computer alone; 0.0.0.0:9870 for all networks
+    address: str = f"127.0.0.1:{PORT}"  # only this computer; 0.0.0.0:9870 for all networks
 
     def __post_init__(self) -> None:
         host, colon, port = self.address.rpartition(":")
@@ -46,18 +46,18 @@ class UdpConfig:
 
 
 class Receiver:
-    """Checks datagrams, and puts what they ask for into the inbox."""
+    """Checks datagrams, and sends their requests to the inbox."""
 
     def __init__(self, inbox: Inbox, token: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._inbox, self._token, self._clock = inbox, token, clock
-        self._challenges = [secrets.token_hex(8)] * 2  # the present one and the one before
+        self._challenges = [secrets.token_hex(8)] * 2  # the current and the previous one
         self._since_s = clock()
-        self._heard: dict[str, tuple[int, float]] = {}  # of each sender: the latest number, and when
-        self.refused = 0  # datagrams without a right token
-        self.answer = ""  # to the latest request
+        self._heard: dict[str, tuple[int, float]] = {}  # by sender: latest number, and its time
+        self.refused = 0  # datagrams without the right token
+        self.answer = ""  # reply to the latest request
 
     def receive(self, datagram: bytes) -> bytes:
-        """The reply to a datagram; empty for one that is not of a holder of the token."""
+        """The reply to a datagram; empty for one without the right token."""
         request = unpack(datagram, self._token, REQUEST)
         if request is None:
             self.refused += 1
@@ -91,7 +91,7 @@ class Receiver:
         return ""
 
     def _ask(self, request: dict[str, Any]) -> str:
-        """Put a request into the inbox; returns why it is refused, empty if it is not."""
+        """Send a request to the inbox; returns why it is refused, empty if it is accepted."""
         name = request.get("name", "udp")
         if "stop" in request:
             self._inbox.stop(name, request["stop"], damp=request.get("damp") is True)
@@ -126,7 +126,7 @@ class Receiver:
 def steered_by_udp(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: UdpConfig
 ) -> Iterator[Opened]:
-    """Datagrams put requests into the inbox for as long as the context lasts.
+    """Control by datagrams through the inbox, while the context is open.
 
     Raises:
         UserError: the address cannot be used, or the token is too short to be a secret.
@@ -143,4 +143,6 @@ def steered_by_udp(
 
 def _line(receiver: Receiver, inbox: Inbox) -> str:
     strangers = f"{receiver.refused} without the token" if receiver.refused else ""
-    return ", ".join(filter(None, [f"udp: {inbox.owner or 'nobody'} steers", receiver.answer, strangers]))
+    return ", ".join(
+        filter(None, [f"udp: {inbox.owner or 'nobody'} has control", receiver.answer, strangers])
+    )

@@ -1,4 +1,4 @@
-"""The other side of `--from udp`: a small client. It needs nothing but this file, so it can be copied.
+"""A small client for `--from udp`. It needs no other file, so it can be copied.
 
     from footfall.operate.udp_client import UdpSteering
 
@@ -7,22 +7,22 @@
             status = steering.send(velocity=[0.3, 0.0, 0.2])
             time.sleep(0.05)
 
-A datagram is the HMAC-SHA256 (32 bytes) of direction and content with the token as its key, then the content:
-JSON in UTF-8. A request has
+A datagram is the HMAC-SHA256 (32 bytes) of direction and content with the token as its key, followed by the
+content: JSON in UTF-8. A request has
 
-    sender, number   a name drawn anew by each client, and a count that rises
+    sender, number   a random name of the client, and an increasing number
     challenge        of the latest reply
     name             of the operator
-    velocity, wish, policy, gait, settings    what to ask for; what is left out stays as it was
-    take_over        true: own the steering from now on
+    velocity, wish, policy, gait, settings    the request; what is omitted stays unchanged
+    take_over        true: take control
     stop, damp       a reason: stop the robot; damp it at once
 
 Velocities that are not renewed within 0.5 s count as zero.
 
-`UdpHeightScan` is the other side of `--height-scan udp`. Its datagrams have
+`UdpHeightScan` is the client for `--height-scan udp`. Its datagrams have
 
     sender, number   as above
-    age_s            s since the scan was taken, when it is sent
+    age_s            age of the scan at the time of sending, s
     heights          m above the base's origin, in the order of the policy's grid; null for unknown ones
 """
 
@@ -37,21 +37,21 @@ from contextlib import suppress
 from typing import Any
 
 PORT, SCAN_PORT = 9870, 9871
-TOKEN = "FOOTFALL_TOKEN"  # environment variable in which footfall finds the token
-LARGEST = 16384  # bytes of a datagram
+TOKEN = "FOOTFALL_TOKEN"  # environment variable with footfall's token
+LARGEST = 16384  # maximum size of a datagram, bytes
 MAC = 32  # bytes
-REQUEST, REPLY = b"footfall request ", b"footfall reply "  # a reply cannot be sent back as a request
+REQUEST, REPLY = b"footfall request ", b"footfall reply "  # so a reply cannot be sent back as a request
 SCAN = b"footfall height scan "
 
 
 def pack(content: dict[str, Any], token: str, direction: bytes) -> bytes:
-    """A datagram."""
+    """Encode a datagram."""
     body = json.dumps(content).encode()
     return hmac.digest(token.encode(), direction + body, "sha256") + body
 
 
 def unpack(datagram: bytes, token: str, direction: bytes) -> dict[str, Any] | None:
-    """The content of a datagram; None if it is malformed or of someone without the token."""
+    """The content of a datagram; None if it is malformed or without the right token."""
     mac, body = datagram[:MAC], datagram[MAC:]
     if len(datagram) > LARGEST or not hmac.compare_digest(
         mac, hmac.digest(token.encode(), direction + body, "sha256")
@@ -65,10 +65,10 @@ def unpack(datagram: bytes, token: str, direction: bytes) -> dict[str, Any] | No
 
 
 class UdpSteering:
-    """Steers a robot from a program."""
+    """Controls a robot from a program."""
 
     def __init__(self, host: str, token: str, port: int = PORT, name: str = "udp") -> None:
-        """`name`: of the operator, in the robot's notes."""
+        """`name`: name of the operator, shown in the robot's notes."""
         self._place, self._token, self._name = (host, port), token, name
         self._sender, self._number, self._challenge = secrets.token_hex(8), 0, ""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -82,18 +82,18 @@ class UdpSteering:
     def send(self, wait_s: float = 0.1, **request: Any) -> dict[str, Any] | None:
         """Send a request and wait for its reply, a status of the run; None if none came in time.
 
-        The reply's `refused` says why nothing was done; it is empty if the request was accepted.
+        The reply's `refused` is the reason for a refusal; it is empty if the request was accepted.
 
         Raises:
-            OSError: the network cannot be reached.
+            OSError: the network is unreachable.
         """
         reply = self._exchange(request, wait_s)
-        if reply is not None and reply.get("refused") == "challenge":  # the first request, or after a pause
+        if reply is not None and reply.get("refused") == "challenge":  # first request, or after a pause
             reply = self._exchange(request, wait_s)
         return reply
 
     def stop(self, reason: str, damp: bool = False) -> bool:
-        """Stop the robot; sent up to five times. Returns whether the robot answered."""
+        """Stop the robot; sent up to five times. Returns whether the robot replied."""
         return any(self.send(stop=reason, damp=damp) is not None for _ in range(5))
 
     def _exchange(self, request: dict[str, Any], wait_s: float) -> dict[str, Any] | None:

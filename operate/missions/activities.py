@@ -1,4 +1,4 @@
-"""What a step of a mission does while it lasts: from the pose at each policy step to a command."""
+"""Activities of a mission's steps: each computes a command from the pose at each policy step."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,33 +12,33 @@ from footfall.operate.missions.follow import Tracking, along, arrived, distance,
 from footfall.operate.missions.path import Path
 
 STILL = np.zeros(3)
-TAKES_OVER_S = 10.0  # longest that a policy needs to take over, or to begin a jump
-LEAP = np.array([0.3, 0.0, 0.0])  # command that asks for a jump
-LEAPT_M = 0.2  # a robot that is so far from where it stood has left the ground
-LANDED_S = 1.5  # after that it stands again
-JUMP_S = 3.0  # one jump takes, about
+TAKES_OVER_S = 10.0  # maximum time for a policy to take over, or to start a jump
+LEAP = np.array([0.3, 0.0, 0.0])  # command that makes the robot jump
+LEAPT_M = 0.2  # farther than this from its start the robot has left the ground
+LANDED_S = 1.5  # time after which it stands again
+JUMP_S = 3.0  # approximate duration of a jump
 
 
 class Act(NamedTuple):
-    """What a step wants now, and how far it is."""
+    """Output of an activity: request and progress."""
 
     request: Request
     remaining_s: float
     done: bool = False
-    error_m: float = math.nan  # distance from where the robot should be
-    trouble: str = ""  # why it gives up
+    error_m: float = math.nan  # distance from the desired position
+    trouble: str = ""  # reason for giving up
 
 
 class Now(NamedTuple):
-    """What a step goes by."""
+    """Input of an activity."""
 
-    time_s: float  # since the step began
+    time_s: float  # since the start of the step
     pose: Pose  # in the mission's frame, yaw not wrapped
-    policy: str  # that decides
+    policy: str  # policy in control
 
 
 class Activity(Protocol):
-    """A step that has begun."""
+    """A step that is being carried out."""
 
     def act(self, now: Now) -> Act:
         """Called at each policy step."""
@@ -47,7 +47,7 @@ class Activity(Protocol):
 
 @dataclass
 class Hold:
-    """A command for a time."""
+    """Send a request for some time."""
 
     request: Request
     for_s: float
@@ -59,7 +59,7 @@ class Hold:
 
 @dataclass
 class Cover:
-    """A velocity until the robot is so far from where it began."""
+    """Walk with a velocity until the robot has covered a distance."""
 
     velocity: np.ndarray
     distance_m: float
@@ -73,7 +73,7 @@ class Cover:
 
 @dataclass
 class Reach:
-    """A pose nearby: the robot goes straight there and turns on the way."""
+    """Go straight to a pose nearby while turning."""
 
     goal: Pose
     limits: Limits
@@ -90,7 +90,7 @@ class Reach:
 
 @dataclass
 class Follow:
-    """A path, and at its end the pose there."""
+    """Follow a path, and reach the pose at its end."""
 
     path: Path
     limits: Limits
@@ -110,7 +110,7 @@ class Follow:
 
 @dataclass
 class Change:
-    """Something of the run: done as soon as the run has it."""
+    """Change something in the run: done when the run has it."""
 
     policy: str = ""
     gait: str = ""
@@ -125,13 +125,13 @@ class Change:
 
 @dataclass
 class Leap:
-    """Jumps one after the other by a policy that jumps, then the policy before decides again."""
+    """Do some jumps with a policy that jumps, then return to the previous policy."""
 
     policy: str
     times: int
     _back_to: str = field(default="", init=False)
-    _from: Pose | None = field(default=None, init=False)  # where the present jump began
-    _since_s: float = field(default=0.0, init=False)  # when the present part began
+    _from: Pose | None = field(default=None, init=False)  # start of the current jump
+    _since_s: float = field(default=0.0, init=False)  # start of the current phase
     _leapt: bool = field(default=False, init=False)
 
     def act(self, now: Now) -> Act:
@@ -156,11 +156,11 @@ class Leap:
 
 @dataclass
 class LieDown:
-    """The end."""
+    """Lie down, which ends the run."""
 
     def act(self, now: Now) -> Act:
         return Act(Request(STILL, Wish.LIE_DOWN), 0.0, done=True)
 
 
 def _off(error_m: float, tracking: Tracking) -> str:
-    return f"it is {error_m:.2f} m off the path" if error_m > tracking.off_path_m else ""
+    return f"it is {error_m:.2f} m away from the path" if error_m > tracking.off_path_m else ""

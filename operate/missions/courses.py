@@ -1,4 +1,4 @@
-"""Steps of a mission that go by odometry: turns, points, paths."""
+"""Steps of a mission that use odometry: turns, points, paths."""
 
 import math
 import re
@@ -16,18 +16,18 @@ from footfall.operate.missions.path import SPACING_M, circle, placed, rectangle,
 from footfall.operate.missions.step import Plan, Scene
 
 FARTHEST_M = 1000.0  # of a point
-LONGEST_M = 500.0  # of a path: its plan is made between two steps of the policy
+LONGEST_M = 500.0  # of a path: it is planned between two steps of the policy
 SMALLEST_M = 0.1  # side of a rectangle, radius of a circle
 _SIZE = re.compile(r"(\d+\.?\d*)x(-?\d+\.?\d*)")
 
 
 @dataclass(frozen=True)
 class Led:
-    """A step that goes by odometry."""
+    """A step that uses odometry."""
 
     _: KW_ONLY
     speed_m_s: float | None = None
-    timeout_s: float | None = None  # default: three times its planned time, and ten seconds
+    timeout_s: float | None = None  # default: three times its planned time plus ten seconds
 
     def __post_init__(self) -> None:
         require_between(self, 0.01, FASTEST, "speed_m_s")
@@ -35,7 +35,7 @@ class Led:
 
     def check(self, limits: Limits, offer: Offer) -> None:
         if not limits.anywhere:
-            raise ValueError("the policy cannot be commanded forward, sideways and round in both directions")
+            raise ValueError("the policy must accept forward, sideways and yaw commands in both directions")
         fastest = limits.ranges.forward_m_s[1]
         if self.speed_m_s is not None and self.speed_m_s > fastest:
             raise ValueError(f"speed_m_s goes up to {fastest:g}, not to {self.speed_m_s:g}")
@@ -52,7 +52,7 @@ class Led:
 
 @dataclass(frozen=True)
 class Turn(Led):
-    """A turn on the spot, left positive."""
+    """Turn on the spot, left if positive."""
 
     by_deg: float
 
@@ -69,10 +69,10 @@ class Turn(Led):
 
 @dataclass(frozen=True)
 class GoTo(Led):
-    """Straight to a point of the mission's frame: where it began, x forward, y left."""
+    """Walk straight to a point in the mission's frame: origin at its start, x forward, y left."""
 
     to: tuple[float, float]  # m
-    heading_deg: float | None = None  # at the end; the direction of the way without it
+    heading_deg: float | None = None  # at the end; default: the direction of the way
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,10 +91,11 @@ class GoTo(Led):
 
 @dataclass(frozen=True)
 class Waypoints(Led):
-    """Straight lines from point to point of the mission's frame: where it began, x forward, y left."""
+    """Walk in straight lines from point to point in the mission's frame: origin at its start, x forward, y
+    left."""
 
     points: tuple[tuple[float, float], ...]  # m
-    heading_deg: float | None = None  # at the end; the direction of the last line without it
+    heading_deg: float | None = None  # at the end; default: the direction of the last line
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -120,7 +121,7 @@ class Waypoints(Led):
 
 @dataclass(frozen=True)
 class Rectangle(Led):
-    """A rectangle that begins here: ahead, then left, or right where the width is negative."""
+    """Walk along a rectangle that starts here: ahead, then left, or right for a negative width."""
 
     size: str  # length x width, m: 2x1
 
@@ -138,7 +139,7 @@ class Rectangle(Led):
 
 @dataclass(frozen=True)
 class Circle(Led):
-    """A circle that begins here and bends left, or right where the radius is negative."""
+    """Walk along a circle that starts here and bends left, or right for a negative radius."""
 
     radius_m: float
 

@@ -1,10 +1,10 @@
-"""Laws that lead a robot along a path and to a place: pose by odometry to a velocity command.
+"""Controllers for following a path and reaching a pose: from odometry to a velocity command.
 
-The velocity along the path is fed forward, the distance from it is corrected in proportion, and the robot
-turns to where the path leads a little later. This is the kinematic tracking law of Kanayama et al. (1990), "A
-stable tracking control method for an autonomous mobile robot", with the sideways velocity that legs have and
-wheels lack. Its reference is the nearest point of the path instead of a point that moves with time: a robot
-that was held up has nothing to catch up with.
+The velocity along the path is fed forward, the distance from it is corrected proportionally, and the robot
+turns to the direction of the path a little farther ahead. This is the kinematic tracking law of Kanayama et
+al. (1990), "A stable tracking control method for an autonomous mobile robot", extended by the sideways
+velocity that legs have and wheels lack. Its reference is the nearest point of the path instead of a point
+that moves with time: a robot that was held up does not have to catch up.
 """
 
 import math
@@ -17,15 +17,15 @@ from footfall.deploy.command_source import Pose
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.path import SPACING_M, Path
 
-WINDOW = round(0.3 / SPACING_M)  # samples ahead among which the nearest one is sought
+WINDOW = round(0.3 / SPACING_M)  # number of samples ahead among which the nearest one is searched
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """How closely a robot follows."""
+    """Accuracy of following."""
 
-    position_gain: float = 1.0  # m/s for each metre of error
-    heading_gain: float = 1.5  # rad/s for each radian of error
+    position_gain: float = 1.0  # m/s per metre of error
+    heading_gain: float = 1.5  # rad/s per radian of error
     deceleration_m_s2: float = 0.4  # before corners and the end
     tolerance_m: float = 0.02  # at the end
     tolerance_deg: float = 4.0  # likewise
@@ -40,7 +40,7 @@ class Tracking:
 
 
 def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
-    """Index of the nearest sample from `begin` on, and its distance in m."""
+    """Index of the nearest sample, starting at `begin`, and its distance in m."""
     ahead = path.points[begin : begin + WINDOW] - (pose.x_m, pose.y_m)
     squares = np.einsum("ij,ij->i", ahead, ahead)
     index = int(squares.argmin())
@@ -48,9 +48,9 @@ def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
 
 
 def along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
-    """The command (3,) that leads along a path, of which sample `index` is the nearest."""
+    """The command (3,) for following a path whose nearest sample is `index`."""
     speed, heading = float(path.speed[index]), float(path.heading[index])
-    look = index + round(speed / tracking.heading_gain / SPACING_M)  # so a bend leaves no error of heading
+    look = index + round(speed / tracking.heading_gain / SPACING_M)  # avoids an error of heading in a bend
     turn = float(path.heading[min(look, len(path.heading) - 1)]) - pose.yaw_rad
     speed *= max(0.0, math.cos(turn)) ** 2  # turn first, then walk
     x, y = path.points[index].tolist()
@@ -61,27 +61,27 @@ def along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking
 
 
 def towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
-    """The command (3,) that leads straight to a pose, turning on the way."""
+    """The command (3,) for going straight to a pose while turning."""
     gain = tracking.position_gain
     turn = tracking.heading_gain * (goal.yaw_rad - pose.yaw_rad)
     return command(gain * (goal.x_m - pose.x_m), gain * (goal.y_m - pose.y_m), turn, pose, limits)
 
 
 def distance(one: Pose, other: Pose) -> float:
-    """Between two places, m."""
+    """Distance between two positions, m."""
     return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m)
 
 
 def arrived(goal: Pose, pose: Pose, tracking: Tracking) -> bool:
-    """Whether a pose is reached."""
+    """Whether a pose has been reached."""
     turn = abs(goal.yaw_rad - pose.yaw_rad)
     return distance(goal, pose) <= tracking.tolerance_m and turn <= math.radians(tracking.tolerance_deg)
 
 
 def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Limits) -> np.ndarray:
-    """A velocity in the frame of the pose as a command (3,) of the body within a policy's limits.
+    """Convert a velocity in the pose's frame to a command (3,) in the body frame, within a policy's limits.
 
-    The direction is kept where speed is clipped. A command below the slowest one is raised to it.
+    Clipping the speed keeps the direction. A command below the minimum is scaled up to it.
     """
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     ahead, left = cos * x_m_s + sin * y_m_s, cos * y_m_s - sin * x_m_s
@@ -94,6 +94,6 @@ def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Li
 
 
 def _share(value: float, limits: tuple[float, float]) -> float:
-    """Largest factor up to 1 by which a value lies within limits."""
+    """Largest factor up to 1 that brings a value within limits."""
     limit = limits[1] if value > 0.0 else limits[0]
     return min(1.0, limit / value) if value else 1.0

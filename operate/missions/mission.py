@@ -1,4 +1,4 @@
-"""Missions: what a robot shall do by itself, read from a YAML file and checked before anything moves."""
+"""Missions: autonomous runs described in a YAML file, which is checked before the start."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
@@ -16,18 +16,18 @@ from footfall.operate.missions.step import Scene, Step
 from footfall.operate.missions.steps import STEPS, Jump, UsePolicy
 
 HERE = Pose(0.0, 0.0, 0.0)
-SPEED_SHARE = 0.5  # of the highest forward command, where a mission names no speed
+SPEED_SHARE = 0.5  # of the maximum forward command, if a mission gives no speed
 MOST_STEPS = 1000
 
 
 @dataclass(frozen=True)
 class MissionSettings:
-    """What holds for a whole mission."""
+    """Settings of a whole mission."""
 
     about: str = ""
-    speed_m_s: float | None = None  # along paths; default: half of the policy's highest
-    low_charge: float = 0.2  # share of the battery's charge that is low
-    on_low_charge: Literal["home", "lie_down"] = "home"  # home: where the mission began; then it lies down
+    speed_m_s: float | None = None  # along paths; default: half of the policy's maximum
+    low_charge: float = 0.2  # charge below which the battery counts as low
+    on_low_charge: Literal["home", "lie_down"] = "home"  # home: return to the start, then lie down
     tracking: Tracking = field(default_factory=Tracking)
 
     def __post_init__(self) -> None:
@@ -44,32 +44,32 @@ class NamedStep(NamedTuple):
 
 @dataclass(frozen=True)
 class Mission:
-    """The content of a file."""
+    """The content of a mission file."""
 
     source: str  # name of the file, for messages
     settings: MissionSettings
     steps: tuple[NamedStep, ...]
 
     def scene(self, limits: Limits) -> Scene:
-        """What plans of steps depend on, under a policy with these limits."""
+        """Data for planning steps under a policy with these limits."""
         speed = self.settings.speed_m_s or SPEED_SHARE * limits.ranges.forward_m_s[1]
         return Scene(limits, self.settings.tracking, speed)
 
     @property
     def policies(self) -> tuple[str, ...]:
-        """Policies that its steps name."""
+        """Names of the policies used by its steps."""
         steps = (each.step for each in self.steps)
         return tuple(dict.fromkeys(step.name for step in steps if isinstance(step, UsePolicy | Jump)))
 
     def planned_s(self, policy: str, abilities: Callable[[str], Abilities]) -> list[float]:
-        """Go through the steps without a robot: the time that each takes, about.
+        """Plan all steps without a robot; returns the approximate duration of each.
 
         Args:
-            policy: the name of the one that decides at first.
-            abilities: of a policy, by its name.
+            policy: name of the policy in control at the start.
+            abilities: returns a policy's abilities by its name.
 
         Raises:
-            UserError: a step cannot be done; the message names it.
+            UserError: a step is impossible; the message names it.
         """
         lasts_s, pose = [], HERE
         for number, (kind, step) in enumerate(self.steps, 1):
@@ -86,16 +86,16 @@ class Mission:
 
 
 def load_mission(path: Path) -> Mission:
-    """Read a mission.
+    """Load a mission.
 
     Raises:
-        UserError: the file is no mission; the message names the step.
+        UserError: the file is not a mission; the message names the step.
     """
     return mission_of(read_yaml(path), str(path))
 
 
 def mission_of(data: Any, source: str) -> Mission:
-    """A mission from plain data (see `load_mission`); `source` begins each message."""
+    """Create a mission from plain data (see `load_mission`); `source` is the prefix of each message."""
     if not isinstance(data, dict) or not isinstance(data.get("steps"), list) or not data["steps"]:
         raise UserError(f"{source}: a mission has a list of steps, such as steps: [{{rectangle: 2x1}}]")
     if len(data["steps"]) > MOST_STEPS:

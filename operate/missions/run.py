@@ -1,4 +1,4 @@
-"""A mission with all that a run of it needs, from plain data."""
+"""Prepares a mission, given as plain data, for a run."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
@@ -13,24 +13,24 @@ from footfall.robots.description import Robot
 
 
 class MissionRun(NamedTuple):
-    """A mission that has not begun."""
+    """A mission before its start."""
 
     source: MissionSource
-    others: dict[str, Policy]  # policies that it names beside the first one, by spec
+    others: dict[str, Policy]  # further policies used by the mission, by spec
 
 
 def mission_run(data: Mapping[str, Any], where: str, spec: str, policy: Policy, robot: Robot) -> MissionRun:
-    """A mission from plain data.
+    """Prepare a mission given as plain data.
 
     Args:
-        data: as `mission_of` takes it.
-        where: begins each message.
-        spec: names the policy that decides at first.
-        policy: that one.
-        robot: on which it runs.
+        data: content as for `mission_of`.
+        where: prefix of each message.
+        spec: spec of the policy in control at the start.
+        policy: that policy.
+        robot: the robot it runs on.
 
     Raises:
-        UserError: the data is no mission, names a policy that there is not, or a step cannot be done.
+        UserError: the data is not a mission, a policy does not exist, or a step is impossible.
     """
     mission = mission_of(data, where)
     others = policies_of(mission, [policy.name], robot)
@@ -39,10 +39,10 @@ def mission_run(data: Mapping[str, Any], where: str, spec: str, policy: Policy, 
 
 
 def policies_of(mission: Mission, loaded: Iterable[str], robot: Robot) -> dict[str, Policy]:
-    """Policies that a mission names beside those that are loaded, by spec.
+    """Load policies used by a mission in addition to the loaded ones; returns them by spec.
 
     Raises:
-        UserError: it names a policy that there is not.
+        UserError: a policy does not exist.
     """
     missing = [name for name in mission.policies if name not in set(loaded)]
     try:

@@ -14,45 +14,45 @@ from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
 from footfall.operate.missions.steps import End
 
-TIMEOUT_FACTOR, TIMEOUT_EXTRA_S = 3.0, 10.0  # of a step by odometry that names no timeout
-PROGRESS_S = 0.2  # less of the remaining time counts as no progress
+TIMEOUT_FACTOR, TIMEOUT_EXTRA_S = 3.0, 10.0  # for a step that uses odometry and has no timeout
+PROGRESS_S = 0.2  # minimum decrease of the remaining time that counts as progress
 DONE = "done"
 HOME = (NamedStep("go_to", GoTo((0.0, 0.0))), NamedStep("lie_down", End()))
 LIE_DOWN = (NamedStep("lie_down", End()),)
 
 
 class Progress(NamedTuple):
-    """How far a mission is."""
+    """Progress of a mission."""
 
     step: int  # from 1; 0 before the first one
     steps: int
     kind: str  # of the step
-    step_remaining_s: float  # about
-    remaining_s: float  # of the whole mission, about
-    error_m: float  # distance from where the robot should be, by odometry, in the last step that says
-    outcome: str = ""  # once it is over: `DONE`, or why it gave up
+    step_remaining_s: float  # approximate
+    remaining_s: float  # of the whole mission, approximate
+    error_m: float  # distance from the desired position, by odometry, in the last step that has one
+    outcome: str = ""  # at the end: `DONE`, or the reason for giving up
 
     @property
     def done(self) -> bool:
-        """Whether all of it was done."""
+        """Whether the whole mission was carried out."""
         return self.outcome == DONE
 
 
 class MissionSource:
-    """Runs a mission. It depends on nothing but the statuses that it is given."""
+    """Carries out a mission. It depends only on the statuses passed to it."""
 
     stopped = None
 
     def __init__(self, mission: Mission, policy: str, abilities: Callable[[str], Abilities]) -> None:
-        """A mission that has not begun.
+        """Check the mission; it has not started.
 
         Args:
-            mission: what to do.
-            policy: the name of the one that decides at first.
-            abilities: of a policy of the run, by its name.
+            mission: the mission.
+            policy: name of the policy in control at the start.
+            abilities: returns the abilities of a policy of the run by its name.
 
         Raises:
-            UserError: a step cannot be done; the message names it.
+            UserError: a step is impossible; the message names it.
         """
         self._mission, self._abilities, self._steps = mission, abilities, mission.steps
         lasts_s = mission.planned_s(policy, abilities)
@@ -65,17 +65,17 @@ class MissionSource:
         self._request = Request(STILL, autonomous=True, owner=f"mission {mission.source}")
         self._low = False
         self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
-        self.goal = HERE  # where the latest step that moves the robot leads, in the mission's frame
+        self.goal = HERE  # target of the latest step that moves the robot, in the mission's frame
 
     def poll(self, status: Status) -> Request:
-        """The request of the present step; steps that are done are left behind."""
+        """The request of the current step; advances past completed steps."""
         if status.mode is not Mode.WALKING or self.progress.outcome:
             return self._request
         if math.isnan(status.pose.x_m):
             return self._over("there is no odometry")
         try:
             return self._walk(status, self._pose(status.pose))
-        except (UserError, ValueError) as error:  # a plan from here
+        except (UserError, ValueError) as error:  # planning from the current pose failed
             return self._over(str(error))
 
     def _walk(self, status: Status, pose: Pose) -> Request:
@@ -99,7 +99,7 @@ class MissionSource:
             self._plan = None
 
     def _instead(self, steps: tuple[NamedStep, ...]) -> None:
-        """Leave the steps that are left for others."""
+        """Replace the remaining steps."""
         self._steps, self._index, self._plan = steps, -1, None
         self._later_s = [0.0] * len(steps)
 
@@ -131,7 +131,7 @@ class MissionSource:
         )
 
     def _stalled(self, act: Act, now_s: float) -> str:
-        """Why a step that goes by odometry comes to nothing; empty if it does not."""
+        """Why a step that uses odometry has failed; empty if it has not."""
         step = self._steps[self._index].step
         if not isinstance(step, Led):
             return ""
@@ -145,7 +145,7 @@ class MissionSource:
         return f"it takes longer than {limit_s:.0f} s" if now_s - self._began_s > limit_s else ""
 
     def _over(self, outcome: str) -> Request:
-        """The end of the mission: the robot lies down."""
+        """End the mission: the robot lies down."""
         note = self._request.note
         if outcome != DONE:
             kind = f" ({self._steps[self._index].kind})" if self._index >= 0 else ""
@@ -156,7 +156,7 @@ class MissionSource:
         return self._request
 
     def _pose(self, pose: Pose) -> Pose:
-        """In the mission's frame, without jumps of the yaw."""
+        """The pose in the mission's frame, with a continuous yaw."""
         if self._origin is None:
             self._origin = pose
         x, y, yaw = self._origin

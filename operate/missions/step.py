@@ -1,4 +1,4 @@
-"""What every step of a mission is: a check, and a plan from a pose on."""
+"""Interface of a mission's steps: a check, and a plan starting from a pose."""
 
 from typing import NamedTuple, Protocol
 
@@ -12,24 +12,24 @@ CREEP_SHARE = 0.15  # of the speed
 
 
 class Scene(NamedTuple):
-    """What a step's plan depends on beside the pose."""
+    """Data for planning a step, in addition to the pose."""
 
     limits: Limits
     tracking: Tracking
-    speed_m_s: float  # where a step names none
+    speed_m_s: float  # for steps that give none
 
     def pace(self, speed_m_s: float | None) -> Pace:
-        """How fast a path is followed."""
+        """Speeds for following a path."""
         speed, limits = speed_m_s or self.speed_m_s, self.limits
         creep = max(CREEP_SHARE * speed, limits.slowest)
         return Pace(max(speed, creep), creep, limits.yaw_rad_s, self.tracking.deceleration_m_s2)
 
 
 class Plan(NamedTuple):
-    """A step from a pose on."""
+    """A planned step."""
 
-    lasts_s: float  # about
-    end: Pose  # where it leads
+    lasts_s: float  # approximate duration
+    end: Pose  # pose at the end
     activity: Activity
 
 
@@ -37,8 +37,8 @@ class Step(Protocol):
     """One line of a mission."""
 
     def check(self, limits: Limits, offer: Offer) -> None:
-        """Raise ValueError if a policy with these limits and this offer cannot do it."""
+        """Raise ValueError if the step is impossible with a policy's limits and offer."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
-        """The step, begun at a pose."""
+        """Plan the step starting from a pose."""
         ...

@@ -1,7 +1,7 @@
-"""The steps of a mission by their names in a file.
+"""The steps of a mission, by their names in a file.
 
-A step is a mapping with one key, its kind. The value gives the fields of its class, or the first of them
-alone: `turn: 90` and `turn: {by_deg: 90, timeout_s: 20}` are the same but for the timeout.
+A step is a mapping with one key, its kind. The value is a mapping with the fields of its class, or only the
+value of the first field: `turn: 90` and `turn: {by_deg: 90, timeout_s: 20}` differ only in the timeout.
 """
 
 import math
@@ -19,12 +19,12 @@ from footfall.operate.missions.path import placed
 from footfall.operate.missions.step import Plan, Scene, Step
 
 MOST_JUMPS = 100
-JUMP_M = 0.4  # ahead, about
+JUMP_M = 0.4  # approximate distance ahead
 
 
 @dataclass(frozen=True)
 class Wait:
-    """The command is zero for a time; a gait may step in place."""
+    """Command zero for some time; a gait may step in place."""
 
     for_s: float
 
@@ -32,7 +32,7 @@ class Wait:
         require_between(self, 0.0, LONGEST_S, "for_s")
 
     def check(self, limits: Limits, offer: Offer) -> None:
-        """Every policy can."""
+        """Possible with any policy."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
         return Plan(self.for_s, begin, Hold(Request(STILL), self.for_s))
@@ -40,7 +40,7 @@ class Wait:
 
 @dataclass(frozen=True)
 class Stand(Wait):
-    """The robot is asked to stand for a time."""
+    """Stand for some time."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
         return Plan(self.for_s, begin, Hold(Request(STILL, Wish.STAND), self.for_s))
@@ -48,11 +48,11 @@ class Stand(Wait):
 
 @dataclass(frozen=True)
 class Walk:
-    """A velocity for a time or over a distance."""
+    """Walk with a velocity for some time or over a distance."""
 
     velocity: tuple[float, float, float]  # forward m/s, leftward m/s, yaw rad/s
     for_s: float | None = None
-    distance_m: float | None = None  # from where it began, straight
+    distance_m: float | None = None  # straight distance from its start
 
     def __post_init__(self) -> None:
         if (self.for_s is None) == (self.distance_m is None):
@@ -61,7 +61,7 @@ class Walk:
         require_between(self, 0.0, LONGEST_S, "for_s")
         require_between(self, 0.0, FARTHEST_M, "distance_m")
         if self.distance_m is not None and (self.velocity[2] or not any(self.velocity)):
-            raise ValueError("distance_m needs a velocity that leads somewhere and does not turn")
+            raise ValueError("distance_m requires a velocity that moves the robot and does not turn it")
 
     def check(self, limits: Limits, offer: Offer) -> None:
         for name, value, (low, high) in zip(
@@ -85,7 +85,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class UseGait:
-    """Another gait of the policy."""
+    """Change to another gait of the policy."""
 
     name: str
 
@@ -99,7 +99,7 @@ class UseGait:
 
 @dataclass(frozen=True)
 class UsePolicy:
-    """Another policy decides."""
+    """Change to another policy."""
 
     name: str
 
@@ -113,11 +113,11 @@ class UsePolicy:
 
 @dataclass(frozen=True)
 class Jump:
-    """Jumps ahead by the policy `jump`; then the policy before decides again."""
+    """Jump ahead with the policy `jump`, then return to the previous policy."""
 
     times: int = 1
 
-    name = "jump"  # of the policy
+    name = "jump"  # name of the policy
 
     def __post_init__(self) -> None:
         require_between(self, 1, MOST_JUMPS, "times")
@@ -134,7 +134,7 @@ class Jump:
 @takes_other_keys("settings")
 @dataclass(frozen=True)
 class Set:
-    """Live settings of the policy, by name."""
+    """Change live settings of the policy, by name."""
 
     settings: dict[str, float] = field(default_factory=dict)
 
@@ -152,10 +152,10 @@ class Set:
 
 @dataclass(frozen=True)
 class End:
-    """The robot lies down, and the run ends. A mission ends so in any case."""
+    """The robot lies down, which ends the run. A mission always ends this way."""
 
     def check(self, limits: Limits, offer: Offer) -> None:
-        """Every run can end."""
+        """Possible with any policy."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
         return Plan(0.0, begin, LieDown())
@@ -179,10 +179,10 @@ STEPS: dict[str, type[Step]] = {
 
 
 def _after(begin: Pose, velocity: tuple[float, float, float], time_s: float) -> Pose:
-    """Where a constant velocity of the body leads."""
+    """Pose after a constant body velocity."""
     forward, leftward, rate = velocity
     angle = rate * time_s
-    # Mean direction over the turn: integrals of cosine and sine, by a series near zero.
+    # Mean direction during the turn: integrals of cosine and sine, by a series near zero.
     sin, cos = (math.sin(angle) / angle, (1 - math.cos(angle)) / angle) if abs(angle) > 1e-6 else (1.0, 0.0)
     ahead, left = time_s * (forward * sin - leftward * cos), time_s * (forward * cos + leftward * sin)
     x, y = placed(np.array([[ahead, left]]), begin)[0].tolist()

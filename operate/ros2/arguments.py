@@ -1,23 +1,23 @@
-"""Arguments of a bridge process. Needs the standard library alone."""
+"""Command-line arguments of a bridge process. Uses only the standard library."""
 
 import argparse
 from collections.abc import Sequence
 from typing import NamedTuple
 
-READY = "ready"  # the line that a bridge prints once its topics are advertised
+READY = "ready"  # line that a bridge prints once its topics are advertised
 
 
 class BridgeArguments(NamedTuple):
-    """What a bridge was started with."""
+    """Arguments of a bridge."""
 
-    feed: str  # socket of the run's telemetry; it may come to be later
-    steer: str | None  # socket that takes commands; None publishes only
-    stamped: bool  # velocities come as TwistStamped
-    child: bool  # the end of the standard input ends the bridge
+    feed: str  # socket of the run's telemetry; it may be created later
+    steer: str | None  # socket for commands; None to publish only
+    stamped: bool  # velocities are TwistStamped
+    child: bool  # the bridge ends with its standard input
 
 
 def parse(program: str, arguments: Sequence[str]) -> tuple[BridgeArguments, list[str]]:
-    """A bridge's arguments, and those that are left for ROS."""
+    """Parse a bridge's arguments; returns them and those for ROS."""
     parser = argparse.ArgumentParser(prog=program)
     parser.add_argument("--feed", required=True)
     parser.add_argument("--steer")

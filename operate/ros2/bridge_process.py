@@ -1,4 +1,4 @@
-"""Starts the process that speaks ROS 2: the robot's own ROS Python, or cyclonedds where there is no ROS."""
+"""Starts the ROS 2 process: with the robot's own ROS Python, or with cyclonedds if there is no ROS."""
 
 import os
 import subprocess
@@ -22,21 +22,21 @@ from footfall.operate.ros2.arguments import READY
 from footfall.operate.udp_client import TOKEN
 
 RCLPY, CYCLONE = "footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"
-PROBE_S, START_S, END_S = 20.0, 30.0, 3.0  # patience
+PROBE_S, START_S, END_S = 20.0, 30.0, 3.0  # maximum waits
 SYSTEM_PYTHON = "/usr/bin/python3"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-OPEN_NETWORK = "{} is {}: other computers can {}: DDS asks nobody for a password"
-STEER = "see and steer this robot"
+OPEN_NETWORK = "{} is {}: other computers can {}: DDS has no password"
+STEER = "see and control this robot"
 
 
 @dataclass(frozen=True)
 class Ros2Config:
-    """How a run takes part in ROS 2."""
+    """Settings of a run's connection to ROS 2."""
 
-    cmd_vel: Literal["twist", "stamped"] = "twist"  # its type: Twist or TwistStamped
-    python: str = ""  # that has rclpy; empty finds one
-    arguments: tuple[str, ...] = ()  # of ROS, such as -r __ns:=/robot
-    lie_down_after_s: float = 10.0  # without any message; Nav2 is silent between two goals
+    cmd_vel: Literal["twist", "stamped"] = "twist"  # message type: Twist or TwistStamped
+    python: str = ""  # one with rclpy; empty to search for it
+    arguments: tuple[str, ...] = ()  # for ROS, such as -r __ns:=/robot
+    lie_down_after_s: float = 10.0  # time without any message; Nav2 is silent between two goals
 
     def __post_init__(self) -> None:
         require_between(self, 0.5, 3600.0, "lie_down_after_s")
@@ -44,33 +44,33 @@ class Ros2Config:
 
 @dataclass(frozen=True)
 class Backend:
-    """What speaks ROS 2."""
+    """Implementation of the ROS 2 connection."""
 
     python: str
     module: str
-    about: str  # one line for people
+    about: str  # one line for the user
 
 
 def find_backend(config: Ros2Config) -> Backend:
-    """The back end that this computer has.
+    """The back end available on this computer.
 
     Raises:
-        UserError: it has none, or the Python that was named has no rclpy.
+        UserError: there is none, or the configured Python has no rclpy.
     """
     if python := config.python:
         if not _has_rclpy(python):
-            raise UserError(f"python: {python} cannot import rclpy: source ROS 2, or name another one")
+            raise UserError(f"python: {python} cannot import rclpy: source ROS 2, or choose another one")
         return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
     for python in (sys.executable, SYSTEM_PYTHON):
         if _has_rclpy(python):
             return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
     if find_spec("cyclonedds") is None:
         raise UserError(
-            "no ROS 2 is found here: source its setup.bash, name a Python that has rclpy in a YAML file for"
-            f" --from ros2:FILE, or have topics alone: {install_extras('ros2')}"
+            "no ROS 2 found: source its setup.bash, choose a Python with rclpy in a YAML file for"
+            f" --from ros2:FILE, or use topics only: {install_extras('ros2')}"
         )
     if config.arguments:
-        raise UserError("arguments: cyclonedds takes none of ROS: source ROS 2, or leave them out")
+        raise UserError("arguments: cyclonedds accepts no ROS arguments: source ROS 2, or omit them")
     about = "ROS 2 by cyclonedds: topics only; services, parameters and actions need rclpy"
     return Backend(sys.executable, CYCLONE, about)
 
@@ -84,20 +84,20 @@ def _has_rclpy(python: str) -> bool:
 
 
 def network_note(what: str = STEER, environment: Mapping[str, str] = os.environ) -> str:
-    """A warning of what others can do if the environment opens ROS to the network; empty if it does not."""
+    """Warning of what others can do if the environment opens ROS to the network; empty if it does not."""
     asked = environment.get(RANGE, "LOCALHOST").upper()
     return "" if asked in ("LOCALHOST", "OFF") else OPEN_NETWORK.format(RANGE, asked, what)
 
 
 @contextmanager
 def bridge(backend: Backend, feed: Path, steer: Path | None, config: Ros2Config) -> Iterator[None]:
-    """Run the bridge for a while.
+    """Run the bridge while the context is open.
 
     Args:
         backend: see `find_backend`.
-        feed: socket of the run's telemetry; it may come to be later.
-        steer: socket that takes commands; None for a bridge that publishes only.
-        config: of the run.
+        feed: socket of the run's telemetry; it may be created later.
+        steer: socket for commands; None to publish only.
+        config: settings of the connection.
 
     Raises:
         UserError: it does not start.
@@ -110,13 +110,13 @@ def bridge(backend: Backend, feed: Path, steer: Path | None, config: Ros2Config)
 
 @contextmanager
 def scan_bridge(backend: Backend, port: int, token: str, config: Ros2Config) -> Iterator[None]:
-    """Run a bridge of its own for height scans for a while: it sends them on by UDP.
+    """Run a separate bridge for height scans while the context is open: it forwards them by UDP.
 
     Args:
         backend: see `find_backend`.
-        port: of this computer, where `height_scan_udp.UdpScans` listens.
-        token: that it knows.
-        config: of the run's part in ROS 2.
+        port: port of this computer on which `height_scan_udp.UdpScans` listens.
+        token: token for these scans.
+        config: settings of the connection.
 
     Raises:
         UserError: it does not start.
@@ -133,7 +133,7 @@ def _running(
     config: Ros2Config,
     secrets: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[None]:
-    """Run a module of the back end's Python until the context ends.
+    """Run a module with the back end's Python while the context is open.
 
     Raises:
         UserError: it does not start.
@@ -160,11 +160,11 @@ def _running(
 
 
 def _environment(folder: Path) -> dict[str, str]:
-    """Of the bridge: it can import footfall, and nothing else of this Python's packages."""
+    """Environment of the bridge: it can import footfall, but no other packages of this Python."""
     (folder / "footfall").symlink_to(Path(footfall.__file__).parent, target_is_directory=True)
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.setdefault(RANGE, "LOCALHOST")
     if environment.get("ROS_DISTRO") == "humble" and environment[RANGE] == "LOCALHOST":
-        environment.setdefault("ROS_LOCALHOST_ONLY", "1")  # older than the variable above
+        environment.setdefault("ROS_LOCALHOST_ONLY", "1")  # for releases without the variable above
     return environment

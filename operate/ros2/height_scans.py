@@ -1,4 +1,4 @@
-"""Height scans from a topic of ROS 2."""
+"""Height scans from a ROS 2 topic."""
 
 import secrets
 from collections.abc import Iterator
@@ -17,18 +17,18 @@ SEND = "send it height scans"
 
 @contextmanager
 def scans_by_ros2(settings: str = "") -> Iterator[tuple[UdpScans, str]]:
-    """Receives height scans for as long as the context lasts. A scan's age counts from its arrival.
+    """Receive height scans while the context is open. A scan's age counts from its arrival.
 
-    A bridge process of its own sends them on to this process, by UDP within this computer.
+    A separate bridge process forwards them to this process by UDP on this computer.
 
     Args:
-        settings: YAML file of `Ros2Config`; by default all are as declared there.
+        settings: YAML file of `Ros2Config`; empty for the defaults.
 
     Yields:
-        The source, and a warning; empty if there is none.
+        The source, and a warning, empty if there is none.
 
     Raises:
-        UserError: this computer has no ROS 2, or the bridge to it does not start.
+        UserError: this computer has no ROS 2, or the bridge does not start.
     """
     config = load(Path(settings), Ros2Config) if settings else Ros2Config()
     backend, token = find_backend(config), secrets.token_hex(16)

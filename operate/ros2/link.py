@@ -1,4 +1,4 @@
-"""The bridge's end of a run's steering socket (`steering_socket.py`). Needs the standard library alone."""
+"""The bridge's end of a run's steering socket (`steering_socket.py`). Uses only the standard library."""
 
 import itertools
 import json
@@ -9,13 +9,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-MOST_REFUSALS = 100  # different ones that are told, each once
-ANSWER_S = 1.0  # longest wait for one
+MOST_REFUSALS = 100  # maximum number of different refusals reported, each once
+ANSWER_S = 1.0  # maximum wait for an answer
 SILENT = "the run does not answer"
 
 
 class Link:
-    """Asks a run for something, and hears how it is."""
+    """Sends requests to a run and receives its status."""
 
     def __init__(
         self, path: str, on_status: Callable[[dict[str, Any]], None], on_refused: Callable[[str], None]
@@ -23,12 +23,12 @@ class Link:
         """Connect. Both functions are called from another thread.
 
         Args:
-            path: of the socket.
-            on_status: takes each status of the run.
-            on_refused: takes why something that was told is refused.
+            path: path of the socket.
+            on_status: called with each status of the run.
+            on_refused: called with the reason if something sent with `tell` is refused.
 
         Raises:
-            OSError: nobody listens.
+            OSError: no process listens on the socket.
         """
         self._on_status, self._on_refused = on_status, on_refused
         self._refusals: set[str] = set()
@@ -41,7 +41,7 @@ class Link:
         threading.Thread(target=self._read, name="run's steering", daemon=True).start()
 
     def ask(self, **request: Any) -> str:
-        """Ask for something and wait for the answer: why it is refused; empty if it is not."""
+        """Send a request and wait for the answer: why it is refused; empty if it is accepted."""
         number = next(self._numbers)
         answer = self._answers[number] = queue.SimpleQueue()
         try:
@@ -53,7 +53,7 @@ class Link:
             del self._answers[number]
 
     def tell(self, **request: Any) -> None:
-        """Ask for something without waiting."""
+        """Send a request without waiting."""
         try:
             self._send(request)
         except OSError:

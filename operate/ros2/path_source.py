@@ -1,4 +1,4 @@
-"""An inbox that also walks along paths of its bridge, by odometry."""
+"""An inbox that also walks along paths requested by its bridge, using odometry."""
 
 import math
 from collections.abc import Callable
@@ -16,18 +16,18 @@ from footfall.operate.missions.source import MissionSource
 
 
 class PathState(NamedTuple):
-    """How far the walk along a path is."""
+    """Progress of a walk along a path."""
 
-    goal: int  # number that whoever asked gave it
-    distance_m: float  # from its end, straight
-    outcome: str = ""  # once it is over: `missions.source.DONE`, or why it gave up
+    goal: int  # number chosen by the requester
+    distance_m: float  # straight distance to the end
+    outcome: str = ""  # at the end: `missions.source.DONE`, or the reason for giving up
 
 
 class _Walk:
-    """One path: asked for in `odom`, and from the next poll on a mission in the frame where that begins."""
+    """One path: given in `odom`, and from the next poll on a mission in the frame of its start."""
 
     def __init__(self, points: Any, yaw_rad: float | None, goal: int) -> None:
-        _mission(points, yaw_rad)  # refuses what is no path
+        _mission(points, yaw_rad)  # raises an error if it is not a path
         self.points, self.yaw_rad = np.array(points, dtype=float), yaw_rad
         self.mission: MissionSource | None = None
         self.state = PathState(goal, math.nan)
@@ -41,34 +41,34 @@ class _Walk:
 
 
 class PathSource:
-    """A command source: an inbox, whose owner may be the path that is walked.
+    """A command source: an inbox, and a path that may send requests as its owner.
 
-    A velocity of the same operator that is not zero ends the walk; velocities of zero are left out while it
-    lasts, since planners send them all the time. The silence rules of the inbox hold: the walk feeds it.
+    A nonzero velocity of the same operator ends the walk; zero velocities are ignored during it, since
+    planners send them all the time. The inbox's rules for silence apply: the walk sends requests to it.
     """
 
     def __init__(self, inbox: Inbox, operator: str, abilities: Callable[[str], Abilities]) -> None:
-        """No path is walked.
+        """Start without a path.
 
         Args:
-            inbox: of the run.
-            operator: who walks along paths, as the inbox names it.
-            abilities: of a policy of the run, by its name.
+            inbox: inbox of the run.
+            operator: name in the inbox of the operator who walks along paths.
+            abilities: returns the abilities of a policy of the run by its name.
         """
         self._inbox, self._operator, self._abilities = inbox, operator, abilities
         self._walk: _Walk | None = None
 
     @property
     def state(self) -> PathState | None:
-        """Of the newest path; None if there was none, or a velocity or its operator ended it."""
+        """State of the newest path; None if there was none, or it was ended by a velocity or its operator."""
         walk = self._walk
         return None if walk is None else walk.state
 
     def follow(self, points: Any, yaw_rad: Any = None, goal: int = 0) -> str:
-        """Walk along points (n, 2), m, in `odom`, and turn to a heading there; an earlier path is left.
+        """Walk along points (n, 2), m, in `odom`, and turn to a heading at the end; replaces an earlier path.
 
         Returns:
-            Why it is refused, in one line; empty if it is not.
+            Why it is refused, in one line; empty if it is accepted.
         """
         try:
             walk = _Walk(points, yaw_rad, goal)
@@ -80,13 +80,13 @@ class PathSource:
         return refused
 
     def leave(self) -> None:
-        """Stand still where the robot is."""
+        """End the path and stand."""
         if self._walk is not None:
             self._walk = None
             self._inbox.put(self._operator, velocity=STILL)
 
     def put(self, **request: Any) -> str:
-        """`Inbox.put` of the operator."""
+        """`Inbox.put` for the operator."""
         walk = self._walk
         if walk is not None and not walk.state.outcome and "velocity" in request:
             if request["velocity"] in ([0, 0, 0], (0, 0, 0)):
@@ -103,14 +103,14 @@ class PathSource:
         return self._inbox.stopped
 
     def poll(self, status: Status) -> Request:
-        """The newest request of the inbox, which the walk writes to."""
+        """The newest request of the inbox; the walk writes to it."""
         walk = self._walk
         if walk is not None and not walk.state.outcome:
             self._lead(walk, status)
         return self._inbox.poll(status)
 
     def _lead(self, walk: _Walk, status: Status) -> None:
-        """One step of the walk, once the robot can walk."""
+        """One step of the walk, if the robot can walk."""
         if status.mode is not Mode.WALKING:
             return
         velocity, outcome = STILL, "there is no odometry"
@@ -128,11 +128,11 @@ class PathSource:
 
 
 def _mission(points: Any, yaw_rad: Any) -> Mission:
-    """The mission along some points.
+    """The mission for walking along points.
 
     Raises:
-        UserError: they are no path.
+        UserError: they are not a path.
     """
     heading = {} if yaw_rad is None else {"heading_deg": math.degrees(yaw_rad)}
     steps = [{"waypoints": {"points": points, **heading}}]
-    return mission_of({"steps": steps, "low_charge": 0.0}, "path")  # whoever asks looks after the battery
+    return mission_of({"steps": steps, "low_charge": 0.0}, "path")  # the requester checks the battery

@@ -1,4 +1,4 @@
-"""Reads the run's feed in a bridge process, and notices its end. Needs the standard library alone."""
+"""Reads the run's feed in a bridge process, and notices its end. Uses only the standard library."""
 
 import sys
 import threading
@@ -11,7 +11,7 @@ RETRY_S = 0.1
 
 
 def ready(end: Callable[[], object]) -> None:
-    """Tell whoever started this process that it works; `end` is called once the standard input ends."""
+    """Report to the parent process that this one is ready; `end` is called when the standard input ends."""
 
     def wait() -> None:
         while sys.stdin.buffer.read(4096):
@@ -23,17 +23,17 @@ def ready(end: Callable[[], object]) -> None:
 
 
 class Reading:
-    """Passes on each message of the feed from a thread of its own."""
+    """Calls a function with each message of the feed, from a separate thread."""
 
     def __init__(
         self, arguments: BridgeArguments, pass_on: Callable[[FeedMessage], None], end: Callable[[], object]
     ) -> None:
-        """Begin.
+        """Start the thread.
 
         Args:
-            arguments: of the bridge.
-            pass_on: takes each message.
-            end: is called once the run, or whoever started the bridge, has ended.
+            arguments: arguments of the bridge.
+            pass_on: called with each message.
+            end: called when the run or the parent process has ended.
         """
         self._pass_on, self._end = pass_on, end
         self._ended = threading.Event()

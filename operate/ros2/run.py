@@ -1,4 +1,4 @@
-"""A run's part in ROS 2: its telemetry goes out, commands come in."""
+"""A run's connection to ROS 2: telemetry out, commands in."""
 
 import os
 import tempfile
@@ -18,16 +18,16 @@ OPERATOR = "ros2"
 
 @contextmanager
 def published_to_ros2(feed: Path) -> Iterator[tuple[str, ...]]:
-    """ROS 2 hears how the run is, whoever steers it, for as long as the context lasts.
+    """Publish the run's telemetry to ROS 2 while the context is open, whoever controls the robot.
 
     Args:
-        feed: socket of the run's telemetry; it may come to be later.
+        feed: socket of the run's telemetry; it may be created later.
 
     Yields:
         Lines for the operator.
 
     Raises:
-        UserError: this computer has no ROS 2, or the bridge to it does not start.
+        UserError: this computer has no ROS 2, or the bridge does not start.
     """
     config = Ros2Config()
     backend = find_backend(config)
@@ -39,10 +39,10 @@ def published_to_ros2(feed: Path) -> Iterator[tuple[str, ...]]:
 def steered_by_ros2(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: Ros2Config
 ) -> Iterator[Opened]:
-    """ROS 2 puts requests into the inbox, and hears how the run is, for as long as the context lasts.
+    """Control by ROS 2 through the inbox, with telemetry, while the context is open.
 
     Raises:
-        UserError: this computer has no ROS 2, or the bridge to it does not start.
+        UserError: this computer has no ROS 2, or the bridge does not start.
     """
     backend, source = find_backend(config), PathSource(inbox, OPERATOR, abilities)
     inbox.set_longest_silence(config.lie_down_after_s)

@@ -1,16 +1,16 @@
-"""The run's end of a Unix socket over which a bridge steers: lines of JSON both ways.
+"""The run's end of a Unix socket for commands from a bridge: lines of JSON in both directions.
 
-From the bridge, one request a line, each with some of these keys:
+From the bridge, one request per line, each with some of these keys:
 
     {"id": 7, "velocity": [0.5, 0, 0], "wish": "walk", "gait": "trot", "settings": {"roll_rad": 0.1}}
     {"id": 8, "stop": "a service"}    {"id": 9, "take_over": true}    {"note": "for the run's notes"}
     {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57, "goal": 3}    {"id": 11, "path": null}
 
-To the bridge: `{"id": 7, "refused": ""}`, the reason or nothing, for each; and `{"status": {...}}`, ten times
-a second.
+To the bridge: for each request `{"id": 7, "refused": ""}` with the reason or nothing; and ten times a second
+    `{"status": {...}}`.
 
-The inbox checks every value. Until something is asked for, the bridge counts as an operator who stands still;
-from then on the rules of silence hold. When the bridge is gone, its ownership of the steering ends.
+The inbox checks all values. Until the first request, the bridge counts as an operator who stands still; after
+it, the rules for silence apply. When the bridge disconnects, it loses control.
 """
 
 import json
@@ -33,20 +33,20 @@ ASKED = ("velocity", "wish", "policy", "gait", "settings")  # arguments of `Inbo
 
 
 class SteeringSocket:
-    """Serves one bridge after the other, from a thread of its own."""
+    """Serves one bridge at a time, in a separate thread."""
 
     def __init__(self, path: Path, inbox: Inbox, paths: PathSource, operator: str) -> None:
         """Listen; only this user can connect.
 
         Args:
-            path: of the socket, in a folder of this run.
-            inbox: takes what the bridge asks for.
-            paths: walks along those that it asks for; the run's command source.
-            operator: its name there.
+            path: path of the socket, in a folder of this run.
+            inbox: gets the bridge's requests.
+            paths: walks along requested paths; the run's command source.
+            operator: the bridge's name in the inbox.
         """
         self._inbox, self._paths, self._operator = inbox, paths, operator
         self._ended = threading.Event()
-        self._asked = False  # whether anything was asked for yet
+        self._asked = False  # whether there was any request
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(os.fspath(path))
         self._listener.listen(1)
@@ -73,7 +73,7 @@ class SteeringSocket:
                     self._inbox.note(f"{self._operator}: the bridge is gone")
 
     def _converse(self, bridge: socket.socket) -> None:
-        """Answer one bridge until it is gone."""
+        """Serve one bridge until it disconnects."""
         waiting, told, due_s = bytearray(), 0, 0.0
         while not self._ended.is_set():
             status = self._inbox.status
@@ -94,7 +94,8 @@ class SteeringSocket:
                 bridge.sendall(self._answer(line))
 
     def _wait_for_the_first_request(self) -> None:
-        """Somebody who starts a run still has to start what steers it."""
+        """Send standstill for the bridge: after starting a run, the user still has to start a publisher of
+        commands."""
         if not self._asked and self._inbox.owner in ("", self._operator):
             self._inbox.put(self._operator, velocity=STILL)
 
@@ -109,7 +110,7 @@ class SteeringSocket:
         return _line({"id": number, "refused": self._refused(request)})
 
     def _refused(self, request: dict[str, Any]) -> str:
-        """Do what is asked for; returns why not, empty if it is done."""
+        """Carry out a request; returns why it is refused, empty if it is accepted."""
         self._asked = self._asked or "note" not in request
         if "stop" in request:
             self._inbox.stop(self._operator, request["stop"])
@@ -133,7 +134,7 @@ class SteeringSocket:
 
 
 def described(status: Status, owner: str, path: PathState | None, notes_from: int = 0) -> dict[str, Any]:
-    """A run's status as plain values for JSON; of its notes those from a number on."""
+    """A run's status as plain values for JSON; of its notes those starting at an index."""
     offer = status.offer
     return {
         "mode": status.mode,

@@ -1,6 +1,6 @@
-"""The names that a run has in ROS 2. One table serves both back ends. Needs the standard library alone.
+"""Names of a run's topics, services and action in ROS 2, for both back ends. Uses only the standard library.
 
-Names are relative to the node's namespace, those with `~` to the node, `/tf` and `/tf_static` to neither.
+Names are relative to the node's namespace, those with `~` to the node; `/tf` and `/tf_static` are absolute.
 """
 
 import math
@@ -8,42 +8,42 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 NODE = "footfall"
-SCAN_NODE = f"{NODE}_height_scan"  # of a bridge process of its own
+SCAN_NODE = f"{NODE}_height_scan"  # node of the separate bridge process for height scans
 ODOM, BASE = "odom", "base_link"  # REP 105
 
 
 class Published(NamedTuple):
-    """A topic of the feed (deploy/telemetry/topics.py: its type and quality of service), as ROS sees it."""
+    """A topic of the feed (type and quality of service: deploy/telemetry/topics.py), with its name in ROS."""
 
     feed: str
     name: str
-    rate_hz: float = math.inf  # at most; later messages of the feed are left out
+    rate_hz: float = math.inf  # maximum; additional messages are skipped
     about: str = ""
 
 
 class Subscribed(NamedTuple):
-    """A topic that a run listens to. The newest message counts."""
+    """A topic with commands for the run. The newest message counts."""
 
     name: str
     kind: str
-    key: str  # of the request that it becomes, see `steering_socket.py`
+    key: str  # key of the resulting request, see `steering_socket.py`
     about: str
-    reliable: bool = True  # False takes messages of best-effort publishers, too
+    reliable: bool = True  # False accepts best-effort publishers, too
 
 
 class Service(NamedTuple):
-    """A service, offered by the `rclpy` back end alone: services do not cross makers of DDS."""
+    """A service; only with the `rclpy` back end: services do not work between DDS implementations."""
 
     name: str
     kind: str
     about: str
-    request: Mapping[str, Any] = {}  # to the run, as `steering_socket.py` takes it
+    request: Mapping[str, Any] = {}  # request sent to the run, see `steering_socket.py`
 
 
 PUBLISHED = (
     Published("/robot_description", "robot_description", about="URDF made from the MJCF; latched"),
     Published("/joint_states", "joint_states", 200.0, "measured position, velocity and torque"),
-    Published("/joint_commands", "joint_commands", 200.0, "position, velocity and torque that went out"),
+    Published("/joint_commands", "joint_commands", 200.0, "position, velocity and torque as sent"),
     Published("/imu/data", "imu/data", 200.0, "in `imu_link`"),
     Published("/odom", "odom", 50.0, "`base_link` in `odom`; velocities in `base_link`"),
     Published("/tf", "/tf", 50.0, "`odom` to `base_link`, and the links"),
@@ -53,7 +53,7 @@ PUBLISHED = (
     Published("/battery_state", "battery_state", 1.0, "of robots with a battery in `robot.yaml`"),
     Published("/diagnostics", "/diagnostics", about="state, faults, motors, loop timing"),
     Published("/rosout", "/rosout", about="changes of state, faults, notes"),
-    Published("/cmd_vel", "~/command", 50.0, "velocity that the policy is given, after clipping"),
+    Published("/cmd_vel", "~/command", 50.0, "velocity command of the policy, after clipping"),
     Published("/state", "~/state", about="of the supervisor; latched"),
     Published("/notes", "~/notes", about="what was refused, clipped or changed"),
 )
@@ -66,7 +66,7 @@ CMD_VEL = Subscribed(
 STOP = Subscribed("~/stop", _EMPTY, "stop", "stops the run: latched")
 CHOSEN = (
     Subscribed("~/wish", _TEXT, "wish", "`walk`, `stand`, `lie_down` or, after a fall, `get_up`"),
-    Subscribed("~/gait", _TEXT, "gait", "name of a gait of the present policy"),
+    Subscribed("~/gait", _TEXT, "gait", "name of a gait of the current policy"),
     Subscribed("~/policy", _TEXT, "policy", "name of a policy of this run"),
 )
 SETTING = Subscribed("~/setting/{}", _NUMBER, "settings", "a live setting by its name")
@@ -81,27 +81,27 @@ SUBSCRIBED = (CMD_VEL, STOP, *CHOSEN, SETTING, HEIGHT_SCAN)
 
 
 def velocity_kinds(stamped: bool) -> tuple[str, str]:
-    """The type of `cmd_vel`, and the one that it must not have."""
+    """The type of `cmd_vel`, and the type that it must not have."""
     return (TWIST_STAMPED, TWIST) if stamped else (TWIST, TWIST_STAMPED)
 
 
 def other_type(topic: str, expected: str, found: str) -> str:
-    """What to do about velocities of another type than expected, in one line."""
+    """Advice, in one line, for velocities of the wrong type."""
     option = "stamped" if found == TWIST_STAMPED else "twist"
-    return f"{topic} comes as {found}, and {expected} is expected: start the run with --from ros2:{option}"
+    return f"{topic} is {found}, but {expected} is expected: start the run with --from ros2:{option}"
 
 
 TRIGGER = "std_srvs/srv/Trigger"
 SERVICES = (
     Service("~/stop", TRIGGER, "stops the run: latched", {"stop": "service"}),
     Service("~/walk", TRIGGER, "follow `cmd_vel`", {"wish": "walk"}),
-    Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` asks for", {"wish": "stand"}),
+    Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` is", {"wish": "stand"}),
     Service("~/lie_down", TRIGGER, "lie down and end the run", {"wish": "lie_down"}),
     Service("~/get_up", TRIGGER, "get up after a fall, in a run with `--recover`", {"wish": "get_up"}),
-    Service("~/take_over", TRIGGER, "steer from now on, whoever steered", {"take_over": True}),
+    Service("~/take_over", TRIGGER, "take control, whoever has it", {"take_over": True}),
 )
-CHOICES = {  # one service for each name that the run offers
-    "gait": Service("~/gait/{}", TRIGGER, "take up a gait of the present policy"),
+CHOICES = {  # one service per name offered by the run
+    "gait": Service("~/gait/{}", TRIGGER, "change to a gait of the current policy"),
     "policy": Service("~/policy/{}", TRIGGER, "change to a policy of this run"),
 }
 WAVE_GAIT = "wave"
@@ -110,11 +110,11 @@ FOLLOW_PATH = Service("~/follow_path", "nav2_msgs/action/FollowPath", "walk alon
 
 
 def in_name(text: str) -> str:
-    """A text as a part of a name in ROS: anything else than letters, digits and `_` becomes `_`."""
+    """Convert a text to a part of a ROS name: anything but letters, digits and `_` becomes `_`."""
     plain = "".join(each if each.isascii() and each.isalnum() else "_" for each in text)
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
 def absolute(name: str) -> str:
-    """A name of this table, of a node in the root namespace."""
+    """A name of this table for a node in the root namespace."""
     return f"/{NODE}{name[1:]}" if name.startswith("~") else f"/{name.lstrip('/')}"

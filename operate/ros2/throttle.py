@@ -1,18 +1,18 @@
-"""Leaves out messages that come too often."""
+"""Limits the rate of messages."""
 
 import math
 
 
 class Throttle:
-    """Lets a message pass at most so often. Times are those of the messages."""
+    """Lets messages pass at a maximum rate. Times are those of the messages."""
 
     def __init__(self, rate_hz: float) -> None:
-        """`rate_hz`: highest rate; infinite lets all pass."""
+        """`rate_hz`: maximum rate; infinite lets all messages pass."""
         self._period_ns = 0 if math.isinf(rate_hz) else round(1e9 / rate_hz)
         self._next_ns = 0
 
     def due(self, time_ns: int) -> bool:
-        """Whether a message of this time passes. The mean rate is kept, not the shortest gap."""
+        """Whether a message of this time passes. Limits the mean rate, not the interval."""
         if time_ns < self._next_ns:
             return False
         late_ns = time_ns - self._next_ns

@@ -65,7 +65,7 @@ def test_a_gamepad_steers_with_its_dead_man_button_and_unplugged_it_is_silent(de
         polled_until(inbox, lambda r: r.velocity.any())
         device.unplug()
         polled_until(inbox, lambda r: not r.velocity.any(), limit_s=1.0)
-        assert "not there" in opened.line()
+        assert "not connected" in opened.line()
         device.plug()
         device.send((AXIS | INITIAL, 1, -32767), (BUTTON, DEAD_MAN, 1), (BUTTON, STOP, 1))
         polled_until(inbox, lambda r: r.velocity.any())

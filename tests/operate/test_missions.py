@@ -126,7 +126,7 @@ def test_why_a_mission_gives_up() -> None:
     carried = Walker([{"rectangle": "2x1"}])
     carried.step()
     carried.pose = carried.pose._replace(x_m=carried.pose.x_m + 1.0)
-    assert "off the path" in carried.run().source.progress.outcome
+    assert "away from the path" in carried.run().source.progress.outcome
     lost = Walker([{"turn": 90}])
     lost.pose = Pose(math.nan, math.nan, math.nan)
     assert "no odometry" in lost.run().source.progress.outcome

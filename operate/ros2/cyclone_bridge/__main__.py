@@ -12,7 +12,7 @@ POLL_S = 0.01
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Bridge until the run ends, or whoever started the bridge."""
+    """Run until the end of the run or of the parent process."""
     domain = configure()  # before cyclonedds is imported
     from cyclonedds.domain import DomainParticipant
 

@@ -1,4 +1,4 @@
-"""Passes commands of topics on to the run."""
+"""Forwards commands from topics to the run."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,15 +25,15 @@ DEPTH = 10
 
 
 class Commands:
-    """Readers of the topics that a run listens to."""
+    """Readers of the topics with commands."""
 
     def __init__(self, participant: DomainParticipant, path: str, stamped: bool) -> None:
-        """Connect to the run and listen.
+        """Connect to the run and start listening.
 
         Args:
-            participant: of the domain.
-            path: of the run's steering socket.
-            stamped: whether velocities come as TwistStamped.
+            participant: participant in the domain.
+            path: path of the run's steering socket.
+            stamped: whether velocities are TwistStamped.
         """
         self._participant = participant
         self._offered: list[str] = []
@@ -48,7 +48,7 @@ class Commands:
             self._listen(topic, partial(self._choose, topic.key))
 
     def take(self) -> None:
-        """Pass on what has come since the last call."""
+        """Forward what has arrived since the last call."""
         for name in self._offered:
             topic = SETTING._replace(name=SETTING.name.format(name))
             self._listen(topic, partial(self._setting, name))
@@ -61,7 +61,7 @@ class Commands:
         self._offered = list(status["settings"])
 
     def _listen(self, topic: Subscribed, act: Callable[[Any], None]) -> None:
-        """Listen to a topic, unless that is done already."""
+        """Listen to a topic unless this is done already."""
         name = absolute(topic.name)
         if (key := f"{name} {topic.kind}") not in self._readers:
             how = quality(topic.reliable, False, 1 if topic.key == CMD_VEL.key else DEPTH)
@@ -69,7 +69,7 @@ class Commands:
             self._readers[key] = reader, topic.kind, act
 
     def _stop(self, _: None) -> None:
-        """A topic that repeats itself asks once: the run takes a second stop as a more urgent one."""
+        """A repeated message is forwarded once: a second stop has a stronger effect on the run."""
         if not self._stopped:
             self._stopped = True
             self._link.tell(stop=f"topic {absolute(STOP.name)}")

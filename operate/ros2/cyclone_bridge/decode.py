@@ -1,19 +1,19 @@
-"""Decodes the message types that a run subscribes to (CDR, DDS-XTypes 1.3, 7.4.1, version 1)."""
+"""Decodes messages of the subscribed types (CDR, DDS-XTypes 1.3, 7.4.1, version 1)."""
 
 import struct
 from typing import Any
 
 from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED
 
-HEAD = 4  # bytes before the message, from which alignment counts
+HEAD = 4  # header bytes; alignment is relative to their end
 STAMP = 8
 
 
 def decode(kind: str, message: bytes) -> Any:
-    """The value of a message: a velocity (3,), a text, a number, numbers, or None for one without content.
+    """Content of a message: a velocity (3,), a text, a number, numbers, or None for an empty message.
 
     Raises:
-        ValueError: its bytes are no message of that kind.
+        ValueError: the bytes are not a message of that kind.
     """
     order = "<" if message[1:2] == b"\x01" else ">"
     content = message[HEAD:]
@@ -30,7 +30,7 @@ def decode(kind: str, message: bytes) -> Any:
         if kind == HEIGHT_SCAN.kind:
             return _array(order, content)
     except struct.error:
-        raise ValueError(f"no message of {kind}") from None
+        raise ValueError(f"not a message of type {kind}") from None
     return None
 
 
@@ -42,7 +42,7 @@ def _after_header(order: str, content: bytes) -> int:
 
 
 def _array(order: str, content: bytes) -> list[float]:
-    """Numbers of a std_msgs/Float32MultiArray from its `data_offset` on."""
+    """Numbers of a std_msgs/Float32MultiArray, starting at its `data_offset`."""
     (dimensions,) = struct.unpack_from(f"{order}I", content)
     at = 4
     for _ in range(dimensions):  # label, size, stride

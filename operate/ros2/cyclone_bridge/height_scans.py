@@ -15,7 +15,7 @@ POLL_S = 0.005
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Send scans on until whoever started the bridge ends it; the argument is a port."""
+    """Forward scans until the parent process ends this one; the argument is a port."""
     domain = configure()  # before cyclonedds is imported
     from cyclonedds.domain import DomainParticipant
 

@@ -13,7 +13,7 @@ from footfall.operate.ros2.throttle import Throttle
 
 
 class Publishing:
-    """A writer for each topic of the table."""
+    """Writers for all topics of the table."""
 
     def __init__(self, participant: DomainParticipant) -> None:
         self._writers: dict[str, tuple[RawWriter, Throttle]] = {}
@@ -24,7 +24,7 @@ class Publishing:
             self._writers[each.feed] = writer, Throttle(each.rate_hz)
 
     def pass_on(self, message: FeedMessage) -> None:
-        """Publish a message of the feed, unless the table leaves it out."""
+        """Publish a message of the feed if its topic is in the table."""
         found = self._writers.get(message.channel.topic)
         if found is not None and found[1].due(message.time_ns):
             with suppress(DDSException):  # a subscriber is too slow

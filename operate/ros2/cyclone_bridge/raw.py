@@ -1,7 +1,7 @@
-"""Raw CDR over cyclonedds: bytes that are encoded already go out, bytes come in.
+"""Raw CDR over cyclonedds: sends and receives encoded bytes.
 
-The Python of cyclonedds has no public call for that. These two private ones are all that is used; their
-release is pinned in pyproject.toml, and `benchmarks/ros2` sends through them to rclpy.
+The Python API of cyclonedds has no public function for this. Only two private ones are used here; the version
+is pinned in pyproject.toml, and `benchmarks/ros2` tests sending to rclpy.
 """
 
 from types import new_class
@@ -18,11 +18,11 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 ANY = SampleState.Any | ViewState.Any | InstanceState.Any
-PATIENCE = duration(milliseconds=10)  # of a write for a slow subscriber
+PATIENCE = duration(milliseconds=10)  # maximum time of a write if a subscriber is slow
 
 
 def quality(reliable: bool, latched: bool, depth: int) -> Qos:
-    """Quality of service as ROS names it."""
+    """Quality of service, with ROS's terms."""
     return Qos(
         Policy.Reliability.Reliable(PATIENCE) if reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
@@ -31,14 +31,14 @@ def quality(reliable: bool, latched: bool, depth: int) -> Qos:
 
 
 def dds_topic(participant: DomainParticipant, name: str, kind: str) -> Topic:
-    """A topic with the name and the type's name that ROS gives it.
+    """A topic with ROS's names for topic and type.
 
-    Its structure is a stand-in: nothing here encodes by it, and peers are told to ignore it.
+    Its structure is a placeholder: it is not used for encoding, and peers are told to ignore it.
 
     Args:
-        participant: of the domain.
-        name: absolute, such as `/imu/data`.
-        kind: such as `sensor_msgs/msg/Imu`.
+        participant: participant in the domain.
+        name: absolute name, such as `/imu/data`.
+        kind: type, such as `sensor_msgs/msg/Imu`.
     """
     package, part, message = kind.split("/")
     typename = f"{package}.{part}.dds_.{message}_"
@@ -50,16 +50,16 @@ def dds_topic(participant: DomainParticipant, name: str, kind: str) -> Topic:
 
 
 class RawWriter:
-    """Publishes messages in CDR."""
+    """Publishes encoded messages."""
 
     def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
         self._writer = DataWriter(participant, dds_topic(participant, name, kind), how)
 
     def write(self, message: bytes) -> None:
-        """Publish; the bytes begin with the head of CDR.
+        """Publish a message, given with its CDR header.
 
         Raises:
-            DDSException: it cannot be sent, for example since a subscriber is too slow.
+            DDSException: it cannot be sent, for example because a subscriber is too slow.
         """
         padded = message + bytes(-len(message) % 4)
         if (found := ddspy_write(self._writer._ref, padded)) < 0:
@@ -67,13 +67,13 @@ class RawWriter:
 
 
 class RawReader:
-    """Takes messages in CDR."""
+    """Receives encoded messages."""
 
     def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
         self._reader = DataReader(participant, dds_topic(participant, name, kind), how)
 
     def take(self) -> list[bytes]:
-        """Messages that have come since the last call, at most a hundred."""
+        """Messages received since the last call, at most a hundred."""
         found = ddspy_take(self._reader._ref, ANY, 100)
         if isinstance(found, int):
             raise DDSException(found, "messages cannot be taken")

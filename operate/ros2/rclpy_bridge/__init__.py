@@ -1,1 +1,1 @@
-"""The `rclpy` back end, which the robot's own ROS Python runs: it needs `rclpy` and message packages."""
+"""The `rclpy` back end, for the robot's own ROS Python: it requires `rclpy` and message packages."""

@@ -15,7 +15,7 @@ from footfall.operate.ros2.table import NODE
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Bridge until the run ends, or whoever started the bridge."""
+    """Run until the end of the run or of the parent process."""
     options, of_ros = parse("rclpy_bridge", arguments)
 
     def begin(node: Node) -> None:

@@ -1,4 +1,4 @@
-"""Passes commands of topics and services on to the run."""
+"""Forwards commands from topics to the run."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -19,14 +19,14 @@ from footfall.operate.ros2.table import (
     velocity_kinds,
 )
 
-LOOK_EVERY_S = 1.0  # for publishers of the other type
+LOOK_EVERY_S = 1.0  # interval of checks for publishers of the other type
 
 
 class Commands:
-    """Subscriptions to `cmd_vel` and to what can be asked for by a topic."""
+    """Subscriptions to `cmd_vel` and other topics with commands."""
 
     def __init__(self, node: Node, link: Link, stamped: bool) -> None:
-        """Subscribe; `stamped` takes velocities as TwistStamped."""
+        """Subscribe; with `stamped`, velocities are TwistStamped."""
         self._node, self._link = node, link
         self._kind, self._other = velocity_kinds(stamped)
         self._stopped = self._told = False
@@ -38,7 +38,7 @@ class Commands:
         node.create_timer(LOOK_EVERY_S, self._look_for_the_other_type)
 
     def offer(self, settings: Iterable[str]) -> None:
-        """Listen for these live settings from now on."""
+        """Listen to the topics of these live settings from now on."""
         for name in set(self._settings) - set(settings):
             self._node.destroy_subscription(self._settings.pop(name))
         for name in set(settings) - set(self._settings):
@@ -54,11 +54,11 @@ class Commands:
         self._link.tell(velocity=[twist.linear.x, twist.linear.y, twist.angular.z])
 
     def _stamped(self, message: Any) -> None:
-        """Its age counts from its arrival: clocks of two computers may differ."""
+        """Its age counts from its arrival: two computers' clocks may differ."""
         self._velocity(message.twist)
 
     def _stop(self, _: Any) -> None:
-        """A topic that repeats itself asks once: the run takes a second stop as a more urgent one."""
+        """A repeated message is forwarded once: a second stop has a stronger effect on the run."""
         if not self._stopped:
             self._stopped = True
             self._link.tell(stop=f"topic {self._node.resolve_topic_name(STOP.name)}")

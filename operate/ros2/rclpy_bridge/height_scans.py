@@ -16,7 +16,7 @@ from footfall.operate.ros2.table import HEIGHT_SCAN, SCAN_NODE
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Send scans on until whoever started the bridge ends it; the arguments are a port and those of ROS."""
+    """Forward scans until the parent process ends this one; arguments: a port, and those for ROS."""
     port, *of_ros = arguments
     with scan_sender(int(port)) as send:
 

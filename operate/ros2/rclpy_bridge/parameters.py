@@ -1,4 +1,4 @@
-"""Parameters of the node: the live settings, the gait and the policy of the run."""
+"""Parameters of the node: live settings, gait and policy of the run."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,23 +10,23 @@ from rclpy.parameter import Parameter
 
 from footfall.operate.ros2.link import Link
 
-CHOICES = ("gait", "policy")  # text; empty until one is chosen here
+CHOICES = ("gait", "policy")  # texts; empty until set here
 
 
 class Parameters:
-    """Declares what the run offers; a change of a parameter is a request to the run."""
+    """Declares a parameter for each setting; changing a parameter sends a request to the run."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node, self._link = node, link
         self._declared: dict[str, tuple[float, ...]] = {}
         self._declaring = True
         for name in CHOICES:
-            node.declare_parameter(name, "", ParameterDescriptor(description=f"{name} to take up"))
+            node.declare_parameter(name, "", ParameterDescriptor(description=f"{name} to change to"))
         node.add_on_set_parameters_callback(self._changed)
         self._declaring = False
 
     def offer(self, settings: Mapping[str, Sequence[float]]) -> None:
-        """Declare these settings: lowest, highest and default value by name."""
+        """Declare these settings: minimum, maximum and default value by name."""
         self._declaring = True
         for name in [n for n, span in self._declared.items() if tuple(settings.get(n, ())) != span]:
             self._node.undeclare_parameter(name)
@@ -37,7 +37,7 @@ class Parameters:
             about = ParameterDescriptor(description="live setting", floating_point_range=[span])
             try:
                 value = self._node.declare_parameter(name, default, about).value
-            except InvalidParameterValueException as error:  # one that was set when the node was started
+            except InvalidParameterValueException as error:  # from a value set when the node was started
                 self._node.get_logger().error(str(error))
                 value = self._node.declare_parameter(name, default, about, ignore_override=True).value
             self._declared[name] = lowest, highest, default

@@ -1,4 +1,4 @@
-"""The action that walks along a path: `nav2_msgs/action/FollowPath`, where that package is installed."""
+"""The action for walking along a path: `nav2_msgs/action/FollowPath`, if that package is installed."""
 
 import math
 from typing import Any
@@ -13,17 +13,17 @@ from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
 
 SPACING_M = 0.05
-MOST_UNLIKE = 5  # some are older than the goal
+MOST_UNLIKE = 5  # statuses may be older than the goal
 
 
 class PathAction:
-    """Offers the action; one path is walked at a time, and a newer one replaces it."""
+    """Provides the action; one path at a time, and a newer one replaces it."""
 
     def __init__(self, node: Node, link: Link) -> None:
-        """Offer it.
+        """Start the action server.
 
         Raises:
-            ImportError: `nav2_msgs` is not installed here.
+            ImportError: `nav2_msgs` is not installed.
         """
         self._node, self._link = node, link
         self._type = message_type(FOLLOW_PATH.kind)
@@ -39,12 +39,12 @@ class PathAction:
         )
 
     def update(self, status: dict[str, Any]) -> None:
-        """Hear how the run is."""
+        """Process a status of the run."""
         waiting, self._status = self._status, Future()
         waiting.set_result(status)
 
     def _accept(self, goal: Any) -> GoalResponse:
-        """Paths are in `odom`: there is no map here."""
+        """Accept paths in `odom` only: there is no map."""
         frame = goal.path.header.frame_id
         if frame not in ("", ODOM) or not goal.path.poses:
             self._node.get_logger().error(f"a path has at least one pose, in frame {ODOM}, not '{frame}'")
@@ -60,7 +60,7 @@ class PathAction:
         refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation), goal=number)
         if refused:
             return self._aborted(handle, result, refused)
-        unlike = 0  # statuses in a row that tell of no path or another one
+        unlike = 0  # consecutive statuses without a path or with another one
         while True:
             status = await self._status
             if number != self._goals:
@@ -73,12 +73,12 @@ class PathAction:
             if path is None or path["goal"] != number:
                 unlike += 1
                 if unlike > MOST_UNLIKE:
-                    return self._aborted(handle, result, "something else than this path is asked for")
+                    return self._aborted(handle, result, "the path was replaced by another request")
                 continue
             unlike = 0
             if path["outcome"]:
                 break
-            if math.isfinite(path["distance_m"]):  # the walk has begun
+            if math.isfinite(path["distance_m"]):  # the walk has started
                 feedback = self._type.Feedback()
                 feedback.distance_to_goal = float(path["distance_m"])
                 feedback.speed = math.hypot(*status["velocity"][:2])
@@ -92,22 +92,22 @@ class PathAction:
         self._node.get_logger().error(f"path: {why}")
         handle.abort()
         result.error_code = 1
-        if hasattr(result, "error_msg"):  # not in every release
+        if hasattr(result, "error_msg"):  # only in some releases
             result.error_msg = why
         return result
 
 
 def thinned(points: list[list[float]]) -> list[list[float]]:
-    """Points that are some way from each other; the last one stays."""
+    """Points with a minimum spacing; the last one is kept."""
     kept = points[:1]
     for point in points[1:]:
-        if not math.dist(kept[-1], point) < SPACING_M:  # what is no number stays, and is refused by the run
+        if not math.dist(kept[-1], point) < SPACING_M:  # NaN is kept here, and refused by the run
             kept.append(point)
     return [*kept[:-1], points[-1]] if len(kept) > 1 else points[-1:]
 
 
 def _yaw(q: Any) -> float | None:
-    """Of a quaternion; None for one of zeros, which asks for no heading."""
+    """Yaw of a quaternion; None for zeros, which mean no heading."""
     if not any((q.w, q.x, q.y, q.z)):
         return None
     return yaw_of([q.w, q.x, q.y, q.z])

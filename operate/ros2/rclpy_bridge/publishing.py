@@ -14,20 +14,20 @@ from footfall.operate.ros2.throttle import Throttle
 
 
 def message_type(kind: str) -> Any:
-    """The class of a type such as `sensor_msgs/msg/Imu`.
+    """The class of a message type such as `sensor_msgs/msg/Imu`.
 
     Raises:
-        ImportError: its package is not installed here.
+        ImportError: its package is not installed.
     """
     package, part, name = kind.split("/")
     return getattr(import_module(f"{package}.{part}"), name)
 
 
 class Publishing:
-    """A publisher for each topic of the table, fed with bytes that are encoded already."""
+    """Publishers for all topics of the table; they publish encoded messages."""
 
     def __init__(self, node: Node) -> None:
-        """Advertise the topics; one whose message package is not installed is left out, with a warning."""
+        """Advertise the topics; one whose message package is not installed is skipped with a warning."""
         self._publishers: dict[str, tuple[Publisher, Throttle]] = {}
         for each in PUBLISHED:
             how = TOPICS[each.feed]
@@ -45,7 +45,7 @@ class Publishing:
             self._publishers[each.feed] = publisher, Throttle(each.rate_hz)
 
     def pass_on(self, message: FeedMessage) -> None:
-        """Publish a message of the feed, unless the table leaves it out."""
+        """Publish a message of the feed if its topic is in the table."""
         found = self._publishers.get(message.channel.topic)
         if found is not None and found[1].due(message.time_ns):
             found[0].publish(message.data)

@@ -18,18 +18,18 @@ from footfall.operate.ros2.table import (
 
 
 class Services:
-    """The services of `table.py`, and one for each gait and policy of the run."""
+    """The services of `table.py`, and one per gait and policy of the run."""
 
     def __init__(self, node: Node, link: Link) -> None:
         self._node, self._link = node, link
         self._gaits: Sequence[str] = ()
-        self._chosen: dict[str, Any] = {}  # services by their names
+        self._chosen: dict[str, Any] = {}  # services by name
         for each in SERVICES:
             self._trigger(each.name, each.request)
         node.create_service(message_type(WAVE.kind), WAVE.name, self._wave)
 
     def offer(self, gaits: Sequence[str], policies: Sequence[str]) -> None:
-        """Offer these gaits and policies from now on."""
+        """Provide services for these gaits and policies from now on."""
         self._gaits = gaits
         wanted = {
             service.name.format(in_name(name)): {key: name}
@@ -50,7 +50,7 @@ class Services:
     def _wave(self, asked: Any, response: Any) -> Any:
         others = [gait for gait in self._gaits if gait != WAVE_GAIT]
         if not asked.data and not others:
-            response.success, response.message = False, "the present policy has no other gait"
+            response.success, response.message = False, "the current policy has no other gait"
             return response
         return self._ask(response, {"gait": WAVE_GAIT if asked.data else others[0]})
 

@@ -1,4 +1,4 @@
-"""A ROS node that works until its process is ended."""
+"""Runs a ROS node until the process ends."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -13,8 +13,8 @@ def spin_node(name: str, of_ros: Sequence[str], begin: Callable[[Node], object])
     """Spin a new node until `rclpy.try_shutdown` is called, or Ctrl-C.
 
     Args:
-        name: of the node.
-        of_ros: arguments of ROS, such as -r __ns:=/robot.
+        name: name of the node.
+        of_ros: arguments for ROS, such as -r __ns:=/robot.
         begin: sets up the node's publishers and subscriptions.
     """
     rclpy.init(args=[sys.argv[0], *of_ros])

@@ -1,4 +1,4 @@
-"""Everything by which ROS steers the run, kept up to date with what the run offers."""
+"""All ROS interfaces for controlling the run, kept consistent with what the run offers."""
 
 from typing import Any
 
@@ -15,15 +15,15 @@ UPDATE_EVERY_S = 0.1
 
 
 class Steering:
-    """The steering's side of the node."""
+    """The node's interfaces for control."""
 
     def __init__(self, node: Node, path: str, stamped: bool) -> None:
-        """Connect to the run and listen.
+        """Connect to the run and start listening.
 
         Args:
-            node: to listen with.
-            path: of the run's steering socket.
-            stamped: whether velocities come as TwistStamped.
+            node: the node.
+            path: path of the run's steering socket.
+            stamped: whether velocities are TwistStamped.
         """
         self._node = node
         self._status: dict[str, Any] = {}
@@ -40,15 +40,15 @@ class Steering:
         node.create_timer(UPDATE_EVERY_S, self._update)
 
     def _take(self, status: dict[str, Any]) -> None:
-        """From the link's thread."""
+        """Called from the link's thread."""
         self._status = status
 
     def _refused(self, why: str) -> None:
-        """From the link's thread."""
+        """Called from the link's thread."""
         self._node.get_logger().warning(why)
 
     def _update(self) -> None:
-        """Follow what the run offers; it changes with the policy."""
+        """Adapt to what the run offers, which depends on the policy."""
         if not self._status:
             return
         if self._action is not None:

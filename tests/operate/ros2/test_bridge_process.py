@@ -74,7 +74,7 @@ def test_a_python_without_ros_is_refused() -> None:
 def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
     variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     assert network_note(environment={}) == network_note(environment={variable: "localhost"}) == ""
-    assert "steer" in network_note(environment={variable: "SUBNET"})
+    assert "control" in network_note(environment={variable: "SUBNET"})
 
 
 def test_what_the_ros_python_runs_needs_no_packages_of_ours() -> None:
