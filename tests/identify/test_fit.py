@@ -129,3 +129,6 @@ def test_a_page_shows_each_joint_and_needs_nothing_else(fit: LegFit) -> None:
     for name in (*LEG.joint_names, *LEG.body_names, "armature", "delay_s"):
         assert name in text
     assert not re.search(r'(src|href)="(?!#)', text)
+    one_wrong = replace(fit, residual_rad=np.array([1.0, 99.0, 1.0]) * fit.noise_rad)
+    warning = f"does not fit {LEG.name}"
+    assert (warning in page(ROBOT, [one_wrong], [Path("log.mcap")], None), warning in text) == (True, False)

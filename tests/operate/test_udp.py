@@ -80,6 +80,12 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     assert sender.send(stop="a cable") == ""
     assert inbox.stopped is not None
     assert "planner" in inbox.stopped.reason
+    other_inbox = Inbox()
+    damping = Sender(Receiver(other_inbox, TOKEN, watch))
+    damping.send(stop="now", damp=True)
+    assert damping.send(stop="now", damp=True) == ""  # with the challenge that it got
+    assert other_inbox.stopped is not None
+    assert other_inbox.stopped.damp
 
 
 def test_a_client_steers_over_the_network(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,6 +43,28 @@ def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
     assert np.ptp(rim) < 1e-9
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_stairs_rise_by_their_step_at_the_same_distance_on_all_sides(side: float) -> None:
+    ground = load_ground("stairs,step_m=0.1,tread_m=0.3,start_m=1.0")
+    places = side * np.array([0.99, 1.01, 1.29, 1.31])
+    for axis in (0, 1):
+        heights = height_at(ground, places[:, None] * np.eye(2)[axis])
+        np.testing.assert_allclose(heights, [0.0, 0.1, 0.1, 0.2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("spec", "low", "high"),
+    [
+        ("waves,wave_m=0.2", -0.1, 0.1),
+        ("rough,roughness_m=0.05", -0.05, 0.05),
+        ("blocks,block_m=0.1", 0.0, 0.1),
+    ],
+)
+def test_random_heights_fill_the_declared_range(spec: str, low: float, high: float) -> None:
+    heights = load_ground(spec, seed=1).heights
+    np.testing.assert_allclose([heights.min(), heights.max()], [low, high], atol=0.02 * (high - low))
+
+
 def test_slopes_are_the_change_of_height() -> None:
     ground = load_ground("rough,roughness_m=0.05", seed=2)
     places = np.random.default_rng(0).uniform(-4.0, 4.0, (200, 2))
