@@ -66,9 +66,10 @@ class LiveCurves:
         if not self._charts:
             with self._place:
                 self._charts = [self._chart(title, lines, rows[:1]) for title, lines in CHARTS.items()]
+        times = rows[0] - rows[0, -1]  # a run's own are Unix times, too long for an axis
         first = 1
         for chart, lines in zip(self._charts, CHARTS.values(), strict=True):
-            chart.data = (rows[0], *rows[first : first + len(lines)])
+            chart.data = (times, *rows[first : first + len(lines)])
             first += len(lines)
 
     def _chart(self, title: str, lines: tuple[Line, ...], times: np.ndarray) -> Any:
