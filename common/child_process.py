@@ -1,6 +1,10 @@
-"""Ending a child process that reads its standard input."""
+"""Ending child processes: one that reads its standard input, and one whose parent is gone."""
 
+import multiprocessing
+import os
+import signal
 import subprocess
+import threading
 from contextlib import suppress
 from typing import Any
 
@@ -17,3 +21,15 @@ def end_by_input(process: "subprocess.Popen[Any]", patience_s: float) -> None:
         process.kill()
         process.wait()
     process.stdout.close()
+
+
+def end_with_parent() -> None:
+    """Let this process of `multiprocessing` get SIGTERM once its parent has ended, even if it was killed."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -2,13 +2,12 @@
 
 import multiprocessing
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
+from footfall.common.child_process import end_with_parent
 from footfall.common.errors import UserError
 from footfall.train.runs.stop import StopRequest
 
@@ -32,17 +31,10 @@ def _serve(run: Path, host: str, port: int) -> None:
     """In the other process: serve until SIGTERM, or until the training's process has ended."""
     os.nice(NICENESS)
     with StopRequest() as stop, Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
-        threading.Thread(target=_end_with_parent, daemon=True).start()
+        end_with_parent()
         from footfall.pages.walk import watch
 
         try:
             watch(run, host, port, stop)
         except UserError as error:
             print(f"footfall: the page ended: {error}", file=sys.stderr)
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from footfall.common.child_process import end_with_parent
 from footfall.common.errors import UserError
 from footfall.pages.page import check_page
 from footfall.robots.description import Robot, load_robot
@@ -34,9 +35,10 @@ def viewed(robot: Robot, feed: Path, host: str, port: int) -> Iterator[str]:
 
 
 def _serve(folder: Path, feed: Path, host: str, port: int) -> None:
-    """In the other process: serve until it is terminated."""
+    """In the other process: serve until it is terminated, or until the run's process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the loop
     os.nice(NICENESS)
+    end_with_parent()
     from footfall.pages.live import show_run
 
     try:

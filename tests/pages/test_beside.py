@@ -1,8 +1,6 @@
 """The page beside a training, in the process that serves it."""
 
-import multiprocessing
 import os
-import signal
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,7 +22,7 @@ def test_why_it_ended_is_told_where_its_own_output_goes_nowhere(
         raise UserError("port 8080 is taken")
 
     monkeypatch.setattr("footfall.pages.walk.watch", watch)
-    monkeypatch.setattr(beside, "_end_with_parent", lambda: None)
+    monkeypatch.setattr(beside, "end_with_parent", lambda: None)
     monkeypatch.setattr(os, "nice", lambda _: 0)
     beside._serve(tmp_path, "localhost", 8080)
     assert capsys.readouterr() == ("", "footfall: the page ended: port 8080 is taken\n")
@@ -51,17 +49,9 @@ class TestBeside:
     def test_it_serves_at_low_priority(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         log: list[Any] = []
         monkeypatch.setattr("footfall.pages.walk.watch", lambda *given: log.append(given))
-        monkeypatch.setattr(beside, "_end_with_parent", lambda: None)
+        monkeypatch.setattr(beside, "end_with_parent", lambda: None)
         monkeypatch.setattr(os, "nice", log.append)
         beside._serve(tmp_path, "there", 123)
         nice, (*given, stop) = log
         assert (nice, given) == (10, [tmp_path, "there", 123])
         assert stop.requested is False
-
-    def test_when_the_training_is_gone_it_tells_itself_to_end(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        log: list[Any] = []
-        parent = SimpleNamespace(join=lambda: log.append("gone"))
-        monkeypatch.setattr(multiprocessing, "parent_process", lambda: parent)
-        monkeypatch.setattr(os, "kill", lambda *given: log.append(given))
-        beside._end_with_parent()
-        assert log == ["gone", (os.getpid(), signal.SIGTERM)]
