@@ -8,6 +8,8 @@ attitude, with any joint positions inside its limits, and lies for 1.5 s. Then i
 of upright and within 15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with
 RECOVERING; the first try counts.
 
+A robot that no push turns over is laid on its side in the air instead, with `--tip`.
+
 With `--slope-deg` the ground slopes from the drop on, by up to this angle in any direction. A robot then
 counts as upright by gravity or by the slope, and its height is measured above the slope.
 """
@@ -37,6 +39,7 @@ from footfall.robots.model import joint_addresses, plant_model
 
 DROP_M, LIE_S, DAMPING_SHARE = 0.3, 1.5, 0.02
 PUSH_M_S, LONGEST_S = 9.0, 20.0
+ON_ITS_SIDE = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 UPRIGHT_RAD, HEIGHT_SHARE, SLOW_RAD_S, HOLD_S = 0.2, 0.15, 1.0, 0.5
 AFTER_S = 1.0  # of standing, recorded after the robot is up
 
@@ -61,9 +64,10 @@ class Result:
 class Drop:
     """Drops a robot that fell, and watches it get up."""
 
-    def __init__(self, robot: Robot, seed: int, slope_rad: float) -> None:
+    def __init__(self, robot: Robot, seed: int, slope_rad: float, tips: bool) -> None:
         self._robot, self._rng, self.result = robot, np.random.default_rng(seed), Result(seed)
         self._steepest_rad, self._up = slope_rad, np.array([0.0, 0.0, 1.0])  # normal of the ground
+        self._tips, self._tipped = tips, False
         self._began_s: float | None = None  # by the simulation's clock
         self._upright_s: float | None = None
         self._left_s: float | None = None
@@ -75,6 +79,9 @@ class Drop:
         if found.tilt_rad is None:
             if mode is Mode.FALLING:
                 self._drop(body)
+            elif mode is Mode.WALKING and self._tips and not self._tipped:
+                self._tipped = True
+                self._tip(body)
             return
         if self._began_s is None:
             if mode is Mode.RECOVERING:
@@ -109,6 +116,13 @@ class Drop:
             self._upright_s = now_s
         elif now_s - self._upright_s >= HOLD_S and found.stood_s is None and self._began_s is not None:
             found.stood_s = self._upright_s - self._began_s
+
+    def _tip(self, body: SimulatedRobot) -> None:
+        """Lay the robot on its side, at rest, above the ground."""
+        model, data = body.model, body.data
+        data.qpos[2], data.qpos[3:7] = self._robot.description.standing_height_m + DROP_M, ON_ITS_SIDE
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(model, data)
 
     def _drop(self, body: SimulatedRobot) -> None:
         model, data, rng = body.model, body.data, self._rng
@@ -164,10 +178,10 @@ def _feet(robot: Robot) -> set[str]:
     return {name for foot in robot.description.feet for name in foot.geoms}
 
 
-def one(robot_name: str, policy: str, slope_rad: float, seed: int) -> Result:
+def one(robot_name: str, policy: str, slope_rad: float, tips: bool, seed: int) -> Result:
     """Drop once."""
     robot, rng = _robot(robot_name), np.random.default_rng([seed, 1])
-    drop, angle = Drop(robot, seed, slope_rad), rng.uniform(0.0, 2.0 * np.pi)
+    drop, angle = Drop(robot, seed, slope_rad, tips), rng.uniform(0.0, 2.0 * np.pi)
     push = Push(0.3, (PUSH_M_S * np.cos(angle), PUSH_M_S * np.sin(angle), 1.0))
     bodies = plant_model(robot).nbody - 1
     episode = Episode(
@@ -175,7 +189,7 @@ def one(robot_name: str, policy: str, slope_rad: float, seed: int) -> Result:
         LONGEST_S,
         seed=seed,
         sample=draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies),
-        pushes=(push,),
+        pushes=() if tips else (push,),
         get_up=GetUp(load_policy(policy, robot)),
         record=False,
     )
@@ -192,6 +206,7 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--drops", type=int, default=100)
     parser.add_argument("--slope-deg", type=float, default=0.0, help="steepest slope of the ground")
+    parser.add_argument("--tip", action="store_true", help="tip the robot over instead of pushing it")
     parser.add_argument("--within", type=float, default=4.0, help="time that counts, s")
     parser.add_argument("--seed", type=int, default=4711)
     parser.add_argument("--workers", type=int, default=2)
@@ -199,16 +214,18 @@ def main() -> None:
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.drops)
     with ProcessPoolExecutor(options.workers) as pool:
-        drop = partial(one, options.robot, options.policy, np.radians(options.slope_deg))
+        drop = partial(one, options.robot, options.policy, np.radians(options.slope_deg), options.tip)
         tried = list(pool.map(drop, seeds, chunksize=4))
     found = [r for r in tried if r.tilt_rad is not None]
     drops = len(found)
     print(f"{len(tried) - drops} of {len(tried)} ended before they were dropped")
+    if not found:
+        return
     times = np.array([np.inf if r.stood_s is None else r.stood_s for r in found])
     up = times <= options.within
     print(f"{options.policy}: {up.sum()} of {drops} stand within {options.within:g} s")
     for name, low, high in (("upright", 0.0, 0.8), ("on a side", 0.8, 2.3), ("on the back", 2.3, 3.2)):
-        kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found])
+        kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found], dtype=bool)
         print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
     print("after RECOVERING:", dict(Counter(r.ended or "nothing" for r in found)))
     for fault, count in Counter(r.fault for r in found if r.fault).most_common():

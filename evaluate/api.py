@@ -20,7 +20,7 @@ from footfall.evaluate.missions import make_mission, scenario_of
 from footfall.evaluate.own_metrics import check_metrics
 from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
-from footfall.evaluate.suite import run_course, run_suite
+from footfall.evaluate.suite import CourseWalk, run_course, run_grounds, run_suite
 from footfall.evaluate.table import print_results, weakest_table
 from footfall.evaluate.weakest import weakest
 from footfall.policies.policy import Policy
@@ -120,6 +120,10 @@ def compare_policies(
     results = _score(robot, file, policies, config, console)
     with console.status("timing each policy alone"):
         walks = run_course(list(policies), config, file)
+    on_grounds: dict[str, dict[str, CourseWalk]] = {spec: {} for spec in policies}
+    if html_path is not None:
+        with console.status("recording walks on the scenarios' grounds"):
+            on_grounds = run_grounds(list(policies), config, file)
     for spec, walk in walks.items():
         results[spec] |= walk.compute
     compared = [
@@ -130,6 +134,7 @@ def compare_policies(
             1e3 / policy.rate_hz,
             results[spec],
             walks[spec],
+            on_grounds[spec],
         )
         for spec, policy in policies.items()
     ]
@@ -138,12 +143,12 @@ def compare_policies(
     print_results(by_name, console)
     write_json(json_path, by_name)
     if html_path is not None:
-        from footfall.evaluate.report.films import films_of
+        from footfall.evaluate.report.films import films_of, films_on_grounds
         from footfall.evaluate.report.page import render
 
         with console.status("filming the course"):
-            films = films_of(comparison)
-        write_text(html_path, render(comparison, films))
+            films, ground_films = films_of(comparison), films_on_grounds(comparison)
+        write_text(html_path, render(comparison, films, ground_films))
         console.print(f"report: {html_path}", markup=False, highlight=False, soft_wrap=True)
     return by_name
 

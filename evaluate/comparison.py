@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from footfall.common.engines import DEFAULT_ENGINE
@@ -23,6 +23,7 @@ class PolicyResult:
     period_ms: float
     result: Mapping[str, Any]  # as in the JSON
     course: CourseWalk
+    on_grounds: Mapping[str, CourseWalk] = field(default_factory=dict)  # by scenario, on its highest level
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult, run_all
-from footfall.evaluate.scenarios import ScenarioFile
+from footfall.evaluate.scenarios import GROUND_LEVELS, ScenarioFile
 from footfall.evaluate.summary import Summary, compute_figures, summarise
 from footfall.plant.trace import Trace
 
@@ -18,7 +18,7 @@ COURSE = "course"  # the scenario that is filmed and on which time per step is m
 
 @dataclass(frozen=True)
 class CourseWalk:
-    """One policy on the test course, alone on the machine."""
+    """One policy in one recorded episode: on the test course, or on a ground."""
 
     plan: EpisodePlan
     trace: Trace | None
@@ -75,6 +75,28 @@ def run_course(
     tasks = [_task(policy, plan, config, file, keep_trace=True) for policy in policies]
     outcomes = run_all(run_task, tasks, workers=1)
     return {policy: _course_walk(plan, outcome) for policy, outcome in zip(policies, outcomes, strict=True)}
+
+
+def run_grounds(
+    policies: Sequence[str], config: EvaluationConfig, file: ScenarioFile
+) -> dict[str, dict[str, CourseWalk]]:
+    """Each policy once on the highest level of each scenario with a ground: {policy: {scenario: walk}}."""
+    plans = {
+        name: max(plan_episodes(name, scenario, config.seed), key=_ground_level)
+        for name, scenario in file.select(config.scenarios).items()
+        if scenario.ground is not None
+    }
+    places = [(policy, name) for policy in policies for name in plans]
+    tasks = [_task(policy, plans[name], config, file, keep_trace=True) for policy, name in places]
+    outcomes = run_all(run_task, tasks, config.workers)
+    walks: dict[str, dict[str, CourseWalk]] = {policy: {} for policy in policies}
+    for (policy, name), outcome in zip(places, outcomes, strict=True):
+        walks[policy][name] = _course_walk(plans[name], outcome)
+    return walks
+
+
+def _ground_level(plan: EpisodePlan) -> float:
+    return max((plan.levels[name] for name in GROUND_LEVELS if name in plan.levels), default=0.0)
 
 
 def _task(

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +21,11 @@ from footfall.common.rotations import heading, heading_matrix
 from footfall.evaluate.comparison import Comparison
 from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.report import caption, scene
+from footfall.evaluate.suite import CourseWalk
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import load_robot
+from footfall.terrain.declaration import make_ground
 from footfall.terrain.ground import Ground
 
 T = TypeVar("T")
@@ -73,20 +75,37 @@ class Arrow(NamedTuple):
 
 def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
     """A film of each policy's walk over the test course, by name, or the reason why there is none."""
-    tasks = {
-        policy.name: FilmTask(
-            comparison.config.robot,
-            comparison.config.plant,
-            policy.course.trace,
-            policy.course.plan.pushes,
-            policy.course.plan.duration_s,
+    return _films(comparison, {policy.name: policy.course for policy in comparison.policies})
+
+
+def films_on_grounds(comparison: Comparison) -> dict[str, dict[str, TaskResult[Film]]]:
+    """Films of walks on the scenarios' grounds, by scenario and name, or the reason why there is none."""
+    scenarios = dict.fromkeys(name for policy in comparison.policies for name in policy.on_grounds)
+    return {
+        scenario: _films(
+            comparison, {policy.name: policy.on_grounds[scenario] for policy in comparison.policies}
         )
-        for policy in comparison.policies
-        if policy.course.trace is not None and len(policy.course.trace.time_s)
+        for scenario in scenarios
     }
-    films = dict(zip(tasks, render_films(list(tasks.values()), comparison.config.workers), strict=True))
+
+
+def _films(comparison: Comparison, walks: Mapping[str, CourseWalk]) -> dict[str, TaskResult[Film]]:
+    config = comparison.config
+    tasks = {
+        name: FilmTask(
+            config.robot,
+            config.plant,
+            walk.trace,
+            walk.plan.pushes,
+            walk.plan.duration_s,
+            None if walk.plan.ground is None else make_ground(walk.plan.ground, walk.plan.seed),
+        )
+        for name, walk in walks.items()
+        if walk.trace is not None and len(walk.trace.time_s)
+    }
+    films = dict(zip(tasks, render_films(list(tasks.values()), config.workers), strict=True))
     nothing: TaskResult[Film] = TaskResult(None, "the policy did not walk")
-    return {policy.name: films.get(policy.name, nothing) for policy in comparison.policies}
+    return {name: films.get(name, nothing) for name in walks}
 
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:

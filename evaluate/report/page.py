@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from markupsafe import Markup
 
 from footfall.common.config import dump
-from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
+from footfall.evaluate.comparison import Comparison, command_line
 from footfall.evaluate.figures import MIN_EPISODES, figures
 from footfall.evaluate.own_metrics import definitions
 from footfall.evaluate.pool import TaskResult
@@ -16,9 +17,10 @@ from footfall.evaluate.report.films import Film
 from footfall.evaluate.report.learning_curves import learning_curves
 from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.short_names import short_names
-from footfall.evaluate.suite import COURSE
+from footfall.evaluate.suite import COURSE, CourseWalk
 from footfall.evaluate.verdict import verdict
 
+NO_FILMS: Mapping[str, Mapping[str, TaskResult[Film]]] = MappingProxyType({})
 OPEN_PLOTS = 2  # number of plots that are open at first; the reader unfolds the others
 
 
@@ -31,19 +33,32 @@ class ShownFilm:
     text: str
 
 
-def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str:
+@dataclass(frozen=True)
+class FilmRow:
+    """The films of all policies in one episode."""
+
+    title: str  # empty for the course
+    about: str
+    films: list[ShownFilm]
+
+
+def render(
+    comparison: Comparison,
+    films: Mapping[str, TaskResult[Film]],
+    ground_films: Mapping[str, Mapping[str, TaskResult[Film]]] = NO_FILMS,
+) -> str:
     """The page.
 
     Args:
         comparison: the results.
         films: of each policy on the test course, by name.
+        ground_films: of each policy on the scenarios' grounds, by scenario and name.
     """
     whole_names = [policy.name for policy in comparison.policies]
     names = short_names(whole_names)
     comparison = replace(
         comparison, policies=[replace(policy, name=names[policy.name]) for policy in comparison.policies]
     )
-    films = {names[name]: film for name, film in films.items()}
     config, file = comparison.config, comparison.file
     return rendered(
         "page.html",
@@ -57,7 +72,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         headlines=tables.headline_table(comparison),
         falls=tables.falls_table(comparison),
         warnings=tables.all_warnings(comparison),
-        films=[_shown(policy, films[policy.name]) for policy in comparison.policies],
+        films=_film_rows(comparison, whole_names, films, ground_films),
         plots=[plot for plot in plots(comparison) if plot.panels],
         open_plots=OPEN_PLOTS,
         parts=tables.scenario_parts(comparison),
@@ -68,7 +83,6 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
             for policy in comparison.policies
             if policy.result.get("settings")
         },
-        about_course=file.scenarios[COURSE].about,
         least_episodes=MIN_EPISODES,
         command=command_line(comparison),
         machine=machine(),
@@ -121,9 +135,26 @@ def swatch(place: int) -> Markup:
     )
 
 
-def _shown(policy: PolicyResult, film: TaskResult[Film]) -> ShownFilm:
-    trace = policy.course.trace
+def _film_rows(
+    comparison: Comparison,
+    whole_names: list[str],
+    films: Mapping[str, TaskResult[Film]],
+    ground_films: Mapping[str, Mapping[str, TaskResult[Film]]],
+) -> list[FilmRow]:
+    named, scenarios = list(zip(whole_names, comparison.policies, strict=True)), comparison.file.scenarios
+    course = [_shown(policy.name, policy.course, films[name]) for name, policy in named]
+    rows = [FilmRow("", scenarios[COURSE].about, course)]
+    for scenario, by_name in ground_films.items():
+        shown = [_shown(policy.name, policy.on_grounds[scenario], by_name[name]) for name, policy in named]
+        levels = named[0][1].on_grounds[scenario].plan.levels
+        level = ", ".join(f"{name} {value:g}" for name, value in levels.items())
+        rows.append(FilmRow(scenario, f"{scenarios[scenario].about} ({level})", shown))
+    return rows
+
+
+def _shown(name: str, walk: CourseWalk, film: TaskResult[Film]) -> ShownFilm:
+    trace = walk.trace
     if film.value is None or trace is None:
-        return ShownFilm(policy.name, None, policy.course.error or film.error)
+        return ShownFilm(name, None, walk.error or film.error)
     ending = f"fell after {trace.time_s[-1]:.1f} s" if trace.fell else "reached the end"
-    return ShownFilm(policy.name, film.value, ending)
+    return ShownFilm(name, film.value, ending)

@@ -94,8 +94,10 @@ class TestApi:
     ) -> None:
         seen: list[Any] = []
         monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda of: seen.append(of) or "films")
+        monkeypatch.setattr("footfall.evaluate.report.films.films_on_grounds", lambda of: "on grounds")
         monkeypatch.setattr(
-            "footfall.evaluate.report.page.render", lambda of, films: f"{films} of {seen[0] is of}"
+            "footfall.evaluate.report.page.render",
+            lambda of, films, grounds: f"{films} {grounds} of {seen[0] is of}",
         )
         json_path, html_path = tmp_path / "out.json", tmp_path / "out.html"
         config = EvaluationConfig("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
@@ -104,7 +106,7 @@ class TestApi:
         )
         assert ran.suite == ran.course == (["trot", "stand"], config, FILE)
         assert ran.order == ["suite", "course"]
-        assert html_path.read_text() == "films of True"
+        assert html_path.read_text() == "films on grounds of True"
         assert json.loads(json_path.read_text()) == results
         assert [(each["policy"], each["compute_ms"]["p50"]) for each in results.values()] == [
             ("trot", 1.0), ("stand", 2.0),

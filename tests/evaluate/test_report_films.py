@@ -22,6 +22,7 @@ from footfall.evaluate.report.films import FilmTask, arrows
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
+from footfall.terrain.declaration import GroundConfig
 
 TILTED = (0.9, 0.1, -0.2, 0.35)  # about all axes
 
@@ -60,6 +61,21 @@ class TestFilms:
         for task in tasks:
             assert (task.robot, task.plant, task.pushes) == ("go1", Path("other.xml"), COURSE.pushes)
             assert task.duration_s == COURSE.duration_s
+
+    def test_a_walk_on_a_ground_is_filmed_on_it(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+        asked: list[FilmTask] = []
+
+        def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
+            asked.extend(tasks)
+            return [TaskResult("film") for _ in tasks]
+
+        monkeypatch.setattr(films, "render_films", render)
+        policy = result("a", "a", 0.1, 0, 1.0, walked(2.0))
+        steps = replace(policy.course.plan, ground=GroundConfig("stairs", settings={"step_m": 0.1}))
+        policy = replace(policy, on_grounds={"stairs": replace(policy.course, plan=steps)})
+        assert films.films_on_grounds(comparison(go1, policy)) == {"stairs": {"a": TaskResult("film")}}
+        assert asked[0].ground is not None
+        assert np.max(asked[0].ground.heights) >= 1.0
 
     def test_the_next_way_to_render_is_tried_where_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tried: list[Any] = []

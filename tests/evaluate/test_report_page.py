@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from markupsafe import Markup
-from report_pages import Page, comparison, page_of, result, walked
+from report_pages import COURSE, Page, comparison, page_of, result, walked
 
 from footfall.evaluate.comparison import Comparison, command_line
 from footfall.evaluate.pool import TaskResult
@@ -172,3 +172,21 @@ class TestOrder:
         other = result("trot", "trot", 0.3, 9, 1.0, walked())
         words = read(comparison(go1, fell, other), mine=Film(b"f", b"p"), trot=Film(b"f", b"p"))
         assert "mine fell after 5.0 s trot reached the end" in words
+
+    def test_films_on_a_ground_follow_those_of_the_course(self, go1: Robot) -> None:
+        plan = replace(COURSE, levels={"step_m": 0.2})
+        both = [
+            replace(
+                each, on_grounds={"stairs": replace(each.course, plan=plan, trace=walked(3.0, fell=True))}
+            )
+            for each in (result(name, name, 0.1, 0, 2.0, walked()) for name in ("mine", "trot"))
+        ]
+        shown = {name: TaskResult(Film(b"f", b"p")) for name in ("mine", "trot")}
+        page = page_module.render(comparison(go1, *both), shown, {"stairs": shown})
+        assert page.count("<video") == 4
+        words = " ".join(Page(page).words.split())
+        assert (
+            words.index("trot reached the end")
+            < words.index("step_m 0.2")
+            < words.index("mine fell after 3.0 s")
+        )

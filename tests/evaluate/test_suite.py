@@ -19,10 +19,12 @@ from footfall.evaluate.episodes import EpisodeTask, run_with
 from footfall.evaluate.metrics import score
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult
+from footfall.evaluate.scenarios import Scenario
 from footfall.evaluate.suite import CourseWalk
 from footfall.plant.episode import Push
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
+from footfall.terrain.declaration import GroundConfig
 
 PLANT = Path("other.xml")
 
@@ -57,7 +59,7 @@ class TestSuite:
     def mark(self, policy: str, plan: EpisodePlan) -> float:
         return (
             100.0 * ("ab".index(policy) + 1)
-            + 10.0 * ["one", "two", "course"].index(plan.scenario)
+            + 10.0 * ["one", "two", "course", "stairs"].index(plan.scenario)
             + plan.index
         )
 
@@ -91,6 +93,20 @@ class TestSuite:
         assert all((task.noise, task.plant, task.ground_truth) == (OWN_NOISE, PLANT, True) for task in tasks)
         compute = {"compute_ms": {"p50": 5.0, "p99": pytest.approx(8.92)}, "missed_deadlines": 0.5}
         assert walks == {name: CourseWalk(plan, f"trace of {name}", compute, "") for name in ("b", "a")}
+
+    def test_the_highest_level_of_each_ground_is_recorded(self, asked: list[Any]) -> None:
+        stairs = Scenario(
+            "Stairs", 4, 1.0, ground=GroundConfig("stairs"), levels={"step_m": (0.05, 0.2, -0.3, 0.1)}
+        )
+        file = replace(FILE, scenarios={**FILE.scenarios, "stairs": stairs})
+        walks = suite.run_grounds(["b", "a"], replace(CONFIG, scenarios=("two", "stairs")), file)
+        ((tasks, _),) = asked
+        assert [(task.policy, task.plan.levels, task.keep_trace) for task in tasks] == [
+            ("b", {"step_m": 0.2}, True),
+            ("a", {"step_m": 0.2}, True),
+        ]
+        assert {name: list(by) for name, by in walks.items()} == {"b": ["stairs"], "a": ["stairs"]}
+        assert walks["a"]["stairs"].trace == "trace of a"
 
 
 class TestEpisode:
