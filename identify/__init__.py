@@ -1,1 +1,1 @@
-"""A robot's parameters from its own motion: excitation, fits, held-out checks, proposals."""
+"""Identifies a robot's parameters from recorded motion: excitation, fits, validation, proposals."""

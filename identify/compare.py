@@ -1,4 +1,4 @@
-"""A log's motion beside the simulation of its commands, and what would explain the difference."""
+"""Compares a log's motion with a simulation of its commands, and suggests causes of the difference."""
 
 from dataclasses import dataclass, replace
 
@@ -10,8 +10,8 @@ from footfall.identify.parameters import QUANTITIES
 from footfall.identify.problem import Problem
 from footfall.identify.recording import Recording
 
-CLEAR = 0.3  # share of the squared error that a quantity has to explain to be named
-RIDGE = 1e-6  # of a step's normal equations: a parameter moves by a thousand scales at most
+CLEAR = 0.3  # minimum share of the squared error explained by a quantity to be named
+RIDGE = 1e-6  # added to the normal equations: limits a parameter's step to a thousand scales
 
 
 @dataclass(frozen=True)
@@ -19,12 +19,12 @@ class LegGap:
     """The difference between a leg's recorded motion and the nominal simulation."""
 
     leg: FixedLeg
-    error_rad: np.ndarray  # (n,) rms of positions over windows with their best starts
-    noise_rad: np.ndarray  # (n,) of the position readings
-    explains: tuple[dict[str, float], ...]  # for each joint: quantity to the share of its squared error
+    error_rad: np.ndarray  # (n,) rms error of positions over windows with their best starts
+    noise_rad: np.ndarray  # (n,) noise of the position readings
+    explains: tuple[dict[str, float], ...]  # by joint: share of its squared error explained by each quantity
 
     def verdict(self, joint: int) -> str:
-        """In one line, what would explain a joint's error."""
+        """The causes that would explain a joint's error, in one line."""
         if self.error_rad[joint] < 2.0 * self.noise_rad[joint]:
             return "within the noise of its readings"
         name, share = max(self.explains[joint].items(), key=lambda each: each[1])
@@ -59,14 +59,14 @@ def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = 
 
 
 def _of_joint(problem: Problem, joint: int) -> np.ndarray:
-    """Places of a joint's position residuals among those of a window."""
+    """Indices of a joint's position residuals among those of a window."""
     rows, n = problem.windows.position.shape[1:]
     places = np.arange(rows) * n + joint
     return places
 
 
 def _shares(problem: Problem, residual: np.ndarray, slope: np.ndarray) -> dict[str, float]:
-    """Share of the squared residual that each quantity explains."""
+    """Share of the squared residual explained by each quantity."""
     flat, slopes_flat = residual.reshape(-1), slope.reshape(-1, slope.shape[2])
     total = float(flat @ flat)
     found = {}

@@ -1,16 +1,16 @@
-"""Slopes of residuals by finite differences."""
+"""Derivatives of residuals by finite differences."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-EPS = 1e-3  # of a difference, in scales
+EPS = 1e-3  # step, in scales
 
 
 def slopes_by_window(
     residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals by window, (W, m), and their slopes, (W, m, p), at x.
+    """Residuals by window, (W, m), and their derivatives, (W, m, p), at x.
 
     Args:
         residuals: of candidates (p, K), shape (K, W, m).

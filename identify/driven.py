@@ -1,4 +1,5 @@
-"""A leg's recording as driven motion: smooth paths, delayed commands, and the bodies' forces along them."""
+"""A leg's recording as prescribed motion: smooth paths, delayed commands, and the bodies' forces along
+them."""
 
 import mujoco
 import numpy as np
@@ -9,10 +10,10 @@ from footfall.identify.windows import first_window_s
 from footfall.robots.actuator import JointCommand, friction_torque, lag_over, lagged, motor_torque
 from footfall.robots.driven_motion import DrivenMotion
 
-SMOOTHED_S = 0.015  # readings on either side through which a cubic is laid
-LEAST_POINTS = 3  # on either side
-MARGIN_S = 0.06  # at either end: the longest delay, and half a cubic
-SETTLED_S = 0.1  # in which the memory of motors forgets how a recording begins
+SMOOTHED_S = 0.015  # readings within this time on either side are used for a local cubic
+LEAST_POINTS = 3  # minimum number on either side
+MARGIN_S = 0.06  # at either end: the longest delay plus half of a cubic's window
+SETTLED_S = 0.1  # after which the motors' state does not depend on the start of the recording
 
 
 def driven_motion(
@@ -74,7 +75,7 @@ def driven_motion(
 def _starts(
     recording: Recording, grid: np.ndarray, window_s: float, block_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where windows may begin, (S,), and the block that each lies in; -1 for one that lies in two."""
+    """Steps at which windows may begin, (S,), and the block of each; -1 for one in two blocks."""
     step_s = grid[1] - grid[0]
     length = round(window_s / step_s)
     starts = np.arange(round(SETTLED_S / step_s), len(grid) - length - 1)
@@ -84,7 +85,7 @@ def _starts(
 
 
 def _smooth(read_s: np.ndarray, values: np.ndarray, at_s: np.ndarray, period_s: float) -> np.ndarray:
-    """Value, first and second derivative, (3, T), of local cubics through readings."""
+    """Value, first and second derivative, (3, T), from local cubics through readings."""
     half = max(LEAST_POINTS, round(SMOOTHED_S / period_s))
     nearest = np.searchsorted(read_s, at_s).clip(half, len(read_s) - half - 1)
     rows = nearest[:, None] + np.arange(-half, half + 1)

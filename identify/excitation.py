@@ -1,4 +1,4 @@
-"""Motion that tells a robot's joints: slow triangles, chirps, bursts of feed-forward torque."""
+"""Excitation of a robot's joints: slow triangles, chirps, bursts of feed-forward torque."""
 
 import math
 from collections.abc import Sequence
@@ -14,25 +14,25 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
 
-GOLDEN = 0.618034  # no small multiple of it is a whole number: joints never move alike
+GOLDEN = 0.618034  # irrational, so that joints never move in the same way
 
 
 @dataclass(frozen=True)
 class ExcitationConfig:
-    """How a robot is moved. Gains are shares of the robot's own."""
+    """Settings of the excitation. Gains are relative to the robot's own."""
 
-    settle_s: float = 1.0  # from the pose found to the middle of the motion
-    triangle_s: float = 4.0  # of each joint of a leg: slow, for friction
-    chirp_s: float = 10.0  # of each of the chirps
-    burst_s: float = 4.0  # of feed-forward torque: strength apart from stiffness
+    settle_s: float = 1.0  # from the initial pose to the centre of the motion
+    triangle_s: float = 4.0  # duration for each joint of a leg: slow, to identify friction
+    chirp_s: float = 10.0  # duration of each chirp
+    burst_s: float = 4.0  # duration of torque bursts, which separate strength from stiffness
     amplitude_rad: float = 0.3
-    second_amplitude: float = 0.5  # share of it, in the second chirp
+    second_amplitude: float = 0.5  # relative to the first, in the second chirp
     lowest_hz: float = 0.2
     highest_hz: float = 8.0
-    corner_hz: float = 1.5  # above it, a chirp's amplitude falls with frequency
-    stiffness: tuple[float, float] = (0.5, 1.0)  # of the two chirps
-    damping: tuple[float, float] = (0.7, 1.0)  # likewise
-    burst_share: float = 0.04  # of each motor's peak torque
+    corner_hz: float = 1.5  # above this, a chirp's amplitude decreases with frequency
+    stiffness: tuple[float, float] = (0.5, 1.0)  # in the two chirps
+    damping: tuple[float, float] = (0.7, 1.0)  # same
+    burst_share: float = 0.04  # relative to each motor's peak torque
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -47,7 +47,7 @@ class ExcitationConfig:
 
 
 class Excitation:
-    """A policy that runs through the whole motion, all legs at once."""
+    """A policy that performs the whole excitation, with all legs at once."""
 
     name = "excitation"
     needs_estimate = False
@@ -55,14 +55,14 @@ class Excitation:
     notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot, config: ExcitationConfig, rate_hz: float) -> None:
-        """Decides at `rate_hz`, which may be that of joint ticks."""
+        """Args: `rate_hz` of the policy, which may be the rate of the joint ticks."""
         self.rate_hz, self._config, self._robot = rate_hz, config, robot
         n = len(robot.joint_names)
         low, high = robot.soft_limits
         self._middle = robot.default_pose
         room = np.minimum(self._middle - low, high - self._middle)
         self._amplitude = np.minimum(config.amplitude_rad, 0.9 * room)
-        self._place = np.zeros(n)  # of each joint in its leg
+        self._place = np.zeros(n)  # index of each joint in its leg
         for joints in robot.foot_joints:
             self._place[joints] = np.arange(len(joints))
         self._side = swing_senses(robot)
@@ -72,7 +72,7 @@ class Excitation:
 
     @property
     def duration_s(self) -> float:
-        """Of the whole motion."""
+        """Duration of the whole motion."""
         config = self._config
         return config.settle_s + self._longest * config.triangle_s + 2 * config.chirp_s + config.burst_s
 
@@ -103,14 +103,14 @@ class Excitation:
         return JointCommand(self._middle + offset, zero, kp, kd, zero if torque is None else torque)
 
     def _triangle(self, time_s: float) -> np.ndarray:
-        """One joint of each leg after the other goes up, down and back at constant speed."""
+        """One joint of each leg after the other moves up, down and back at constant speed."""
         share = (time_s / self._config.triangle_s) % 1.0
         wave = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
         moves = self._place == int(time_s / self._config.triangle_s)
         return self._side * moves * wave * self._amplitude
 
     def _chirp(self, time_s: float) -> np.ndarray:
-        """A sweep of frequencies that grow exponentially, of all joints, each with its own phase."""
+        """A sweep with exponentially increasing frequency, with a different phase for each joint."""
         config = self._config
         growth = math.log(config.highest_hz / config.lowest_hz) / config.chirp_s
         hz = config.lowest_hz * math.exp(growth * time_s)
@@ -121,7 +121,7 @@ class Excitation:
         return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
 
     def _burst(self, time_s: float) -> np.ndarray:
-        """Torque that changes sign at random, ten times a second, N m."""
+        """Torque with random changes of sign, ten times a second, N m."""
         config = self._config
         if time_s > config.burst_s - 0.3:
             return np.zeros_like(self._middle)
@@ -131,7 +131,8 @@ class Excitation:
 
 
 def swing_senses(robot: Robot) -> np.ndarray:
-    """Signs, (n,), by which all legs swing the same way in the body's frame: they keep their distance."""
+    """Signs, (n,), that make all legs swing in the same direction in the body frame: they keep their
+    distance."""
     model = training_model(robot)
     data = mujoco.MjData(model)
     places, _ = joint_addresses(model, robot)

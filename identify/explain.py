@@ -1,4 +1,4 @@
-"""Which effect would explain a misfit: the fit once more with each of them."""
+"""Finds an effect that would explain a misfit, by fitting again with each effect."""
 
 from dataclasses import dataclass, replace
 
@@ -9,25 +9,26 @@ from footfall.identify.problem import Problem
 from footfall.identify.solver import some_windows, stepped
 
 ROUNDS = 5
-CLEAR = 0.7  # share of a residual to which an effect has to reduce it, to be named
+CLEAR = 0.7  # an effect is named if it reduces a residual to less than this share
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Residual of positions over their noise, worst joint, without any effect and with each."""
+    """Residual of positions relative to their noise for the worst joint, without effects and with each
+    one."""
 
     without: float
     with_effect: dict[str, float]
 
     @property
     def best(self) -> str | None:
-        """The effect that explains most; None if none explains enough."""
+        """The effect that explains most; None if no effect explains enough."""
         name, left = min(self.with_effect.items(), key=lambda each: each[1])
         return name if left < CLEAR * self.without else None
 
 
 def explained(problem: Problem, x: np.ndarray, rounds: int = ROUNDS) -> Explanation:
-    """Fit again with each effect, on some of the windows.
+    """Fit again with each effect, using some of the windows.
 
     Args:
         problem: of the fit.
@@ -44,7 +45,7 @@ def _has(problem: Problem, name: str) -> bool:
 
 
 def _ratio(problem: Problem, x: np.ndarray, effect: str | None, rounds: int) -> float:
-    """Residual over noise of the worst joint, with one more effect."""
+    """Residual relative to noise of the worst joint, with one additional effect."""
     names = () if effect is None else (effect,)
     extra = [each for each in parameters_of(problem.leg, names) if each.quantity in names]
     wider = replace(problem, parameters=(*extra, *problem.parameters))

@@ -1,4 +1,4 @@
-"""Fits a leg's parameters to recordings of it, judges them on others, and says what the data cannot tell."""
+"""Fits a leg's parameters to recordings, validates them on others, and lists unidentifiable parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,30 +18,30 @@ from footfall.identify.solver import solve
 from footfall.identify.told import delay_profile, told
 from footfall.identify.windows import Windows, cut, joined
 
-MISFIT = 2.0  # residual over noise from which the model is wrong; right models left 1.14 at most in 36 fits
-MOST_NOISE = 3.0  # of the readings, by which directions that they do not tell are judged
-MOST_TURN_RAD_S = 0.05  # of a base that counts as fixed
+MISFIT = 2.0  # residual over noise of a wrong model; correct models had at most 1.14 in 36 fits
+MOST_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
+MOST_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
 RESAMPLES = 60
-DEVIATIONS = 3.18  # in the half-width of an interval of 95 %: Student's t, as if four windows told
+DEVIATIONS = 3.18  # half-width of a 95 % interval in deviations: Student's t for four windows
 
 
 @dataclass(frozen=True)
 class FitConfig:
-    """How recordings are cut and how long the fit looks."""
+    """Settings of the fit."""
 
     window_s: float = 1.0
-    rate_hz: float = 500.0  # of the readings that count
-    rounds: int = 8  # of Gauss-Newton steps at most, starts and weights refined between them
-    hold_out_every: int = 4  # each such window judges, where no recording is held out
-    effects: tuple[str, ...] = ()  # of `EFFECTS`, fitted as well
-    profile: bool = False  # over the delay
-    explain: bool = True  # look for an effect that explains a misfit
+    rate_hz: float = 500.0  # of the readings that are used
+    rounds: int = 8  # maximum number of Gauss-Newton steps; starts and weights are refined between them
+    hold_out_every: int = 4  # without a held-out recording, every such window is held out
+    effects: tuple[str, ...] = ()  # those of `EFFECTS` that are fitted, too
+    profile: bool = False  # whether to compute a profile over the delay
+    explain: bool = True  # whether to search for an effect that explains a misfit
     seed: int = 0
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter: its value and an interval of 95 % by bootstrap over windows."""
+    """One parameter: value and 95 % interval, from a bootstrap over windows."""
 
     parameter: Parameter
     value: float
@@ -50,9 +50,9 @@ class Estimate:
 
 
 class Track(NamedTuple):
-    """Motion over W windows of R readings, each from its best start, (W, R, n)."""
+    """Motion in W windows of R readings, each with its best start, (W, R, n)."""
 
-    time_s: np.ndarray  # from the window's start
+    time_s: np.ndarray  # since the start of the window
     read_rad: np.ndarray
     fitted_rad: np.ndarray
     nominal_rad: np.ndarray
@@ -60,34 +60,34 @@ class Track(NamedTuple):
 
 @dataclass(frozen=True)
 class LegFit:
-    """What the data say of a leg."""
+    """Result of a leg's fit."""
 
     leg: FixedLeg
     estimates: tuple[Estimate, ...]
-    frozen: dict[Parameter, Direction]  # kept nominal: the data do not tell them from others in the direction
-    noise_rad: np.ndarray  # (n,) of the position readings
-    residual_rad: np.ndarray  # (n,) rms of fitted positions over the windows of the fit
+    frozen: dict[Parameter, Direction]  # unidentifiable, kept nominal; with their direction
+    noise_rad: np.ndarray  # (n,) noise of the position readings
+    residual_rad: np.ndarray  # (n,) rms error of fitted positions over the windows used for fitting
     held_out: Track
-    explanation: Explanation | None = None  # of a misfit
-    profile: Profile | None = None  # over the delay, if asked for
+    explanation: Explanation | None = None  # cause of a misfit
+    profile: Profile | None = None  # over the delay, if requested
 
     @property
     def held_out_rad(self) -> np.ndarray:
-        """Rms of the fitted leg's positions over the held-out windows, (n,)."""
+        """Rms error of the fitted leg's positions over the held-out windows, (n,)."""
         return _rms(self.held_out.fitted_rad - self.held_out.read_rad)
 
     @property
     def nominal_rad(self) -> np.ndarray:
-        """The same of the nominal leg, (n,)."""
+        """Same for the nominal leg, (n,)."""
         return _rms(self.held_out.nominal_rad - self.held_out.read_rad)
 
     @property
     def misfit(self) -> np.ndarray:
-        """Residual over noise, (n,): beyond `MISFIT` the model lacks an effect."""
+        """Residual relative to noise, (n,): above `MISFIT` the model lacks an effect."""
         return self.residual_rad / self.noise_rad
 
     def value(self, quantity: str, owner: str) -> float | None:
-        """An estimate; None if it was frozen."""
+        """The estimate of a parameter; None if it was frozen."""
         wanted = Parameter(quantity, owner)
         return next((each.value for each in self.estimates if each.parameter == wanted), None)
 
@@ -140,13 +140,13 @@ def fit_leg(
 def _split(
     leg: FixedLeg, recordings: Sequence[Recording], held_out: Sequence[Recording], config: FitConfig
 ) -> tuple[Windows, Windows]:
-    """Windows that are fitted, and those that judge."""
+    """Windows for fitting, and for validation."""
     windows = _windows(leg, recordings, config)
     if held_out:
         return windows, _windows(leg, held_out, config)
     chosen = np.arange(windows.width) % config.hold_out_every == config.hold_out_every - 1
     if not chosen.any():
-        raise UserError(f"{windows.width} windows are too few to hold one out: record for longer")
+        raise UserError(f"{windows.width} windows are too few to hold one out: record longer")
     return windows.take(~chosen), windows.take(chosen)
 
 
@@ -188,7 +188,7 @@ def problem_of(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig
 
 
 def _noise(residual: np.ndarray) -> float:
-    """Deviation of residuals: their noise before a fit, and what they are after it."""
+    """Standard deviation of residuals: noise before a fit, rms of the residuals after it."""
     return float(np.sqrt((residual**2).mean()).clip(1.0, MOST_NOISE))
 
 
@@ -213,7 +213,7 @@ def _windows(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) 
 
 
 def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
-    """Deviation of torque readings, (n,); infinite where there are none."""
+    """Standard deviation of torque readings, (n,); infinite without readings."""
     third = np.concatenate([np.diff(each.torque[:, leg.joints], 3, axis=0) for each in recordings])
     noise = np.sqrt((third**2).mean(axis=0) / 20.0)
     told = np.isfinite(noise) & (noise > 0.0)
@@ -224,7 +224,8 @@ def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
 def _estimates(
     problem: Problem, x: np.ndarray, residual: np.ndarray, slope: np.ndarray, seed: int
 ) -> tuple[Estimate, ...]:
-    """Values with intervals, by bootstrap over windows with refits; residual and slope as `slopes` gives."""
+    """Values with intervals, by bootstrap over windows with refits; residual and derivatives are from
+    `slopes`."""
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
     refits = refitted(x, residual, slope, weights, problem.by_window)
     scale = np.array([each.kind.scale for each in problem.parameters])
@@ -237,7 +238,7 @@ def _estimates(
 
 
 def _track(problem: Problem, x: np.ndarray) -> Track:
-    """Predicted motion of the fitted and of the nominal leg."""
+    """Predicted motion of the fitted and the nominal leg."""
     windows = problem.windows
     paths = []
     for candidate in (x, np.zeros(len(x))):
@@ -248,6 +249,6 @@ def _track(problem: Problem, x: np.ndarray) -> Track:
 
 
 def _rms(errors: np.ndarray) -> np.ndarray:
-    """Over windows and readings, (n,), of (W, R, n)."""
+    """Rms over windows and readings, (n,), of (W, R, n)."""
     result: np.ndarray = np.sqrt((errors**2).mean(axis=(0, 1)))
     return result

@@ -17,24 +17,24 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-RISE = (0.1, 0.9)  # shares of the step between which the rise time is taken
-LEAST = 0.05  # share of the robot's own gain below which the search gives up
-TORQUE_SHARE = 0.3  # of a motor's peak torque that a step asks for at most
-LOST = 3.0  # steps from the target at which a trial ends at once
+RISE = (0.1, 0.9)  # the rise time is measured between these shares of the step
+LEAST = 0.05  # relative to the robot's own gain: the search stops below this
+TORQUE_SHARE = 0.3  # maximum torque requested by a step, relative to a motor's peak torque
+LOST = 3.0  # error in steps at which a trial ends at once
 
 
 @dataclass(frozen=True)
 class GainConfig:
     """Steps of the target, and the way of the search. Gains are shares of the robot's own."""
 
-    settle_s: float = 1.0  # from the pose found to the default pose, and at rest after a joint rang
+    settle_s: float = 1.0  # from the initial pose to the default pose, and rest after ringing
     step_rad: float = 0.05
-    trial_s: float = 0.6  # of each step
+    trial_s: float = 0.6  # duration of each step
     raise_by: float = 1.25
-    most: float = 8.0  # highest gain that is tried
-    back_to: float = 0.8  # of the first gain that rings
-    rings_rad: float = 0.1  # peak to peak in the second half of a trial, as a share of the step
-    rings_rad_s: float = 0.3  # velocity then, root mean square
+    most: float = 8.0  # maximum gain
+    back_to: float = 0.8  # of the lowest gain that rings
+    rings_rad: float = 0.1  # peak to peak in the second half of a trial, relative to the step
+    rings_rad_s: float = 0.3  # rms velocity in the second half of a trial
 
     def __post_init__(self) -> None:
         require_between(self, 0.1, 60.0, "settle_s", "trial_s")
@@ -46,22 +46,22 @@ class GainConfig:
 
 
 class Response(NamedTuple):
-    """What a joint makes of a step."""
+    """Response of a joint to a step."""
 
-    rise_s: float  # from 10 to 90 % of where it ends; NaN if it does not move
-    overshoot: float  # share of the step
+    rise_s: float  # from 10 to 90 % of its final travel; NaN if it does not move
+    overshoot: float  # relative to the step
     rings: bool
 
 
 class Gains(NamedTuple):
-    """Shares of the robot's own gains."""
+    """Gains relative to the robot's own."""
 
     kp: float = 1.0
     kd: float = 1.0
 
 
 class Tuned(NamedTuple):
-    """The result for one joint. Gains are shares of the robot's own; None: no gain that was tried rings."""
+    """Result for one joint. Gains are relative to the robot's own; None: none of the tested gains rings."""
 
     own: Response  # with the robot's own gains
     kp_rings: float | None
@@ -69,12 +69,12 @@ class Tuned(NamedTuple):
     proposed: Gains
 
     def figures(self) -> dict[str, Any]:
-        """For a file."""
+        """Plain values for a file."""
         rest = {"kp_rings": self.kp_rings, "kd_rings": self.kd_rings}
         return {"own": self.own._asdict(), **rest, "proposed": self.proposed._asdict()}
 
 
-RESTING = Gains(0.5, 1.0)  # between two joints, and after a joint rang
+RESTING = Gains(0.5, 1.0)  # for joints not being tested, and after ringing
 
 Search = Generator[Gains, Response, Tuned]
 """Yields the gains of the next trial and takes its response."""
@@ -136,7 +136,7 @@ def _edge(
 
 
 class GainSearch:
-    """A policy that steps the joints of a robot on a stand, one joint of each leg at a time."""
+    """A policy that tests step responses of a robot on a stand, one joint of each leg at a time."""
 
     name = "gain search"
     needs_estimate = False
@@ -144,7 +144,7 @@ class GainSearch:
     notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot, config: GainConfig, rate_hz: float) -> None:
-        """Decides at `rate_hz`, which may be that of joint ticks."""
+        """Args: `rate_hz` of the policy, which may be the rate of the joint ticks."""
         self.rate_hz, self._robot, self._config = rate_hz, robot, config
         self._middle, self._start = robot.default_pose, robot.default_pose
         self._sides = swing_senses(robot)
@@ -158,14 +158,14 @@ class GainSearch:
 
     @property
     def duration_s(self) -> float:
-        """Of the longest search."""
+        """Duration of the longest possible search."""
         config = self._config
         trials = 2 + 2 * math.ceil(math.log(max(config.most, 1.0 / LEAST)) / math.log(config.raise_by))
         return config.settle_s + len(self._waiting) * (trials * config.trial_s + 4 * config.settle_s)
 
     @property
     def done(self) -> bool:
-        """Whether all joints have their result."""
+        """Whether all joints have a result."""
         return not self._waiting and not self._trials
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -199,14 +199,14 @@ class GainSearch:
         most_nm, kp = TORQUE_SHARE * float(self._robot.motor.peak_torque[joint]), float(self._robot.kp[joint])
 
         def step(share: float) -> float:
-            """A larger one would show the motor's limit instead of the gain."""
+            """Size of a step; a larger one would be limited by the motor instead of the gain."""
             return float(self._sides[joint]) * min(self._config.step_rad, most_nm / (share * kp))
 
         return _Trials(joint, step, self._config, time_s)
 
 
 class _Trials:
-    """The trials of one joint: the target steps away from the default pose and back in turn."""
+    """The trials of one joint: the target alternates between the default pose and a step away from it."""
 
     def __init__(self, joint: int, step: Callable[[float], float], config: GainConfig, time_s: float) -> None:
         self.joint, self._step_at, self._config = joint, step, config

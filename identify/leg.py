@@ -1,4 +1,4 @@
-"""One leg on a fixed base: the body whose motion a fit predicts."""
+"""One leg on a fixed base: the mechanical model whose motion is fitted."""
 
 from dataclasses import dataclass
 
@@ -25,13 +25,13 @@ class FixedLeg:
     """A leg whose base does not move. Arrays (n,) are in the order of its joints from the base outwards."""
 
     name: str
-    model: mujoco.MjModel  # n hinges, no contacts, no losses: those are the joint law's
-    joints: np.ndarray  # (n,) places of its joints in the robot's joint order
+    model: mujoco.MjModel  # n hinges, no contacts, no friction or damping: those are in the joint law
+    joints: np.ndarray  # (n,) indices of its joints in the robot's joint order
     joint_names: tuple[str, ...]
-    body_names: tuple[str, ...]  # of its moving bodies, in the model's order
+    body_names: tuple[str, ...]  # its moving bodies, in the model's order
     armature: np.ndarray  # nominal, kg m^2, (n,)
     motor: Motor  # nominal, fields (n,)
-    net: ActuatorNet | None = None  # the learned part of their joint law
+    net: ActuatorNet | None = None  # learned part of the joint law
 
     @property
     def count(self) -> int:
@@ -40,7 +40,7 @@ class FixedLeg:
 
 
 def fixed_legs(robot: Robot) -> tuple[FixedLeg, ...]:
-    """The legs of a robot, in the order of its feet."""
+    """All legs of a robot, in the order of its feet."""
     return tuple(_fixed_leg(robot, leg) for leg in range(len(robot.description.feet)))
 
 
@@ -71,13 +71,13 @@ def _fixed_leg(robot: Robot, leg: int) -> FixedLeg:
 
 
 def joint_addresses_of(model: mujoco.MjModel, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
-    """Where joints lie in `qpos` and `qvel`."""
+    """Addresses of joints in `qpos` and `qvel`."""
     ids = [model.joint(name).id for name in names]
     return [int(model.jnt_qposadr[each]) for each in ids], [int(model.jnt_dofadr[each]) for each in ids]
 
 
 def _path(body: mujoco.MjsBody) -> list[str]:
-    """Names of a body and of those that carry it."""
+    """Names of a body and of its ancestors."""
     names = []
     while body is not None and body.name != "world":
         names.append(body.name)

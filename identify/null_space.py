@@ -1,22 +1,22 @@
-"""What data cannot tell: directions of parameters without a slope, and the profile over one parameter."""
+"""Unidentifiable parameters: directions without effect on residuals, and the profile over one parameter."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-LOADING = 0.3  # share of a direction's largest part from which a parameter belongs to it
+LOADING = 0.3  # minimum part of a parameter in a direction, relative to the largest, to belong to it
 
 
 class Direction(NamedTuple):
-    """Parameters that can move together without a trace in the data."""
+    """Parameters that can change together without effect on the data."""
 
-    deviation: float  # along it, in scales: the residuals' noise over their slope
-    parts: dict[str, float]  # of the parameters in it, scales; the largest is 1
+    deviation: float  # standard deviation along it, in scales
+    parts: dict[str, float]  # part of each parameter, in scales; the largest is 1
 
     @property
     def text(self) -> str:
-        """For reports."""
+        """Text for reports."""
         parts = " ".join(f"{part:+.2f} {name}" for name, part in self.parts.items())
         return f"{parts} (deviation {self.deviation:.2g} scales)"
 
@@ -48,20 +48,20 @@ def null_directions(
 
 
 class Profile(NamedTuple):
-    """Best fits with one parameter held at each of G values."""
+    """Best fits with one parameter fixed at each of G values."""
 
     values: np.ndarray  # (G,)
-    misfit: np.ndarray  # (G,) of the fit there
-    numbers: np.ndarray  # (G, p) the others
+    misfit: np.ndarray  # (G,) of these fits
+    numbers: np.ndarray  # (G, p) the other parameters
 
     def range_within(self, factor: float) -> tuple[float, float]:
-        """Least and greatest value whose misfit is at most `factor` times the best."""
+        """Minimum and maximum value whose misfit is at most `factor` times the best."""
         inside = self.values[self.misfit <= factor * self.misfit.min()]
         return float(inside.min()), float(inside.max())
 
 
 def profile(fit_at: Callable[[float], tuple[float, np.ndarray]], values: Sequence[float]) -> Profile:
-    """Fit all other parameters with one held.
+    """Fit all other parameters with one fixed.
 
     Args:
         fit_at: from a value of the held one to the misfit and the numbers of the others.

@@ -1,4 +1,4 @@
-"""What a fit may change of a leg: one row per quantity, and values of many candidates at once."""
+"""Parameters of a leg that can be fitted, one row per quantity, and values for many candidates at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ import numpy as np
 from footfall.identify.leg import FixedLeg
 from footfall.robots.actuator import Motor
 
-LEG = "leg"  # the owner of what all joints of a leg share
+LEG = "leg"  # owner of quantities that all joints of a leg share
 
 
 class Quantity(NamedTuple):
-    """A quantity that is fitted, for each joint, each body or the whole leg."""
+    """A quantity to fit, for each joint, each body or the whole leg."""
 
     of: str  # "joint", "body" or "leg"
-    unit: str  # "" for a factor of the nominal value
+    unit: str  # "" for a factor on the nominal value
     nominal: float
     low: float
     high: float
-    scale: float  # a difference between two robots that surprises nobody
-    floor: float  # least half-width of a range
-    field: str = ""  # of `Motor`, of an effect that a fit leaves out unless it is asked for
+    scale: float  # typical difference between two robots
+    floor: float  # minimum half-width of a range
+    field: str = ""  # field of `Motor`, for an effect that is fitted only on request
 
 
 # Ordered by what is frozen first where data cannot tell quantities apart: what a datasheet or scales tell
@@ -54,10 +54,10 @@ ORDER = (*EFFECTS, *QUANTITIES)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a fit."""
+    """One parameter of a fit."""
 
     quantity: str
-    owner: str  # joint, body, or LEG
+    owner: str  # name of a joint or body, or LEG
 
     @property
     def kind(self) -> Quantity:
@@ -65,25 +65,25 @@ class Parameter:
 
     @property
     def label(self) -> str:
-        """For tables."""
+        """Text for tables."""
         return f"{self.owner} {self.quantity}"
 
 
 class Values(NamedTuple):
-    """Quantities of K candidates of a leg with n joints and m bodies."""
+    """Parameter values of K candidates for a leg with n joints and m bodies."""
 
     armature: np.ndarray  # (K, n) kg m^2
     motor: Motor  # fields (K, 1, n)
     encoder_bias: np.ndarray  # (K, 1, n) rad
-    kp: np.ndarray  # (K, 1, n) of the commanded stiffness
-    kd: np.ndarray  # (K, 1, n) of the commanded damping
-    delay_s: np.ndarray  # (K, n) from a command's tick to its effect, plus that of the readings
-    link_mass: np.ndarray  # (K, m) of the nominal masses
-    link_com: np.ndarray  # (K, m) of the nominal centres of mass in their bodies' frames
+    kp: np.ndarray  # (K, 1, n) relative to the commanded stiffness
+    kd: np.ndarray  # (K, 1, n) relative to the commanded damping
+    delay_s: np.ndarray  # (K, n) from a command's tick to its effect, including the readings' delay
+    link_mass: np.ndarray  # (K, m) relative to the nominal masses
+    link_com: np.ndarray  # (K, m) relative to the nominal centres of mass in the bodies' frames
 
 
 def parameters_of(leg: FixedLeg, effects: Sequence[str] = ()) -> tuple[Parameter, ...]:
-    """All parameters of a leg, those of some of `EFFECTS` included."""
+    """All parameters of a leg, including those of some of `EFFECTS`."""
     names = (*effects, *QUANTITIES)
     return tuple(Parameter(name, owner) for name in names for owner in _owners(leg, name))
 
@@ -98,12 +98,12 @@ def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
 
 
 def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarray) -> Values:
-    """The candidates whose parameters are the columns of `numbers`, (p, K); what is absent is nominal."""
+    """The candidates given by the columns of `numbers`, (p, K); all other parameters are nominal."""
     count = numbers.shape[1]
     place = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
 
     def all_of(name: str) -> np.ndarray:
-        """(K, owners)."""
+        """Values of a quantity, (K, owners)."""
         rows = [place.get((name, owner)) for owner in _owners(leg, name)]
         return np.stack(
             [np.full(count, KINDS[name].nominal) if row is None else numbers[row] for row in rows], axis=1

@@ -10,12 +10,12 @@ from footfall.identify.parameters import Parameter, nominal, values_of
 from footfall.identify.simulate import simulate
 from footfall.identify.windows import Windows
 
-START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: what a window's estimated start may be wrong by
-SHARES = np.array([1.0, 0.3, 0.0])  # of a step of the starts that are tried
-LEAST_TORQUE_NM = 0.003  # deviation of torque readings that is believed
-NORMAL_MEDIAN = 0.6745  # median of a normal distribution's sizes, in deviations
-BATCHES = 12  # of a window's residuals, by which their correlation is judged
-OUTLIER = 3.0  # robust deviations from which a residual counts less
+START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: standard deviation of a window's estimated start
+SHARES = np.array([1.0, 0.3, 0.0])  # of a step of the starts: those that are tested
+LEAST_TORQUE_NM = 0.003  # minimum standard deviation of torque readings
+NORMAL_MEDIAN = 0.6745  # median of the absolute values of a normal distribution, in standard deviations
+BATCHES = 12  # number of batches per window for estimating the residuals' correlation
+OUTLIER = 3.0  # in robust standard deviations: larger residuals get less weight
 
 
 @dataclass
@@ -28,18 +28,20 @@ class Problem:
 
     leg: FixedLeg
     windows: Windows
-    parameters: tuple[Parameter, ...]  # free ones
-    fixed: dict[Parameter, float]  # others that are not nominal
+    parameters: tuple[Parameter, ...]  # free parameters
+    fixed: dict[Parameter, float]  # other parameters that are not nominal
     position_sigma: np.ndarray  # (n,) rad
-    torque_sigma: np.ndarray  # (n,) N m; infinite where torque does not count
+    torque_sigma: np.ndarray  # (n,) N m; infinite if torque is not used
 
     def __post_init__(self) -> None:
         self.start = self.windows.start.copy()  # (W, 2, n)
         self.weight = np.ones(self._shape())
-        self._project: tuple[np.ndarray, np.ndarray] | None = None  # slopes of the starts, and their share
+        self._project: tuple[np.ndarray, np.ndarray] | None = (
+            None  # slopes by the starts, their pseudo-inverse
+        )
 
     def _shape(self) -> tuple[int, int]:
-        """Windows and residuals of each."""
+        """Numbers of windows and of residuals per window."""
         w, r, n = self.windows.position.shape
         return w, 2 * r * n
 
@@ -52,7 +54,7 @@ class Problem:
         return self.scaled(np.array([each.kind.high for each in self.parameters]))
 
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
-        """Parameters (p,) in units of their scales, from nominal."""
+        """Parameters (p,) in scales from nominal."""
         scale = np.array([each.kind.scale for each in self.parameters])
         result: np.ndarray = (numbers - nominal(self.parameters)) / scale
         return result
@@ -64,7 +66,8 @@ class Problem:
         return result
 
     def errors(self, x: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Predicted less read positions, rad, and torques, N m: (K, W, R, n) each, of candidates (p, K)."""
+        """Predicted minus measured positions, rad, and torques, N m: (K, W, R, n) each, for candidates (p,
+        K)."""
         count = x.shape[1]
         fixed = tuple(self.fixed)
         known = np.array(list(self.fixed.values())).reshape(-1, 1) * np.ones(count)
@@ -110,7 +113,7 @@ class Problem:
         self._project = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal)), slope
 
     def _start_costs(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Squared residuals of windows and of their starts, (C, W), of C choices of starts (C, W, 2, n)."""
+        """Squared residuals of windows and their starts, (C, W), for C choices of starts (C, W, 2, n)."""
         found = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
         away = (start - self.windows.start) / START_SIGMA[:, None]
         costs: np.ndarray = (found**2).sum(axis=2) + (away**2).sum(axis=(2, 3))
@@ -135,7 +138,7 @@ class Problem:
         self.weight = 1.0 / (outlying * np.broadcast_to(repeated, (w, 2, rows, n)).reshape(w, -1))
 
     def by_window(self, x: np.ndarray) -> np.ndarray:
-        """Projected residuals, (K, W, m), of candidates (p, K)."""
+        """Projected residuals, (K, W, m), for candidates (p, K)."""
         found = self._residuals(x)
         if self._project is None:
             return found
@@ -145,11 +148,11 @@ class Problem:
         return result
 
     def slopes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals by window, (W, m), and their slopes, (W, m, p), at x."""
+        """Residuals by window, (W, m), and their derivatives, (W, m, p), at x."""
         return slopes_by_window(self.by_window, x, self.high)
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """For `mujoco.minimize`: (residuals, K) of candidates (p, K)."""
+        """Function for `mujoco.minimize`: residuals (residuals, K) of candidates (p, K)."""
         found = self.by_window(x)
         return found.reshape(len(found), -1).T
 
@@ -170,6 +173,6 @@ def _correlation_times(residual: np.ndarray) -> np.ndarray:
 
 
 def _best(choices: np.ndarray, costs: np.ndarray) -> np.ndarray:
-    """Of choices (C, W, ...), each window's with the least cost, (C, W)."""
+    """The choice with the lowest cost for each window, from (C, W, ...) and costs (C, W)."""
     best: np.ndarray = choices[costs.argmin(axis=0), np.arange(choices.shape[1])]
     return best

@@ -1,4 +1,4 @@
-"""A proposed robot folder: the identified bodies and motors, and ranges for randomisation about them."""
+"""A proposed robot folder: identified bodies and motors, and randomisation ranges around them."""
 
 import shutil
 from collections.abc import Sequence
@@ -16,18 +16,23 @@ from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import make_inertia_explicit
 
-IN_FOLDER = ("armature", "joint_friction", "joint_damping", "link_mass")  # its ranges lie about nominal
+IN_FOLDER = (
+    "armature",
+    "joint_friction",
+    "joint_damping",
+    "link_mass",
+)  # in its model: ranges around it
 RANGED = (  # as identified
     *("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s"),
     *("stribeck_friction", "load_friction", "backlash_rad", "gear_compliance"),
 )
-LEARNED = ("motor_strength", "kp", "kd", "torque_lag_s")  # are in an actuator net: ranges about nominal
+LEARNED = ("motor_strength", "kp", "kd", "torque_lag_s")  # part of an actuator net: ranges are around nominal
 
 
 def propose(
     robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], folder: Path, with_net: bool = False
 ) -> Path:
-    """Write a robot folder with what was identified.
+    """Write a robot folder with the identified parameters.
 
     Args:
         robot: the nominal robot, whose folder is copied.
@@ -52,7 +57,7 @@ def propose(
 
 
 def _mjcf(robot: Robot, fits: Sequence[LegFit]) -> str:
-    """The robot's MJCF with identified inertias and losses."""
+    """The robot's MJCF with identified inertias and friction."""
     spec = load_spec(robot.xml_path)
     make_inertia_explicit(spec)
     for fit in fits:
@@ -79,14 +84,14 @@ def _mjcf(robot: Robot, fits: Sequence[LegFit]) -> str:
 
 
 def _set_damping(joint: mujoco.MjsJoint, damping: float) -> None:
-    """Viscous damping of a joint; MjSpec has it as a number or as an array."""
+    """Viscous damping of a joint, which MjSpec stores as a number or as an array."""
     values = np.zeros_like(np.atleast_1d(joint.damping), dtype=float)
     values[0] = damping
     joint.damping = values if np.ndim(joint.damping) else damping
 
 
 def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: Path, with_net: bool) -> str:
-    """The content of randomisation.yaml: the robot's own lines that were not identified, then new ones."""
+    """Content of randomisation.yaml: the robot's own ranges of quantities not identified, then new ones."""
     lines = [
         "# Identified from the robot's own motion by `footfall identify fit`. Ground friction,",
         "# payload and centre of mass are not told by it and keep their ranges.",
@@ -110,7 +115,7 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
 
 
 def _range(name: str, fits: Sequence[LegFit], about_nominal: bool) -> tuple[float, float] | None:
-    """A quantity's range; None where it was not identified."""
+    """A quantity's range; None if it was not identified."""
     quantity = KINDS[name]
     told = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
     if not told:
@@ -124,7 +129,7 @@ def _range(name: str, fits: Sequence[LegFit], about_nominal: bool) -> tuple[floa
 
 
 def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
-    """Owner, quantity, value, interval, unit of each estimate, and of each that was frozen."""
+    """Owner, quantity, value, interval and unit of each estimate and each frozen parameter."""
     rows = []
     for fit in fits:
         for each in fit.estimates:

@@ -1,4 +1,4 @@
-"""A run of the excitation on a robot that is bolted to a stand or hangs, through the loop and its log."""
+"""Runs the excitation on a robot that is fixed to a stand or hangs, with the control loop and a log."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,7 +14,7 @@ from footfall.identify.excitation import Excitation, ExcitationConfig
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-COOLER_C = 15.0  # than a motor's limit: the recording ends
+COOLER_C = 15.0  # below a motor's limit: the recording ends
 
 
 def record(
@@ -52,7 +52,7 @@ def run_on_stand(
     log: Path | None = None,
     done: Callable[[], bool] = lambda: False,
 ) -> SessionResult:
-    """A run that ends after `duration_s`, where `done` holds, or where a motor gets warm."""
+    """Run until `duration_s` is over, `done` is true, or a motor gets warm."""
     most_c = robot.motor_figures("temperature_limit_c") - COOLER_C
     warm: list[str] = []
 

@@ -20,28 +20,28 @@ class Recording:
     """Commands and readings of n joints at T ticks."""
 
     source: str
-    time_s: np.ndarray  # (T,) at which commands went out
-    command: np.ndarray  # (T, 5, n) position, velocity, stiffness, damping, torque: in force until the next
-    read_s: np.ndarray  # (T, n) at which readings arrived
+    time_s: np.ndarray  # (T,) sending times of commands
+    command: np.ndarray  # (T, 5, n) position, velocity, stiffness, damping, torque: until the next one
+    read_s: np.ndarray  # (T, n) arrival times of readings
     position: np.ndarray  # (T, n) rad
     torque: np.ndarray  # (T, n) N m as reported
     turn_rad_s: float  # rms of the base's angular velocity
-    gravity: np.ndarray  # (3,) mean direction of gravity in the base's frame
+    gravity: np.ndarray  # (3,) mean direction of gravity in the base frame
 
     @property
     def period_s(self) -> float:
-        """Mean time between two ticks."""
+        """Mean time between ticks."""
         return float((self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1))
 
     @property
     def position_noise_rad(self) -> np.ndarray:
-        """Standard deviation of the position readings' noise, (n,), by their third differences."""
+        """Standard deviation of the position readings' noise, (n,), from their third differences."""
         third = np.diff(self.position, 3, axis=0)
         return np.maximum(np.sqrt((third**2).mean(axis=0) / 20.0), 1e-5)
 
 
 def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float = np.inf) -> Recording:
-    """The part of a log in which its policy had the say.
+    """The part of a log in which its policy was in control.
 
     Raises:
         UserError: the log cannot be read, is of another robot, or holds no such part.
@@ -53,7 +53,7 @@ def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float 
         )
     stretches = [(begin, end) for mode, begin, end in columns.states() if mode == "WALKING"]
     if not stretches:
-        raise UserError(f"{path} holds no motion under a policy")
+        raise UserError(f"{path} has no motion under a policy")
     begin, end = max(stretches, key=lambda each: each[1] - each[0])
     found = _between(columns, str(path), len(robot.joint_names), max(begin, start_s), min(end, end_s))
     if columns.log.metadata.get("bus") == RECORDED_BUS:
@@ -62,7 +62,7 @@ def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float 
 
 
 def as_received(robot: Robot, command: np.ndarray) -> np.ndarray:
-    """Commands (T, 5, n) as motors decode them: a frame rounds, and may have no code for exactly zero."""
+    """Commands (T, 5, n) after encoding: a frame rounds, and some cannot encode exactly zero."""
     wiring = wire(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
     received = command.copy()
@@ -85,7 +85,7 @@ def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s
         or len(gains.time_s) != len(targets.time_s)
         or len(ages.time_s) != len(readings.time_s)
     ):
-        raise UserError(f"{source} holds too few commands and readings between {begin_s:g} and {end_s:g} s")
+        raise UserError(f"{source} has too few commands and readings between {begin_s:g} and {end_s:g} s")
     times, command_rows, reading_rows = times[inside], command_rows[inside], reading_rows[inside]
     target, gain = targets.values[command_rows], gains.values[command_rows]
     read = readings.values[reading_rows]
@@ -106,7 +106,7 @@ def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s
 
 
 def _gravity(orientation: np.ndarray) -> np.ndarray:
-    """Mean direction of gravity in the body's frame, (3,), of quaternions x, y, z, w, (T, 4)."""
+    """Mean direction of gravity in the body frame, (3,), from quaternions x, y, z, w, (T, 4)."""
     x, y, z, w = orientation.T
     down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
     mean = down.mean(axis=0)

@@ -1,10 +1,10 @@
-"""Bootstrap over blocks of residuals: how far a fit moves when other blocks had been recorded."""
+"""Bootstrap over blocks of residuals: estimates how much a fit depends on the choice of blocks."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-CHORDS = 1  # further steps of each refit with the residuals at its own place
+CHORDS = 1  # further steps of each refit with residuals at its own parameters
 SMALL = 1e-9  # added to the normal equations
 
 
@@ -36,7 +36,7 @@ def refitted(
     weights: np.ndarray,
     residual_at: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Solutions of weighted least squares, (B, p), by chord steps from x.
+    """Solutions of weighted least squares, (B, p), by chord steps starting at x.
 
     Args:
         x: solution with equal weights, (p,).

@@ -16,8 +16,8 @@ from footfall.identify.differences import EPS, slopes_by_window
 Simulate = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Motion of K candidates: parameters (p, K) and starts (K, W, s) to readings (K, W, R, c)."""
 
-OUTLIER = 3.0  # robust deviations from which a residual counts less
-START_ROUNDS = 2  # Gauss-Newton steps of the starts before a judgement
+OUTLIER = 3.0  # in robust standard deviations: larger residuals get less weight
+START_ROUNDS = 2  # Gauss-Newton steps of the starts before an evaluation
 
 
 class Number(NamedTuple):
@@ -28,20 +28,20 @@ class Number(NamedTuple):
     guess: float
     low: float
     high: float
-    scale: float  # a plausible difference between two machines
+    scale: float  # typical difference between two machines
 
 
 @dataclass(frozen=True)
 class Shooting:
-    """W windows of recordings, and the numbers that a fit may change."""
+    """W windows of recordings, and the parameters of a fit."""
 
     simulate: Simulate
     numbers: tuple[Number, ...]
-    measured: np.ndarray  # (W, R, c); NaN where there is no reading
-    sigma: np.ndarray  # (c,) deviation of a reading that counts as one
+    measured: np.ndarray  # (W, R, c); NaN without a reading
+    sigma: np.ndarray  # (c,) standard deviation of a reading, the unit of residuals
     start: np.ndarray  # (W, s) estimated
-    start_sigma: np.ndarray  # (s,) deviation of that estimate
-    recording: np.ndarray  # (W,) of which recording each window is
+    start_sigma: np.ndarray  # (s,) standard deviation of that estimate
+    recording: np.ndarray  # (W,) index of the recording of each window
     window_weight: np.ndarray = field(
         default_factory=lambda: np.ones(0)
     )  # (W,); empty: recordings count alike
@@ -49,28 +49,28 @@ class Shooting:
 
     @property
     def recordings(self) -> np.ndarray:
-        """The recordings that windows are of."""
+        """Indices of the windows' recordings."""
         return np.unique(self.recording)
 
     @property
     def guess(self) -> np.ndarray:
-        """(p,)."""
+        """Initial values of the parameters, (p,)."""
         return np.array([each.guess for each in self.numbers])
 
     @property
     def bounds(self) -> list[np.ndarray]:
-        """Least and greatest scaled numbers, (p,) each."""
+        """Bounds of the scaled parameters, (p,) each."""
         ends = np.array([(each.low, each.high) for each in self.numbers])
         return [self.scaled(ends[:, 0]), self.scaled(ends[:, 1])]
 
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
-        """Numbers (p,) or (p, K) in scales from their guesses."""
+        """Convert parameters (p,) or (p, K) to differences from their initial values, in scales."""
         centre, scale = self._frame(numbers.ndim)
         result: np.ndarray = (numbers - centre) / scale
         return result
 
     def unscaled(self, x: np.ndarray) -> np.ndarray:
-        """The reverse of `scaled`."""
+        """Inverse of `scaled`."""
         centre, scale = self._frame(x.ndim)
         result: np.ndarray = centre + scale * x
         return result
@@ -93,7 +93,7 @@ class Shooting:
         return replace(self, window_weight=weight / weight.sum() * (weight > 0.0).sum())
 
     def held(self, name: str, value: float) -> "Shooting":
-        """The same with one number held at a value."""
+        """Return the same fit with one parameter fixed."""
         row = [each.name for each in self.numbers].index(name)
         simulate, rest = self.simulate, self.numbers[:row] + self.numbers[row + 1 :]
 
@@ -104,11 +104,11 @@ class Shooting:
 
     @property
     def weight(self) -> np.ndarray:
-        """Weights of the windows, (W,), one on average over those that count."""
+        """Weights of the windows, (W,); their mean is one over the windows that count."""
         return self.window_weight if self.window_weight.size else self.of(self.recordings).window_weight
 
     def errors(self, numbers: np.ndarray) -> np.ndarray:
-        """Simulated less measured, (W, R, c), with the best starts."""
+        """Simulated minus measured readings, (W, R, c), with the best starts."""
         moved = self
         for _ in range(START_ROUNDS):
             moved, _ = moved._with_best_starts(self.scaled(numbers), self.start)
@@ -117,7 +117,8 @@ class Shooting:
         return result
 
     def fit(self, first: np.ndarray | None = None, rounds: int = 3, iterations: int = 8) -> np.ndarray:
-        """The numbers, (p,), of least squares: starts and weights of outliers are refined between rounds."""
+        """Least-squares estimate of the parameters, (p,); starts and outliers' weights are refined between
+        rounds."""
         x = self.scaled(self.guess if first is None else first)
         now = self
         for _ in range(rounds):
@@ -146,7 +147,7 @@ class Shooting:
         return lambda candidates: now._projected(candidates, project)
 
     def slopes(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals by window, (W, m), and their slopes in scales, (W, m, p)."""
+        """Residuals by window, (W, m), and their derivatives by scaled parameters, (W, m, p)."""
         return slopes_by_window(self.linearised(numbers), self.scaled(numbers), self.bounds[1])
 
     def _residuals(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -176,12 +177,12 @@ class Shooting:
         there = self._residuals(x[:, None], moved[None])[0]
         cost = (found[0] ** 2).sum(axis=1) + (strength * away**2).sum(axis=1)
         left = (there**2).sum(axis=1) + (strength * ((moved - prior) / self.start_sigma) ** 2).sum(axis=1)
-        better = left < cost  # a joint that sticks has no slope
+        better = left < cost  # no derivative if a joint sticks
         back = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal))
         return replace(self, start=np.where(better[:, None], moved, self.start)), (back, slope)
 
     def _reweighted(self, x: np.ndarray) -> "Shooting":
-        """Outliers count less (weights of a Cauchy loss)."""
+        """Reduce the weight of outliers (Cauchy loss)."""
         plain = replace(self, point_weight=np.ones(0))
         error = (self.simulate(self.unscaled(x[:, None]), self.start[None])[0] - self.measured) / plain.sigma
         known = np.isfinite(error) & (self.weight > 0.0)[:, None, None]
@@ -190,7 +191,7 @@ class Shooting:
         return replace(self, point_weight=weight)
 
     def _projected(self, x: np.ndarray, project: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Residuals without what starts explain, (K, W, m), of candidates (p, K)."""
+        """Residuals without the part explained by starts, (K, W, m), for candidates (p, K)."""
         found = self._residuals(x, np.broadcast_to(self.start, (x.shape[1], *self.start.shape)))
         back, slope = project
         along = np.einsum("wmi,kwm->kwi", slope, found)

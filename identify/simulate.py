@@ -1,4 +1,4 @@
-"""Motion of many candidates of a leg over many windows at once: the joint law here, the bodies in MuJoCo."""
+"""Simulates many candidates of a leg over many windows: the joint law here, the bodies in MuJoCo."""
 
 import copy
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from footfall.robots.actuator_net import inputs_of, learned_torque
 
 
 class Prediction(NamedTuple):
-    """What encoders and motors would read, for K candidates: (K, W, R, n)."""
+    """Simulated encoder and torque readings of K candidates: (K, W, R, n)."""
 
     position: np.ndarray  # rad
     torque: np.ndarray  # N m
@@ -48,8 +48,8 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     datas = [mujoco.MjData(leg.model)]
     spec = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
     lag = None if values.motor.lag_s is None else lag_over(values.motor.lag_s, windows.step_s)
-    before: np.ndarray | None = None  # torque at the end of the last step
-    memory: np.ndarray | None = None  # of the learned part of the joint law
+    before: np.ndarray | None = None  # torque at the end of the previous step
+    memory: np.ndarray | None = None  # state of the learned part of the joint law
     path, torques = np.empty((steps + 1, count, width, n)), np.empty((steps + 1, count, width, n))
     with rollout.Rollout(nthread=0) as runner:
         for step in range(steps):
@@ -88,12 +88,12 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     steps_at = windows.time_s / windows.step_s - share[:, :, None]
     return Prediction(
         _read(path, steps_at) + values.encoder_bias[:, None],
-        _read(torques, steps_at),  # a motor reports the mean of the step that ends with its reading
+        _read(torques, steps_at),  # a motor reports the mean over the step before its reading
     )
 
 
 def _models(leg: FixedLeg, values: Values) -> list[mujoco.MjModel]:
-    """One model for each candidate."""
+    """One model per candidate."""
     models = []
     moving = leg.model.jnt_bodyid
     for armature, scale, com in zip(values.armature, values.link_mass, values.link_com, strict=True):
@@ -107,21 +107,21 @@ def _models(leg: FixedLeg, values: Values) -> list[mujoco.MjModel]:
 
 
 def _delays(delay_s: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Whole steps of each delay, (K, n), and the rest of it as a share of a step, (K, 1, n)."""
+    """Each delay as whole steps, (K, n), and the remaining fraction of a step, (K, 1, n)."""
     steps = delay_s / step_s
     whole = np.floor(steps).astype(int)
     return whole, (steps - whole)[:, None, :]
 
 
 def _command(command: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The commands in force, (K, W, 5, n), of commands on the physics grid, (T, W, 5, n), and rows (K, n)."""
+    """Commands in effect, (K, W, 5, n), from commands on the physics grid, (T, W, 5, n), and rows (K, n)."""
     joint = np.arange(command.shape[3])
     found: np.ndarray = command[rows, :, :, joint].transpose(0, 2, 3, 1)
     return found
 
 
 def _read(path: np.ndarray, steps_at: np.ndarray) -> np.ndarray:
-    """A path (S + 1, K, W, n) at times in steps, (K, W, R, n)."""
+    """Interpolate a path (S + 1, K, W, n) at times in steps, (K, W, R, n)."""
     last = len(path) - 1
     before = np.floor(steps_at).astype(int).clip(0, last - 1)
     share = steps_at - before

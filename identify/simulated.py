@@ -1,4 +1,4 @@
-"""The simulated robot on a stand, as a recording needs it."""
+"""A simulated robot on a stand, for recordings."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Least squares of a leg's problem: Gauss-Newton steps between which starts and weights are refined."""
+"""Least squares for a leg: Gauss-Newton steps, with starts and weights refined between them."""
 
 from dataclasses import replace
 
@@ -8,14 +8,14 @@ from mujoco import minimize
 from footfall.identify.problem import Problem
 
 STEP = 1e-4  # of finite differences, in scales
-LONGEST_STEP = 3.0  # of a round, in scales
-SETTLED = 3e-3  # of a round's step, in scales: the fit has converged
-UNWEIGHTED = 2  # rounds before outliers count less
-COARSE = 3  # every such window counts at first
+LONGEST_STEP = 3.0  # maximum step of a round, in scales
+SETTLED = 3e-3  # maximum step of a converged fit, in scales
+UNWEIGHTED = 2  # rounds before outliers get less weight
+COARSE = 3  # interval of the windows used at first
 
 
 def solve(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
-    """Gauss-Newton from x, starts and weights refined before each step; on some of the windows at first."""
+    """Gauss-Newton from x; starts and weights are refined before each step; with fewer windows at first."""
     coarse = some_windows(problem)
     if coarse is not problem:
         x = stepped(coarse, rounds // 2, x)
@@ -23,7 +23,7 @@ def solve(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
 
 
 def some_windows(problem: Problem) -> Problem:
-    """The problem with every `COARSE`-th window; itself if it has few."""
+    """The problem with every `COARSE`-th window; unchanged if it has few."""
     width = problem.windows.width
     if width < COARSE * COARSE:
         return problem
@@ -31,7 +31,7 @@ def some_windows(problem: Problem) -> Problem:
 
 
 def stepped(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
-    """At most `rounds` steps; fewer if they settle."""
+    """At most `rounds` steps; fewer if they converge."""
     problem.refine_starts(x)
     for turn in range(rounds):
         if turn >= UNWEIGHTED:

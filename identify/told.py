@@ -1,4 +1,4 @@
-"""What a leg's data cannot tell: parameters that keep their nominal values, and a profile over the delay."""
+"""Unidentifiable parameters of a leg, which keep their nominal values, and a profile over the delay."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,17 +10,17 @@ from footfall.identify.parameters import ORDER, Parameter
 from footfall.identify.problem import Problem
 from footfall.identify.solver import some_windows, stepped
 
-UNTOLD = 0.3  # deviation, in scales, from which a direction of parameters is not told by the data
+UNTOLD = 0.3  # standard deviation, in scales, above which a direction of parameters is unidentifiable
 DELAY, PROFILE_ROUNDS = "delay_s", 4
-SHIFTS_S = np.linspace(-0.004, 0.004, 9)  # of all delays of a leg, in a profile
+SHIFTS_S = np.linspace(-0.004, 0.004, 9)  # changes of all delays of a leg, for a profile
 
 
 class Told(NamedTuple):
-    """A problem without what its data cannot tell."""
+    """A problem without its unidentifiable parameters."""
 
     problem: Problem
-    kept: list[int]  # rows of the parameters that stay free
-    frozen: dict[Parameter, Direction]  # the others, each with the direction that it belongs to
+    kept: list[int]  # indices of the parameters that stay free
+    frozen: dict[Parameter, Direction]  # the others, each with its unidentifiable direction
 
 
 def told(problem: Problem, slope: np.ndarray, noise: float) -> Told:

@@ -1,4 +1,4 @@
-"""Pieces of a recording that a fit simulates from their own starts."""
+"""Sections of a recording that are simulated separately, each from its own start."""
 
 from typing import NamedTuple
 
@@ -8,31 +8,31 @@ from footfall.common.errors import UserError
 from footfall.identify.recording import Recording
 
 MARGIN_S = 0.05  # of commands before a window: the longest delay
-SETTLED_S = 0.01  # from a window's start, in which motors forget the torque before it: no reading counts
-LEAST_SHARE = 0.9  # of the usual readings in a window: one with a longer gap is left out
-FIT_POINTS = 5  # readings on either side from which a start is estimated
+SETTLED_S = 0.01  # at the start, until earlier torque has no effect: readings are not used
+LEAST_SHARE = 0.9  # minimum share of the usual number of readings: a window with a longer gap is skipped
+FIT_POINTS = 5  # number of readings on either side for estimating a start
 
 
 class Windows(NamedTuple):
     """W windows of the same length: commands on the physics grid, readings at their own times."""
 
-    command: np.ndarray  # (margin + S, W, 5, n) in force from each physics step on, before any delay
-    margin: int  # physics steps before the windows' starts
+    command: np.ndarray  # (margin + S, W, 5, n) in effect from each physics step on, before delays
+    margin: int  # number of physics steps before the windows' starts
     step_s: float
-    time_s: np.ndarray  # (W, R, n) of the readings, from the window's start
+    time_s: np.ndarray  # (W, R, n) times of the readings, since the start of the window
     position: np.ndarray  # (W, R, n) rad
     torque: np.ndarray  # (W, R, n) N m; NaN where motors report none
     start: np.ndarray  # (W, 2, n) estimated position and velocity as read
     acceleration: np.ndarray  # (W, n) estimated at the start, rad/s^2
-    source: np.ndarray  # (W,) number of the recording that each is of
+    source: np.ndarray  # (W,) index of each window's recording
 
     @property
     def width(self) -> int:
-        """W."""
+        """Number of windows."""
         return self.command.shape[1]
 
     def take(self, chosen: np.ndarray) -> "Windows":
-        """Some of the windows."""
+        """A subset of the windows."""
         return self._replace(
             command=self.command[:, chosen],
             time_s=self.time_s[chosen],
@@ -59,14 +59,14 @@ def joined(parts: list[Windows]) -> Windows:
 
 
 def first_window_s(recording: Recording) -> float:
-    """When the first window of a recording begins."""
+    """Start of a recording's first window."""
     return float(recording.time_s[0] + MARGIN_S + FIT_POINTS * recording.period_s)
 
 
 def cut(
     recording: Recording, joints: np.ndarray, length_s: float, step_s: float, most_hz: float = 250.0
 ) -> Windows:
-    """A recording's windows, one after the other. A window is left out if readings are missing in it.
+    """A recording's consecutive windows, without those in which readings are missing.
 
     Args:
         recording: of the whole robot.
@@ -95,7 +95,7 @@ def cut(
     whole = after - settled >= LEAST_SHARE * np.median(after - settled)
     rows = int((after - settled)[whole].min()) // every
     if not rows:
-        raise UserError(f"{recording.source} holds hardly any readings in windows of {length_s:g} s")
+        raise UserError(f"{recording.source} has hardly any readings in windows of {length_s:g} s")
     parts: dict[str, list[np.ndarray]] = {
         name: [] for name in ("command", "time", "position", "torque", "start")
     }
@@ -123,7 +123,7 @@ def cut(
 
 
 def _start(recording: Recording, joints: np.ndarray, row: int, start_s: float) -> np.ndarray:
-    """A parabola through the readings around a moment: its coefficients there, (3, n)."""
+    """Fit a parabola to the readings around a time: its coefficients there, (3, n)."""
     around = slice(max(row - FIT_POINTS, 0), row + FIT_POINTS)
     found = []
     for joint in joints:

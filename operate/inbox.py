@@ -213,9 +213,7 @@ class Inbox:
             if status.mode is not Mode.WALKING:  # the robot is not under command yet
                 self._walks_since_s = self._clock()
                 return request
-            if (
-                request.wish is Wish.GET_UP
-            ):  # it stands: after another fall, getting up must be requested again
+            if request.wish is Wish.GET_UP:  # it stands: after another fall, getting up needs a new request
                 request = request._replace(wish=Wish.WALK)
                 self._held = self._held._replace(request=request)
             now_s = self._clock()
