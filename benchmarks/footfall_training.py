@@ -1,4 +1,4 @@
-"""Trains a policy as `footfall train` does and keeps it along the way, as ONNX files.
+"""Trains a policy as `footfall train` does, and exports it at intervals as ONNX files.
 
     python benchmarks/footfall_training.py --preset gpu --out kept
 
@@ -22,7 +22,7 @@ from footfall.train.export import export
 
 
 def main() -> None:
-    """Train, then export what was kept."""
+    """Train, then export the saved policies."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

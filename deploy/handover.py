@@ -37,7 +37,7 @@ class HandoverConfig:
 
 
 class Handover:
-    """Policies of a run: the present one, and the next one during a handover."""
+    """Policies of a run: the current one, and the next one during a handover."""
 
     def __init__(
         self, policies: Sequence[Policy], config: HandoverConfig | None = None, get_up: Policy | None = None
@@ -66,12 +66,12 @@ class Handover:
 
     @property
     def leaving(self) -> bool:
-        """Whether the present policy hands over."""
+        """Whether the current policy hands over."""
         return self._next is not None
 
     @property
     def acting(self) -> tuple[Turn, ...]:
-        """Policies that act now: the present one, and the next one during the blend."""
+        """Policies that act now: the current one, and the next one during the blend."""
         if self._next is None or self._blends_since_us is None:
             return (self.present,)
         return self.present, self._next

@@ -71,7 +71,7 @@ class DrawnCommands:
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A command that applies from a time on."""
+    """A command that applies from a given time."""
 
     at_s: float
     forward_m_s: float = 0.0
@@ -105,7 +105,7 @@ class Scenario:
             raise ValueError(f"no level {unknown[0]} (there are {', '.join(LEVEL_NAMES)})")
         absent = [name for name in self.rows if name not in self.levels]
         if absent:
-            raise ValueError(f"rows names {absent[0]}, which is none of its levels")
+            raise ValueError(f"rows names {absent[0]}, which is not one of its levels")
         if self.episodes < 1 or self.duration_s <= 0.0:
             raise ValueError("episodes and duration_s must be above 0")
         require_between(self, 1, MOST_EPISODES, "episodes")
@@ -254,7 +254,7 @@ def _in_units(data: Any, ranges: Mapping[str, Range]) -> Any:
 
 
 def _scaled(share: Any, limits: Range) -> Any:
-    """A share of a range, or each of a list, in units; anything that is no number is unchanged."""
+    """A share of a range, or each of a list, in units; anything else than a number is unchanged."""
     if isinstance(share, list):
         return [_scaled(item, limits) for item in share]
     if not isinstance(share, int | float):

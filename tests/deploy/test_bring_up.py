@@ -56,7 +56,7 @@ WAY = 0.15 * np.sin(np.pi * TIME_S) ** 2
 
 
 def samples(n: int = 12, **changes: np.ndarray) -> Samples:
-    """A robot at rest, but for what changes."""
+    """A robot at rest, except for the given changes."""
     values = {name: np.zeros((101, n)) for name in ("target", "position", "velocity", "torque")}
     values["temperature_c"] = np.full((101, n), 30.0)
     up = changes.pop("up", np.tile([0.0, 0.0, 1.0], (101, 1)))
@@ -64,7 +64,7 @@ def samples(n: int = 12, **changes: np.ndarray) -> Samples:
 
 
 def only(joint: int, way: np.ndarray, n: int = 12) -> np.ndarray:
-    """One joint goes a way (101,), the others stay."""
+    """One joint moves along a path (101,), the others stay."""
     return way[:, None] * (np.arange(n) == joint)
 
 
@@ -86,7 +86,7 @@ class TestCriteria:
         ],
     )
     def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, says: list[str]) -> None:
-        """Its way is counted from where it begins."""
+        """Its travel is measured from its start."""
         pose = go1.default_pose
         made = samples(target=pose + only(2, WAY), position=pose + 0.01 + only(moved, by * WAY))
         assert list(follow(case_of(go1, made, 2))) == says
@@ -198,7 +198,7 @@ class TestCriteria:
     @pytest.mark.parametrize("by_rad", [0.08, -0.08])
     @pytest.mark.parametrize(("sways", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
     def test_the_base_tilts_as_joints_do(self, go1: Robot, sways: str, begin_s: float, by_rad: float) -> None:
-        """To its right, then to its front, or the other ways. An IMU that is askew is so before and after."""
+        """To the right, then to the front, or the reverse. The IMU's constant misalignment has no effect."""
         tilt = by_rad * np.sin(np.pi * TIME_S) ** 2
         way = swaying(go1, by_rad, 1.0)
         position = np.array([go1.default_pose + way(begin_s + min(t, 0.999)) for t in TIME_S])
@@ -264,7 +264,7 @@ class TestMotions:
 
 
 class Heard:
-    """As much of a loop as is recorded and judged."""
+    """The parts of a loop that are recorded and judged."""
 
     def __init__(self) -> None:
         self.walking, self.walking_s, self.ended = True, 0.0, []  # type: ignore[var-annotated]
@@ -505,12 +505,12 @@ class TestCommand:
 
     @pytest.fixture
     def settings(self) -> list[Setting]:
-        """What each step was run with."""
+        """Arguments of each step."""
         return []
 
     @pytest.fixture
     def steps_run(self, settings: list[Setting], monkeypatch: pytest.MonkeyPatch) -> list[str]:
-        """Steps that were run, of which `stand` alone fails."""
+        """Steps that were run; only `stand` fails."""
         steps_run: list[str] = []
 
         def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
@@ -526,7 +526,7 @@ class TestCommand:
     def test_steps_come_in_their_own_order_however_they_are_typed(
         self, shell: Shell, steps_run: list[str], typed: str
     ) -> None:
-        """Nothing walks before what was asked for besides has passed."""
+        """The robot does not walk before all other requested steps have passed."""
         assert shell("bring-up", "stand", "--steps", typed).status == 0
         assert steps_run == ["hold", "legs", "walk"]
 

@@ -104,14 +104,14 @@ class TestDeclaration:
             walk(go1, None, sample={"foot_force_scale": np.ones(4)})
 
     def test_training_refuses_them(self, sensing: Robot) -> None:
-        """It has nothing that reads force sensors."""
+        """No learned policy reads force sensors."""
         family = Randomisation(foot_force_scale=Distribution(0.9, 1.1))
         with pytest.raises(UserError, match="foot_force_scale"):
             LocomotionEnv(sensing, replace(load_preset("smoke").env, randomisation=family))
 
 
 def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:
-    """mpc, which walks on the estimate, with sensors that begin to lie 0.2 s later."""
+    """mpc, which uses the estimate, with sensors that become wrong 0.2 s later."""
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         if lie is not None and loop.walking and loop.walking_s > 0.2:
@@ -129,7 +129,7 @@ def each_otherwise(body: SimulatedRobot) -> None:
 
 
 def exchanged(body: SimulatedRobot) -> None:
-    """Front feet have the plugs of hind ones."""
+    """The plugs of front and hind feet are exchanged."""
     assert body.foot_sensors is not None
     body.foot_sensors.lie = lambda true: np.roll(true, 2)
 

@@ -40,7 +40,7 @@ class Bent(Hold):
 
 
 def walk(policies: Handover, until_s: float, from_s: float = 0.0) -> list[tuple[float, str, np.ndarray]]:
-    """Steps at 500 Hz, as the loop takes them: time, present policy, position targets."""
+    """Steps at 500 Hz as in the loop: time, current policy, position targets."""
     steps = []
     for now_us in range(round(from_s * 1e6), round(until_s * 1e6), TICK_US):
         if policies.due(now_us):
@@ -105,7 +105,7 @@ def test_a_blend_has_the_torque_of_both_at_any_position_and_velocity() -> None:
 
 
 class Drive:
-    """Walks, and asks for another policy at given times, and for what there is not."""
+    """Walks, and requests other policies at given times, including unknown ones."""
 
     stopped: Stop | None = None
 

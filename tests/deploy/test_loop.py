@@ -1,4 +1,4 @@
-"""The control loop tick by tick: what goes out, what comes in, when, and what is logged."""
+"""The control loop tick by tick: sent and received frames, their times, and the log."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ from footfall.robots.description import Robot
 
 
 class Adding(Hold):
-    """Holds the default pose plus an offset for each step that it was asked for, rad."""
+    """Holds the default pose plus an offset that grows with each policy step, rad."""
 
     def __init__(self, robot: Robot, *offsets_rad: float) -> None:
         super().__init__(robot)

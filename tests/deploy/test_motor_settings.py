@@ -1,4 +1,4 @@
-"""What each maker's motors are asked before they are switched on: late answers, time-outs to be set."""
+"""Settings read from each maker's motors before they are enabled: late replies, timeouts to set."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ QUICK = DeployConfig(stand_s=0.1)
 
 
 class OnABus:
-    """A simulated robot that hangs in a frame, seen through a bus to which something may happen."""
+    """A simulated robot that hangs in a frame, behind a bus that may be faulty."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot, wiring = robot, wire(robot)
@@ -77,7 +77,7 @@ def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robo
 
 
 class TestQuestions:
-    """Of two motors with the settings 9, a time-out in steps of 50 us, and 10."""
+    """Of two motors with the settings 9, a timeout in steps of 50 us, and 10."""
 
     @pytest.fixture
     def settings(self) -> Settings:

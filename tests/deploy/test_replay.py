@@ -1,4 +1,4 @@
-"""Reading a log back and giving it its end, on files that are written here record by record."""
+"""Reading and repairing logs, with files written here record by record."""
 
 import json
 import time
@@ -55,7 +55,7 @@ class Counts(Hold):
 
 
 def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: list[str]) -> Path:
-    """A log of so many handed observations, and what was decided on the first of them."""
+    """A log of these observations, and of the commands for the first ones."""
     with path.open("wb") as file:
         writer = Writer(file)
         schema = writer.register_msgdef(ARRAY, definition(ARRAY))
@@ -140,7 +140,7 @@ class TestReplay:
             replay(path, Fails(go1))
 
     def test_decisions_are_compared_by_time(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        """A damaged part of a log may have held the one and not the other."""
+        """A damaged part of a log may have contained only one of the two."""
         path = tmp_path / "gap.mcap"
         log = McapLog(path, go1, Hold(go1), {}, may_wait=True)
         log.begin(0)
@@ -239,7 +239,7 @@ class TestRecover:
         assert not torn.with_name("whole.mcap").exists()
 
 
-# -- what is written ---------------------------------------------------------------------------------
+# -- output ------------------------------------------------------------------------------------------
 
 
 class Seeing(Hold):
@@ -310,7 +310,7 @@ class TestWritten:
         assert json.loads(found["/rosout"][-1][1].msg) == stop
 
     def test_the_head_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
-        """A run that is killed at once leaves this."""
+        """As left by a run that is killed at once."""
         deadline = time.monotonic() + 5.0
         while (tmp_path / "run.mcap").stat().st_size == 0 and time.monotonic() < deadline:
             time.sleep(0.01)

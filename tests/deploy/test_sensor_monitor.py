@@ -1,4 +1,4 @@
-"""All sensor checks together: which figure each row goes by, when readings are compared, how one is added."""
+"""All sensor checks together: limit of each row, times of comparison, adding a check."""
 
 import math
 from dataclasses import fields, replace
@@ -42,7 +42,7 @@ def window(
     temperature_c: np.ndarray | float = math.nan,
     voltage: np.ndarray | float = math.nan,
 ) -> Implausible | None:
-    """What is found of the joints in one window of the same reading."""
+    """Findings for the joints in one window of constant readings."""
     for k in range(10 * number + 1, 10 * number + 11):
         full = monitor.add(k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), inertial, joints, ZEROS)
     assert full
@@ -50,7 +50,7 @@ def window(
 
 
 def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits = LOOSE) -> str:
-    """What is found of a robot that stands still, but for one figure of one motor."""
+    """Findings for a robot that stands still, with one changed value of one motor."""
     told = {"velocity": ZEROS.copy(), "torque": ZEROS.copy()}
     told |= {name: np.full(12, np.nan) for name in ("temperature_c", "voltage")}
     if row:
@@ -151,7 +151,7 @@ class TestAdding:
 
 
 class Seen(BodyCheck):
-    """Keeps the windows that it is shown."""
+    """Stores the windows that it receives."""
 
     looks_at, message, limit = "", "seen {0:.0f}", Limit("speed_share")
     windows: ClassVar[list] = []

@@ -57,7 +57,7 @@ class TestScenarioFile:
         [
             ("{about: x, episodes: 1, duration_s: 5, levels: {gravity: [1]}}", "no level gravity"),
             ("{about: x, episodes: 0, duration_s: 5}", "above 0"),
-            ("{about: x, episodes: 1, duration_s: 5, rows: [friction]}", "none of its levels"),
+            ("{about: x, episodes: 1, duration_s: 5, rows: [friction]}", "not one of its levels"),
             ("{about: x, episodes: 1, duration_s: 5, levels: {push_m_s: [1]}}", "push_between_s"),
             ("{about: x, episodes: 1}", "duration_s"),
             (

@@ -1,4 +1,4 @@
-"""What `footfall bring-up` hands to its steps and opens for them; no step is run."""
+"""Arguments and resources that `footfall bring-up` passes to its steps; no step is run."""
 
 import json
 from pathlib import Path

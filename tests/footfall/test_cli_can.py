@@ -1,4 +1,4 @@
-"""`footfall can` on a simulated robot: what it shows, what it asks, what it refuses."""
+"""`footfall can` on a simulated robot: output, questions, refusals."""
 
 import threading
 from collections.abc import Callable
@@ -22,19 +22,19 @@ from footfall.robots.description import Robot
 
 
 def joints(out: str) -> list[list[str]]:
-    """The rows of a table, header left out."""
+    """The rows of a table without its header."""
     return [line.split() for line in out.splitlines()[1:]]
 
 
 def rows_of(shell: Shell, *tokens: str | Path) -> list[list[str]]:
-    """The rows of what ends well."""
+    """The rows of a successful call."""
     outcome = shell("can", *tokens)
     assert (outcome.status, outcome.err) == (0, ""), outcome
     return joints(outcome.out)
 
 
 def tried(shell: Shell, *tokens: str | Path) -> list[list[str]]:
-    """The rows of the first try that ends well: a busy machine loses datagrams."""
+    """The rows of the first successful try: a busy machine loses datagrams."""
     for _ in range(6):
         outcome = shell("can", *tokens)
         if (outcome.status, outcome.err) == (0, ""):
@@ -43,20 +43,20 @@ def tried(shell: Shell, *tokens: str | Path) -> list[list[str]]:
 
 
 class Turns:
-    """The robot's time passes while the user's end waits for its tick, however fast either thread is."""
+    """The robot's time advances only while the user's end waits for its tick, however fast they run."""
 
     def __init__(self) -> None:
         self._asked, self._passed = threading.Semaphore(0), threading.Semaphore(0)
         self._left_us = 0  # of what was asked for
 
     def ask(self, us: int) -> None:
-        """Wait until the robot has lived through this time."""
+        """Wait until the robot's time has advanced by this much."""
         self._left_us = us
         self._asked.release()
         assert self._passed.acquire(timeout=60.0), "the robot does not live"
 
     def live(self, us: int) -> None:
-        """The robot has lived through this time and waits until it may go on; unasked it creeps."""
+        """The robot's time has advanced by this; it waits for a request, and is slow without one."""
         if self._left_us > 0:
             self._left_us -= us
             if self._left_us > 0:
@@ -87,7 +87,7 @@ VICTIM = 11  # RL_calf_joint
 
 
 def with_knees(folder: Path, protocol: str) -> Path:
-    """A robot whose knees are some other motor."""
+    """A robot with motors of another kind in its knees."""
     declaration = folder / "robot.yaml"
     content = yaml.safe_load(declaration.read_text())
     content["motors"]["knee"]["protocol"] = protocol
@@ -111,7 +111,7 @@ def faulty(monkeypatch: pytest.MonkeyPatch) -> Faulty:
 
 
 class TestVirtual:
-    """A bus that reaches no further than this process, with a simulated robot on it."""
+    """A bus within this process, with a simulated robot on it."""
 
     @pytest.fixture(autouse=True)
     def turns(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +233,7 @@ class TestRefusals:
 
 
 def test_another_processs_robot_is_scanned_watched(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A motor counts that has been heard at all: a busy machine may stall at the end."""
+    """Every motor heard at least once counts: a busy machine may stall at the end."""
     monkeypatch.setattr(bench, "SILENCE_US", 60_000_000)
     with robot_on_multicast("--duration", "600", "--motor-timeout", "20"):
         assert [row[-1] for row in tried(shell, "scan", "--bus", "udp_multicast")] == ["found"] * 12

@@ -1,4 +1,4 @@
-"""`footfall replay`: which policy of which robot, exit status, and what is told."""
+"""`footfall replay`: choice of policy and robot, exit status, output."""
 
 import json
 import re
@@ -90,7 +90,7 @@ def refuse(*_: Any) -> None:
 class TestWhatTheLogNames:
     @pytest.fixture
     def log(self, called: Recorder, go1: Robot) -> dict[str, Any]:
-        """Policy and robot of the log; `result` is what came of its replay."""
+        """Policy and robot of the log; `result` is the result of its replay."""
         named: dict[str, Any] = {
             "policy_spec": "its policy", "robot": "its name", "robot_folder": "/its/folder",
             "robot_digest": go1.digest,

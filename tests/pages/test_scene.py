@@ -74,7 +74,7 @@ class TestScene:
         np.testing.assert_allclose(scene._world.position, [-0.3, 0.2, 0.0], atol=1e-6)
 
     def test_before_anything_walks_the_robot_stands(self, go1: Robot) -> None:
-        """In its default pose, its lowest foot on the ground, not its bodies heaped at the origin."""
+        """In its default pose with its lowest foot on the ground, instead of all bodies at the origin."""
         data = standing(go1).data
         model = plant_model(go1)
         mujoco.mj_kinematics(model, data)
@@ -88,7 +88,7 @@ class TestScene:
 
 @pytest.fixture
 def port() -> int:
-    """One that nobody listens at."""
+    """A port without a server."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return int(probe.getsockname()[1])

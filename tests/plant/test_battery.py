@@ -1,4 +1,4 @@
-"""A simulated pack: what the motors take from it is gone, and they feel its voltage."""
+"""A simulated pack: the motors discharge it, and its voltage acts on them."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from footfall.robots.description import Robot
 
 
 class Motors:
-    """Motors that note their supply."""
+    """Motors that record their supply voltage."""
 
     enabled = np.ones(12, bool)
     share = 1.0

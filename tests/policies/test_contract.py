@@ -1,4 +1,4 @@
-"""The contract: it survives the trip through JSON bit for bit, and says what does not fit."""
+"""The contract: JSON preserves it bit for bit, and mismatches are reported."""
 
 import json
 from dataclasses import replace
@@ -21,7 +21,7 @@ terms = st.builds(Term, st.text(), numbers, st.integers(1, 9))
 
 @st.composite
 def contracts(draw: st.DrawFn) -> Contract:
-    """Any contract that makes sense."""
+    """Any valid contract."""
     joints = draw(st.lists(st.text(), max_size=6).map(tuple))
     per_joint = st.lists(numbers, min_size=len(joints), max_size=len(joints)).map(tuple)
     return Contract(

@@ -1,4 +1,4 @@
-"""What stepping wants in single moments, worked out by hand, of feet turned against the world's axes."""
+"""Targets of `Step` at single times, calculated by hand, for feet rotated relative to the world's axes."""
 
 import math
 from dataclasses import replace
@@ -52,12 +52,12 @@ def policy() -> Step:
 
 
 def world(ahead: float, left: float, heading: float = HEADING) -> np.ndarray:
-    """A horizontal vector (2,) from the axes of feet that head so to the world's."""
+    """A horizontal vector (2,) rotated from the axes of feet with this heading to the world's."""
     return Rotation.from_euler("z", heading).apply([ahead, left, 0.0])[:2]
 
 
 class Moment(SimpleNamespace):
-    """Dynamics by hand, as a tuple with names would be changed."""
+    """Dynamics given by hand; replaces fields like a named tuple."""
 
     def _replace(self, **changes: Any) -> "Moment":
         return Moment(**{**vars(self), **changes})
@@ -84,7 +84,7 @@ def moment(
 
 
 def capture_at(ahead: float, left: float) -> np.ndarray:
-    """A capture point (3,) in the world that is so far from the middle, along the feet's axes."""
+    """A capture point (3,) in the world at an offset from the middle, along the feet's axes."""
     return np.array([*world(ahead, left), 0.0]) + MIDDLE
 
 
@@ -93,7 +93,7 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
 
 
 def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
-    """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
+    """Arguments passed to the whole-body controller: dynamics, position, velocity, wanted, most force."""
     told: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
@@ -107,7 +107,7 @@ def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:
 
 
 class TestWanted:
-    """Of a robot that stands on both feet."""
+    """A robot that stands on both feet."""
 
     def test_it_brings_tilt_and_joints_back(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         off, velocity = np.linspace(0.01, 0.2, N), np.linspace(-0.1, 0.3, N)
@@ -315,7 +315,7 @@ class TestLand:
 
     @pytest.mark.parametrize("walk", [False, True])
     def test_it_lands_in_its_time(self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool) -> None:
-        """Asked to walk on it begins the next step, otherwise it stands."""
+        """With a walking command it starts the next step, otherwise it stands."""
         dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
         policy.footwork.lift(dynamics, shifted=True)
         policy.footwork.elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
@@ -331,7 +331,7 @@ class TestStep:
 
     @pytest.fixture
     def decided(self, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
-        """What `next_step` was asked; it answers (0.1, -0.3) m in 0.25 s."""
+        """Arguments of `next_step`, which returns (0.1, -0.3) m in 0.25 s."""
         calls: list[tuple] = []
 
         def decide(*arguments: Any) -> NextStep:

@@ -1,4 +1,4 @@
-"""`footfall robot check`: what a robot amounts to, and whether it stands."""
+"""`footfall robot check`: a robot's figures, and whether it stands."""
 
 import re
 from collections.abc import Callable
@@ -47,7 +47,7 @@ def changed(four: Robot, tmp_path: Path) -> Callable[..., Path]:
 
 
 def wrong(folder: Path, capsys: pytest.CaptureFixture[str], seconds: str = "1") -> str:
-    """What check finds wrong; it must end with status 1."""
+    """The faults found by the check, which must end with status 1."""
     assert main(["robot", "check", str(folder), "--duration", seconds, "--no-controllers"]) == 1
     return "\n".join(line for line in capsys.readouterr().out.splitlines() if line.startswith("wrong: "))
 
@@ -124,7 +124,7 @@ class TestCommand:
     def test_a_biped_on_points(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """It is held up at first; without that it is found not to stand."""
+        """It is supported at first; without that the check finds that it does not stand."""
         (tmp_path / "m.urdf").write_text(quadruped(foot=BALL))
         arguments = [
             "--from",

@@ -1,4 +1,4 @@
-"""Robots as other makers describe them, small and lopsided."""
+"""Small, asymmetric robots in other makers' formats."""
 
 from pathlib import Path
 
@@ -153,7 +153,7 @@ def read(tmp_path: Path, text: str, suffix: str = "xml") -> Source:
 
 
 def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> tuple[Robot, Imported]:
-    """Write a model, import it, load what came of it."""
+    """Write a model, import it, and load the result."""
     source = tmp_path / f"model.{suffix}"
     source.write_text(text)
     made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **{"gaits_of": gaits_of, **wishes}))

@@ -1,4 +1,4 @@
-"""What a controller is handed while the robot is turned."""
+"""Inputs of a controller for a rotated robot."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ ROBOT = load_robot("go1")
 
 
 def observed(turn: Rotation, time_s: float = 9.0, base_height: float = 0.26, **more: Any) -> PolicyInput:
-    """A robot turned so, with joints that all differ from the default pose and from one another."""
+    """A robot with this orientation, with joints that all differ, also from the default pose."""
     position, velocity = ROBOT.default_pose + 0.01 * np.arange(12), 0.1 * np.arange(12)
     return policy_input(
         ROBOT, time_s, base_height=base_height, turn=turn, joint=position, velocity=velocity, **more

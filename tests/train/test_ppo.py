@@ -41,7 +41,7 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 
 class TestEndsOfEpisodes:
     def value(self, state: TrainState) -> float:
-        """What the critic expects; it is the same everywhere."""
+        """The critic's value, the same for all observations."""
         return float(NETWORKS.value_network.apply(state.normalizer, state.params.value, observation())[0])
 
     def test_after_a_fall_nothing_is_expected(self) -> None:
@@ -52,7 +52,7 @@ class TestEndsOfEpisodes:
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * (REWARD - self.value(state)) ** 2, rel=1e-4)
 
     def test_a_time_out_leaves_the_expectation_as_it_is(self) -> None:
-        """It says nothing of what would have followed: the target is what was expected anyhow."""
+        """A time limit does not reveal the following rewards: the target is the critic's own value."""
         env = environment(out_of_time=ENVIRONMENTS)
         state = begun(env)
         _, losses = learnt(state, rolled_out(env, state))

@@ -1,4 +1,4 @@
-"""rsl_rl is an extra: everything else goes without it, and its lack is one line."""
+"""rsl_rl is an extra: everything else works without it, and its absence is reported in one line."""
 
 import sys
 from pathlib import Path

@@ -46,7 +46,7 @@ def logged_steps(run: Path) -> list[int]:
 def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
     six_iterations: str, whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a kill leaves is what stands there before a file is renamed.
+    """A kill leaves the state before a file is renamed.
 
     At its first checkpoint, rename 3 after its settings' two files, and at its last.
     """
@@ -194,7 +194,7 @@ def test_an_export_agrees_although_networks_learn_in_16_bits(whole_run: Path, tm
 
 
 def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
-    """The learned policy, fed what the environment's robot senses, sees and wants the same."""
+    """The learned policy, given the environment's readings, has the same observations and targets."""
     robot = load_robot("go1")
     trained = api.open_run(whole_run).config.env
     config = replace(trained, randomisation=Randomisation(), noise=Noise(), events=trained.events[:1])

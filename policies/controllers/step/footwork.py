@@ -158,16 +158,16 @@ class Footwork:
             self.phase, self.elapsed_s, self.load, self.swing = Phase.STAND, 0.0, np.ones(2), None
 
     def nominal(self, side: float) -> NominalStep:
-        """Step of a steady gait at the present command, for the foot on this side."""
+        """Step of a steady gait at the current command, for the foot on this side."""
         gait, velocity = self._config.gait, self.command.value[:2]
         return nominal_step(velocity, side, gait.apart_m, gait.step_s, gait.double_support_s, self.fall_rate)
 
     def turn(self) -> float:
-        """Yaw per step at the present command, rad."""
+        """Yaw per step at the current command, rad."""
         return float(self.command.value[2]) * self._config.gait.step_s
 
     def to_world(self) -> np.ndarray:
-        """Rotation from the heading frame of the present step to the world, (2, 2)."""
+        """Rotation from the heading frame of the current step to the world, (2, 2)."""
         return heading_matrix(self.yaw + 0.5 * self.turn())[:2, :2]
 
     def step(self, dynamics: Dynamics, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +208,7 @@ class Footwork:
     def steer(
         self, capture: np.ndarray, nominal: NominalStep, remaining_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Present centre of pressure (2,), and the constant one with the same effect until touch-down.
+        """Current centre of pressure (2,), and the constant one with the same effect until touch-down.
         It moves the capture point to its position in the nominal step, within the sole. The rest is corrected
         by the step.
         """
