@@ -19,8 +19,8 @@ from footfall.identify.told import delay_profile, told
 from footfall.identify.windows import Windows, cut, joined
 
 MISFIT = 2.0  # residual over noise of a wrong model; correct models had at most 1.14 in 36 fits
-MOST_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
-MOST_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
+MAX_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
+MAX_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
 RESAMPLES = 60
 DEVIATIONS = 3.18  # half-width of a 95 % interval in deviations: Student's t for four windows
 
@@ -189,7 +189,7 @@ def problem_of(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig
 
 def _noise(residual: np.ndarray) -> float:
     """Standard deviation of residuals: noise before a fit, rms of the residuals after it."""
-    return float(np.sqrt((residual**2).mean()).clip(1.0, MOST_NOISE))
+    return float(np.sqrt((residual**2).mean()).clip(1.0, MAX_NOISE))
 
 
 def _problem(
@@ -200,10 +200,10 @@ def _problem(
 
 
 def _check_still(recording: Recording) -> None:
-    if recording.turn_rad_s > MOST_TURN_RAD_S:
+    if recording.turn_rad_s > MAX_TURN_RAD_S:
         raise UserError(
             f"{recording.source}: the base turns at {recording.turn_rad_s:.2f} rad/s (rms),"
-            f" {MOST_TURN_RAD_S:g} at most: bolt it to a stand"
+            f" {MAX_TURN_RAD_S:g} at most: bolt it to a stand"
         )
 
 

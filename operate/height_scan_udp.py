@@ -15,7 +15,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.height_scan import Scanned
 from footfall.operate.datagrams import answered
-from footfall.operate.udp import MOST_SENDERS, SHORTEST_TOKEN, UdpConfig
+from footfall.operate.udp import MAX_SENDERS, SHORTEST_TOKEN, UdpConfig
 from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, TOKEN, unpack
 
 LONGEST_AGE_S = 60.0
@@ -46,7 +46,7 @@ class UdpScans:
             return "sender and number are missing"
         if number <= self._last.get(sender, -1):
             return "an old datagram"
-        if sender not in self._last and len(self._last) >= MOST_SENDERS:
+        if sender not in self._last and len(self._last) >= MAX_SENDERS:
             return "too many senders"
         if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= LONGEST_AGE_S:
             return f"age_s is not a number from 0 to {LONGEST_AGE_S:g}"

@@ -7,7 +7,7 @@ import struct
 EVENT = struct.Struct("=IhBB")  # time in ms, value, type, number
 BUTTON, AXIS, INITIAL = 0x01, 0x02, 0x80
 HIGHEST = 32767  # value of an axis at its limit
-MOST_EVENTS = 64  # maximum number per read
+MAX_EVENTS = 64  # maximum number per read
 
 
 class Joystick:
@@ -56,7 +56,7 @@ class Joystick:
         pressed: list[int] = []
         try:
             if select.select([self._file], [], [], wait_s)[0]:
-                content = os.read(self._file, EVENT.size * MOST_EVENTS)
+                content = os.read(self._file, EVENT.size * MAX_EVENTS)
                 if not content:
                     raise OSError("the device is gone")
                 for _, value, kind, number in EVENT.iter_unpack(

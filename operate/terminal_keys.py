@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 from footfall.common.errors import UserError
 
-MOST_BYTES = 256  # maximum per read
+MAX_BYTES = 256  # maximum per read
 _ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}
 _KEY = re.compile(rb"\x1b[\[O]([A-D])|\x1b[\[O][0-9;]*[@-~]|\x1b|(.)", re.DOTALL)
 _BEGUN = re.compile(rb"\x1b([\[O][0-9;]*)?\Z")  # incomplete sequence
@@ -58,7 +58,7 @@ class Keys:
         try:
             if not select.select([self._terminal], [], [], wait_s)[0]:
                 return []
-            content = os.read(self._terminal, MOST_BYTES)
+            content = os.read(self._terminal, MAX_BYTES)
         except OSError:
             content = b""
         if not content:

@@ -23,7 +23,7 @@ from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, TOKEN, pa
 
 SHORTEST_TOKEN = 16  # characters
 CHALLENGE_S = 1.0  # a challenge is valid during this time and the next one
-MOST_SENDERS = 64
+MAX_SENDERS = 64
 FIELDS = ("velocity", "wish", "policy", "gait", "settings")
 
 
@@ -85,7 +85,7 @@ class Receiver:
             return "challenge"
         if number <= self._heard.get(sender, (-1, 0.0))[0]:
             return "an old datagram"
-        if sender not in self._heard and len(self._heard) >= MOST_SENDERS:
+        if sender not in self._heard and len(self._heard) >= MAX_SENDERS:
             return "too many senders"
         self._heard[sender] = number, now_s
         return ""

@@ -4,7 +4,7 @@ from footfall.deploy.log_analysis.findings import LogFindings
 from footfall.evaluate.report.log_plots import plots
 from footfall.evaluate.report.sheet import rendered
 
-MOST_EVENTS = 500  # in the table
+MAX_EVENTS = 500  # in the table
 
 
 def render(found: LogFindings, headline: str) -> str:
@@ -19,6 +19,6 @@ def render(found: LogFindings, headline: str) -> str:
         extremes=found.extremes(),
         states=columns.states(),
         plots=plots(found),
-        events=columns.events[:MOST_EVENTS],
+        events=columns.events[:MAX_EVENTS],
         metadata={key: value for key, value in columns.log.metadata.items() if key != "contract"},
     )

@@ -17,7 +17,7 @@ from footfall.operate.missions.steps import STEPS, Jump, UsePolicy
 
 HERE = Pose(0.0, 0.0, 0.0)
 SPEED_SHARE = 0.5  # of the maximum forward command, if a mission gives no speed
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def mission_of(data: Any, source: str) -> Mission:
     """Create a mission from plain data (see `load_mission`); `source` is the prefix of each message."""
     if not isinstance(data, dict) or not isinstance(data.get("steps"), list) or not data["steps"]:
         raise UserError(f"{source}: a mission has a list of steps, such as steps: [{{rectangle: 2x1}}]")
-    if len(data["steps"]) > MOST_STEPS:
-        raise UserError(f"{source}: {len(data['steps'])} steps are more than {MOST_STEPS}")
+    if len(data["steps"]) > MAX_STEPS:
+        raise UserError(f"{source}: {len(data['steps'])} steps are more than {MAX_STEPS}")
     settings = structure({k: v for k, v in data.items() if k != "steps"}, MissionSettings, source)
     steps = tuple(_step(each, f"{source}: step {number}") for number, each in enumerate(data["steps"], 1))
     if early := [number for number, each in enumerate(steps[:-1], 1) if each.kind == "lie_down"]:

@@ -18,7 +18,7 @@ from footfall.operate.missions.courses import FARTHEST_M, Circle, GoTo, Rectangl
 from footfall.operate.missions.path import placed
 from footfall.operate.missions.step import Plan, Scene, Step
 
-MOST_JUMPS = 100
+MAX_JUMPS = 100
 JUMP_M = 0.4  # approximate distance ahead
 
 
@@ -120,7 +120,7 @@ class Jump:
     name = "jump"  # name of the policy
 
     def __post_init__(self) -> None:
-        require_between(self, 1, MOST_JUMPS, "times")
+        require_between(self, 1, MAX_JUMPS, "times")
 
     def check(self, limits: Limits, offer: Offer) -> None:
         if self.name not in offer.policies:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-MOST_REFUSALS = 100  # maximum number of different refusals reported, each once
+MAX_REFUSALS = 100  # maximum number of different refusals reported, each once
 ANSWER_S = 1.0  # maximum wait for an answer
 SILENT = "the run does not answer"
 
@@ -71,7 +71,7 @@ class Link:
                     self._on_status(message["status"])
                 elif (answer := self._answers.get(message.get("id"))) is not None:
                     answer.put(message["refused"])
-                elif (why := message["refused"]) and len(self._refusals) < MOST_REFUSALS:
+                elif (why := message["refused"]) and len(self._refusals) < MAX_REFUSALS:
                     if why not in self._refusals:
                         self._on_refused(why)
                     self._refusals.add(why)

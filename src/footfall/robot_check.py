@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
     from footfall.robots.inspection import Inspection
 
-MOST_SUNK = 0.15  # share of the standing height
+MAX_SUNK = 0.15  # share of the standing height
 MAX_TILT_RAD = 0.17
-MOST_TORQUE_SHARE = 0.8
+MAX_TORQUE_SHARE = 0.8
 
 
 def show_tree(robot: "Robot", inspection: "Inspection") -> None:
@@ -76,12 +76,12 @@ def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterato
         why = standing.fall_reason or "; ".join(standing.faults)
         yield f"it does not stand: {why} after {standing.stood_s:.1f} s"
         return
-    if standing.sank_m > MOST_SUNK * robot.description.standing_height_m:
+    if standing.sank_m > MAX_SUNK * robot.description.standing_height_m:
         yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose is hard to hold"
     if standing.tilt_rad > MAX_TILT_RAD:
         yield f"it tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
     for name, share in zip(robot.joint_names, standing.torque_share, strict=True):
-        if share > MOST_TORQUE_SHARE:
+        if share > MAX_TORQUE_SHARE:
             yield f"joint {name} needs {100 * share:.0f} % of its peak torque to stand"
     for foot, share in zip(robot.description.feet, standing.feet_down, strict=True):
         if share < 0.5:

@@ -13,7 +13,7 @@ from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
 
 SPACING_M = 0.05
-MOST_UNLIKE = 5  # statuses may be older than the goal
+MAX_UNLIKE = 5  # statuses may be older than the goal
 
 
 class PathAction:
@@ -72,7 +72,7 @@ class PathAction:
             path = status["path"]
             if path is None or path["goal"] != number:
                 unlike += 1
-                if unlike > MOST_UNLIKE:
+                if unlike > MAX_UNLIKE:
                     return self._aborted(handle, result, "the path was replaced by another request")
                 continue
             unlike = 0

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 
-MOST_M = 0.06  # a larger offset is a wrong torque, not a load
+MAX_M = 0.06  # a larger offset is a wrong torque, not a load
 
 
 class CentreOffset:
@@ -45,7 +45,7 @@ class CentreOffset:
         self._count += 1
         self._sum += pressure - dynamics.centre[:2]
         offset = (self._sum + (motion - self._first) * self._rate_hz) / self._count
-        self.value = offset * min(1.0, MOST_M / max(math.hypot(*offset), 1e-9))
+        self.value = offset * min(1.0, MAX_M / max(math.hypot(*offset), 1e-9))
 
 
 def centre_of_pressure(dynamics: Dynamics, joint_torque: np.ndarray) -> np.ndarray | None:
