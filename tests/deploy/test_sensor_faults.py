@@ -56,7 +56,12 @@ NAMED = [
         f"FR_calf_joint (can0, id 3): {REPEATS} | the motor has reported no torque",
         0.3,
     ),
-    ("motor pulls the other way", 8, "RR_calf_joint (can2, id 3): the motor pulls the other way", 0.4),
+    (
+        "motor pulls the other way",
+        8,
+        "RR_calf_joint (can2, id 3): the motor pulls the other way | its torque is off its commands",
+        0.4,
+    ),
     ("motor at 90 degrees Celsius", 6, "RR_hip_joint (can2, id 1): the motor is at 90 degrees", 0.03),
 ]
 
