@@ -1,6 +1,7 @@
 """Motors of several makers on one robot: each maker's driver is given, and gives, what is its joints' own."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from footfall.deploy.drivers.driver import Replies
 from footfall.deploy.drivers.mixed import MixedDriver
 from footfall.deploy.frames import Frames
+from footfall.plant.motor_ends.mixed import MixedMotorEnd
 
 FIRST, SECOND = np.array([2, 0]), np.array([1, 3, 4])  # joints of the two makers, each in its own order
 
@@ -131,3 +133,13 @@ def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:
     assert sent == [
         [0x10, 0x20], [0x11, 0x21], [0x10, 0x22], [0x11, 0x20], [0x10, 0x21], [0x11, 0x22]
     ]  # fmt: skip
+
+
+def test_each_makers_motors_keep_their_own_way_after_a_timeout() -> None:
+    ends: list[Any] = [
+        SimpleNamespace(filters=(), broadcasts=False, time_out_error=number, time_out_latches=latches)
+        for number, latches in ((1, True), (2, False))
+    ]
+    mixed = MixedMotorEnd([(ends[0], np.array([0, 2])), (ends[1], np.array([1]))])
+    assert mixed.time_out_latches.tolist() == [True, False, True]
+    assert mixed.time_out_error.tolist() == [1, 2, 1]

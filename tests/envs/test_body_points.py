@@ -1,5 +1,8 @@
 """Points on trunk and limbs lie where MuJoCo has the robot's shapes, and terms see them in the ground."""
 
+import re
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -52,6 +55,26 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     on_base = distances[model.geom_bodyid[shapes] == base].min(axis=0) < 1e-5
     assert np.all(on_base[points.on_base])
     assert points.on_base.any()
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "capsule"])
+def test_points_of_a_round_link_reach_as_far_as_it_does(own_folder: Path, shape: str) -> None:
+    """A cylinder 0.5 m long and a capsule that is longer by its two caps of 0.05 m."""
+    geom = f'<geom type="{shape}" size="0.05 0.25" pos="0 0 2" contype="1" conaffinity="1"/>'
+    xml = own_folder / "robot.xml"
+    base = load_robot(own_folder).description.base
+    text, count = re.subn(rf'(<body [^>]*name="{base}"[^>]*>)', rf"\1{geom}", xml.read_text())
+    assert count == 1
+    xml.write_text(text)
+    robot = load_robot(own_folder)
+    points = BodyPoints(robot)
+    qpos = (
+        jnp.asarray(mujoco.MjData(load_model(robot)).qpos, jnp.float32)
+        .at[:7]
+        .set(jnp.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    )
+    top = float(jnp.max(points.places(qpos)[:, 2] + points.radius))
+    assert top == pytest.approx(2.25 if shape == "cylinder" else 2.3, abs=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from footfall.envs.config import (
     ObservationConfig,
     with_lists,
 )
+from footfall.envs.contract import make_contract
 from footfall.envs.old_settings import with_event_steps, with_terms
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
@@ -149,3 +150,8 @@ def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:
     today = {"env": {"steps": 3, "event_steps": {"push": 5}, "terms": terms}}
     assert with_event_steps({"env": {"steps": 3, "push_steps": 5}}) == today
     assert with_event_steps(today) == today
+
+
+def test_an_action_is_the_presets_share_of_the_robots_scale() -> None:
+    contract = make_contract(ROBOT, replace(SMOKE, action_scale=0.5))
+    assert contract.action_scale_rad == tuple((0.5 * ROBOT.action_scale).tolist())

@@ -67,7 +67,8 @@ def test_what_any_step_needs_is_known_before_the_first(
     ):
         assert complaint in shell.refuses("demo", "--out", "d", *option)
     (tmp_path / "file").touch()
-    assert "not empty" in shell.refuses("demo", "--out", "file")
+    for not_empty in ("file", tmp_path):
+        assert "not empty" in shell.refuses("demo", "--out", not_empty)
     monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
     assert "an HTML report needs" in shell.refuses("demo", "--out", "d")
     assert steps == []

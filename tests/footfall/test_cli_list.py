@@ -44,6 +44,10 @@ def test_each_row_tells_what_it_is(listed: dict[str, dict[str, dict]]) -> None:
     assert listed["presets"]["smoke"]["about"].startswith("Seconds on any machine")
 
 
+def test_a_kind_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    assert list(json.loads(Shell(capsys)("list", "presets", "--json").out)) == ["presets"]
+
+
 def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     listed = json.loads(Shell(capsys)("list", "--robot", own_folder, "--json").out)
     (robot,) = listed["robots"]

@@ -43,6 +43,17 @@ def test_advice_is_what_can_be_set(tmp_path: Path, check: Any, files: dict[str, 
     assert found.found
 
 
+@pytest.mark.parametrize("permitted", [True, False])
+def test_real_time_scheduling_is_tried(monkeypatch: pytest.MonkeyPatch, permitted: bool) -> None:
+    def try_it(*_: object) -> None:
+        if not permitted:
+            raise PermissionError
+
+    monkeypatch.setattr("os.sched_setscheduler", try_it)
+    found = robot_computer.check_realtime()
+    assert (found.good, bool(found.advice)) == (permitted, not permitted)
+
+
 def test_a_clock_that_no_program_sets_is_told(tmp_path: Path) -> None:
     root = kernel_files(tmp_path, {"proc/17/comm": "bash", "sys/class/ptp/ptp0/clock_name": "igb"})
     alone = robot_computer.check_clock(root, lambda: False)

@@ -84,6 +84,15 @@ class TestSnapshots:
         assert snapshots.poll() == Snapshot(done, 12)
         assert snapshots.problem == ""
 
+    def test_an_export_that_is_no_longer_chosen_is_not_shown(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.write(run / "checkpoints" / "00000012.ckpt", 100)
+        assert snapshots.poll() is None
+        done = self.write(run / FINISHED, 50)
+        snapshots.chosen = FINISHED
+        exporter.answer = Exported(run.parent / "out" / "00000012.onnx")
+        assert snapshots.poll() == Snapshot(done, 12)
+
     def test_the_newest_is_what_was_written_last(self, run: Path) -> None:
         snapshots, _ = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)

@@ -1,6 +1,7 @@
 """What the gait generator commands in single moments, on four legs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.heading import Heading
 from footfall.policies.controllers.walk.limits import Pace, WalkLimits
+from footfall.policies.controllers.walk.pacing import Pacing
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -196,6 +198,15 @@ class TestGround:
         """It bears a share all the time, and counts as landed in the second half of its swing."""
         up = self.heights(self.bearing(), FORWARD, 1.0)
         np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)
+
+
+def test_turning_is_limited_to_the_length_of_a_step_as_walking_is() -> None:
+    """Half a metre from the middle, a turn of 1 rad/s moves a foot by 0.5 m in a stance of 1 s."""
+    limits = SimpleNamespace(pace=lambda _: Pace())
+    for command, share in (((0.0, 0.0, 1.0), 0.4), ((0.3, 0.4, 0.0), 0.4), ((0.0, 0.5, -1.0), 0.2)):
+        pacing = Pacing(limits, 0.5)  # type: ignore[arg-type]
+        within = pacing.within(np.array(command), 1.0, 0.2, lambda _: None)  # type: ignore[arg-type,return-value]
+        np.testing.assert_allclose(within, share * np.array(command))
 
 
 class TestTempo:

@@ -1,0 +1,19 @@
+"""Acts that may block for ever."""
+
+import threading
+
+from footfall.common.in_time import in_time
+
+
+def test_an_act_that_ends_gives_nothing_or_its_error() -> None:
+    wrong = OSError("full")
+
+    def fail() -> None:
+        raise wrong
+
+    assert in_time(lambda: None) is None
+    assert in_time(fail) is wrong
+
+
+def test_one_that_does_not_end_is_a_timeout() -> None:
+    assert isinstance(in_time(threading.Event().wait, 0.01), TimeoutError)  # type: ignore[arg-type]
