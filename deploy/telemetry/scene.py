@@ -17,7 +17,7 @@ from footfall.robots.description import load_robot
 from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import nominal_body
 
-EVERY_NS = 50_000_000  # 20 Hz
+EVERY_NS = 50_000_000  # at most 20 Hz; 17 Hz of odometry at 50 Hz
 TRAIL = 20  # number of a foot's latest positions shown as its path
 WEIGHT_M = 0.4  # length of the arrow for a force equal to the robot's weight
 AHEAD_S = 0.5  # the arrow of a velocity shows the travel in this time
