@@ -3,8 +3,8 @@
     python benchmarks/identification_misfit.py [--workers 2] [--json FILE]
 
 Each case: a hidden robot of `identification.py`'s family with one more effect, recorded and fitted by the
-    plain model. A case is flagged if a joint's residual exceeds `MISFIT` times the noise, or the recording is
-    refused. A flagged fit is repeated with each known effect; the effect with the smallest residual is named.
+plain model. A case is flagged if a joint's residual exceeds `MISFIT` times the noise, or the recording is
+refused. A flagged fit is repeated with each known effect; the effect with the smallest residual is named.
 """
 
 import argparse

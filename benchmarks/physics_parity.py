@@ -3,9 +3,9 @@
     python benchmarks/physics_parity.py go1 hexapod g1 [FOLDER ...]
 
 For each robot: random poses at the ground, velocities, targets, and motors and bodies drawn as in the preset
-    `gpu`. Prints the relative error of the velocities after one physics step and after four, in double
-    precision (maximum) and in single precision (median, 99th percentile, maximum), the mean number of
-    contacts, the compilation time of the program, and physics steps per second on one core.
+`gpu`. Prints the relative error of the velocities after one physics step and after four, in double
+precision (maximum) and in single precision (median, 99th percentile, maximum), the mean number of
+contacts, the compilation time of the program, and physics steps per second on one core.
 """
 
 import argparse

@@ -3,8 +3,8 @@
     python benchmarks/scaling.py --preset gpu --devices 1,2,4 --json scaling.json
 
 Prints environment steps per second of whole PPO iterations, and the efficiency: the speed per device relative
-    to that of the first count. Iterations overlap as in a training, which reads the metrics of one iteration
-    while the next is computed. Otherwise several devices would wait for the host between iterations.
+to that of the first count. Iterations overlap as in a training, which reads the metrics of one iteration
+while the next is computed. Otherwise several devices would wait for the host between iterations.
 """
 
 import argparse

@@ -6,11 +6,11 @@
     python benchmarks/throughput.py --preset cpu --set ppo.num_envs=128 --cases ships
 
 PPO is measured end to end: whole iterations after compilation, waiting for each. The output has the median
-    and, in brackets, the slowest and the fastest iteration. "Physics alone" is the joint law and MJX
-    (Playground: its actuators and MJX), or another engine, without rewards, observations and resets. The
-    operations per second of the generated physics are printed as a share of the GPU's peak; MuJoCo needs
-    several times as many operations. Playground is measured by `playground.py` in this folder. An environment
-    step is a control step of 20 ms in both.
+and, in brackets, the slowest and the fastest iteration. "Physics alone" is the joint law and MJX
+(Playground: its actuators and MJX), or another engine, without rewards, observations and resets. The
+operations per second of the generated physics are printed as a share of the GPU's peak; MuJoCo needs
+several times as many operations. Playground is measured by `playground.py` in this folder. An environment
+step is a control step of 20 ms in both.
 """
 
 import argparse

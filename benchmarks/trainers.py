@@ -4,8 +4,8 @@
     python benchmarks/trainers.py --preset cpu --trainers rsl_rl --set ppo.num_envs=128
 
 Times whole iterations after compilation: rollout, learning, metrics. brax also runs with float32 networks, as
-    rsl_rl does. For rsl_rl it prints the seconds of the rollout, of its environment steps, and of learning.
-    Needs the extra `rsl-rl`.
+rsl_rl does. For rsl_rl it prints the seconds of the rollout, of its environment steps, and of learning.
+Needs the extra `rsl-rl`.
 """
 
 import argparse

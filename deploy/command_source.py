@@ -3,14 +3,14 @@
 Fixed commands, scenarios, missions, keyboards and web pages are command sources. To write one:
 
 - `poll(status)` returns the newest request without waiting. It runs in the loop's thread. A source that waits
-for keys or a network uses its own thread and stores the newest request (see `operate/inbox.py`).
+  for keys or a network uses its own thread and stores the newest request (see `operate/inbox.py`).
 - `status` is a snapshot of the run. It may be stored or given to another thread. `status.offer` lists the
-policies, gaits and live settings of this run, with their ranges. It changes with the policy.
+  policies, gaits and live settings of this run, with their ranges. It changes with the policy.
 - `stopped` is read at each tick. If a source sets it, the robot stops in any mode, and this cannot be undone.
 - An impossible request is refused, and a value out of range is clipped, each with a line in `status.notes`.
-The run continues in both cases.
+  The run continues in both cases.
 - A function of the walking time, in s, that returns a velocity command (3,) is a source, too: see
-`source_of`.
+  `source_of`.
 
 In lockstep, a source may depend only on the statuses it received; then a run is reproducible to the bit. A
 source operated by a person needs a run in real time.

@@ -23,7 +23,7 @@ def deadlines() -> Iterator[Arm]:
     """Yields a function that sets a deadline: `OverdueError` interrupts Python code after it.
 
     Uses the signal of the interval timer, which only the main thread receives: other threads have no
-        deadline. Native code is interrupted once it returns to Python; see `deploy/guard.py`.
+    deadline. Native code is interrupted once it returns to Python; see `deploy/guard.py`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield unarmed

@@ -36,7 +36,7 @@ def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
     """Raise UserError for a rate at which command and reply of each motor may not fit on their bus.
 
     The number of stuff bits in a frame depends on its content: the largest number is used, as on simulated
-        wires. Frames of an IMU and of force sensors are additional, at their own rates.
+    wires. Frames of an IMU and of force sensors are additional, at their own rates.
     """
     bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
     fullest = int(bits.argmax())

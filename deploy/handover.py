@@ -1,10 +1,10 @@
 """Selection of the policy, and handover between policies during a run.
 
 Two policies place their feet at different times, so the handover happens while the robot stands: the present
-    policy stops, then both act for a moment while the weight of the next one grows, then the next one
-    continues. It depends only on the policies' inputs and the requested changes, so a replay repeats it.
-    After a fall the get-up policy takes over immediately, and so does the walking policy once the robot
-    stands.
+policy stops, then both act for a moment while the weight of the next one grows, then the next one
+continues. It depends only on the policies' inputs and the requested changes, so a replay repeats it.
+After a fall the get-up policy takes over immediately, and so does the walking policy once the robot
+stands.
 """
 
 import math

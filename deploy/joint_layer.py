@@ -239,7 +239,7 @@ class JointLayer:
         """Expected torque in the motors' latest readings, N m, (n,).
 
         A reply to a command was measured before the command acts, another kind of message afterwards: so this
-            is the smaller torque of the last two commands, and 0 if their signs differ.
+        is the smaller torque of the last two commands, and 0 if their signs differ.
         """
         position, velocity, _ = self.joints
         last = pd_torque(JointCommand.of(self.sent), position, velocity)

@@ -32,8 +32,8 @@ class Levelling:
     """Turns the soles of a robot with two feet against the pitch of its base.
 
     Held joints are springs that are hardly stiff enough for a biped: with its centre of mass 2 to 3 cm ahead
-        of the model's, the robot falls within a second. Sideways, two legs are a stiff frame. A robot with
-        more feet, or with point feet, needs no correction.
+    of the model's, the robot falls within a second. Sideways, two legs are a stiff frame. A robot with
+    more feet, or with point feet, needs no correction.
     """
 
     def __init__(self, robot: Robot, config: LevellingConfig) -> None:

@@ -124,7 +124,7 @@ def definitions_first(found: Iterable[Any]) -> list[Any]:
     """Records with the definitions of messages first, each kind in its order.
 
     A definition comes before the first message that needs it, and again at the end of a file: so a lost
-        chunk, even the first one with nearly all definitions, affects only its own messages.
+    chunk, even the first one with nearly all definitions, affects only its own messages.
     """
     from mcap.records import Channel, Schema
 

@@ -16,7 +16,7 @@ def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margi
     """First joint with an impossible position, and the likely reason; empty if all are possible.
 
     An encoder at the rotor is absolute within one turn of the rotor, one at the output within one turn of the
-        joint: a motor that miscounted while it was disabled is wrong by a multiple of either.
+    joint: a motor that miscounted while it was disabled is wrong by a multiple of either.
 
     Args:
         robot: robot with these joints.

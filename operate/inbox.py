@@ -124,7 +124,7 @@ class Inbox:
         A velocity ages separately: other requests of its owner do not renew it.
 
         Arguments of any type are allowed: those of wrong type or shape, numbers that are not finite and names
-            that are unknown in the run are refused, and then the whole request has no effect.
+        that are unknown in the run are refused, and then the whole request has no effect.
 
         Args:
             operator: name of the sender.

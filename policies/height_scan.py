@@ -24,9 +24,8 @@ class HeightScan:
     """Heights of the ground at a grid of points, m above the base's origin, then 1; all 0 without a scan.
 
     The grid is in the heading frame at the time of the scan: origin at the base's, x along the base's
-        heading,
-    y to the left, z up. Points are in rows from back to front, each row from right to left. A point of
-    unknown height (NaN) gets the mean of the known ones.
+    heading, y to the left, z up. Points are in rows from back to front, each row from right to left. A point
+    of unknown height (NaN) gets the mean of the known ones.
 
     Raises:
         ValueError: a setting is out of range.

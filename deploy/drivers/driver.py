@@ -1,8 +1,8 @@
 """Interface of motor protocols for the control loop and the bench.
 
 A driver encodes and decodes the frames of all motors of one robot at once: arrays are in joint order, and a
-    batch of frames takes a few array operations. Each protocol has its own file here. Its simulated motors
-    are in `plant/motor_ends/`.
+batch of frames takes a few array operations. Each protocol has its own file here. Its simulated motors
+are in `plant/motor_ends/`.
 
 An external driver is a class that a motor's `protocol` in robot.yaml names as MODULE:NAME. It implements
 `MotorDriver`; `PolledDriver` (`drivers/polled.py`) has most of that for motors that reply to every frame.

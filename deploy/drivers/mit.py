@@ -6,9 +6,9 @@ A command is `P16 V12 KP12 KD12 T12`, a reply `id8 P16 V12 T12 [temperature8 err
 the most significant bit first.
 
 Scaling: makers disagree (some encode with 2^n/span and decode with (2^n - 1)/span). Here both directions use
-    2^n - 1, rounded to nearest: the lowest and the highest code are exactly the ends of the range, and a
-    round trip has an error of at most half a quantum. An even number of intervals has no code for zero, so
-    zero velocity or torque also has an error of half a quantum.
+2^n - 1, rounded to nearest: the lowest and the highest code are exactly the ends of the range, and a
+round trip has an error of at most half a quantum. An even number of intervals has no code for zero, so
+zero velocity or torque also has an error of half a quantum.
 """
 
 import math

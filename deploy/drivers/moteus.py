@@ -12,9 +12,9 @@ subframes and is padded with NOP. A subframe writes, reads or reports some regis
 | rest | values, little-endian; none in a read |
 
 Source: moteus' documents "CAN Protocol" and "Register Reference". Positions are turns of the output shaft.
-    Two of its documents disagree on a command with only damping: in the register reference the scale of kd is
-    limited to that of kp, in the guide to control modes a kp scale of 0 gives velocity control. This code
-    follows the guide.
+Two of its documents disagree on a command with only damping: in the register reference the scale of kd is
+limited to that of kp, in the guide to control modes a kp scale of 0 gives velocity control. This code
+follows the guide.
 """
 
 import struct

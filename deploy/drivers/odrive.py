@@ -22,11 +22,11 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x1C torques | axis, at its set rate | target f32, estimate f32: N m at the rotor |
 
 Only a read gets a reply: an axis broadcasts its measurements. `encoder_msg_rate_ms` and `torques_msg_rate_ms`
-    must be set to a joint tick. Its watchdog, which is off by default, must be enabled with at most
-    `timeout_s` of robot.yaml. It is read before an axis is enabled, if robot.yaml has its
-    `watchdog_endpoints`: endpoint ids differ between firmwares, and are in the `flat_endpoints.json` of each.
-    The id of `axis0.config.motor.current_soft_max` is `current_endpoint`; it is written and read back if
-    robot.yaml has a current limit.
+must be set to a joint tick. Its watchdog, which is off by default, must be enabled with at most
+`timeout_s` of robot.yaml. It is read before an axis is enabled, if robot.yaml has its
+`watchdog_endpoints`: endpoint ids differ between firmwares, and are in the `flat_endpoints.json` of each.
+The id of `axis0.config.motor.current_soft_max` is `current_endpoint`; it is written and read back if
+robot.yaml has a current limit.
 """
 
 import math

@@ -1,12 +1,12 @@
 """RobStride motors in operation (MIT) mode.
 
 Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 1) has its torque in the
-    identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
-    (type 2) has position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
-    and two bits of mode. A parameter (type 17) is read by its index, little-endian, in the first two bytes;
-    the reply has its value, little-endian, in the last four. Type 18 writes it until the motor loses power,
-    and gets a reply of type 2. The communication timeout is written if it is off or too long, and the torque
-    limit, a float, if robot.yaml has one.
+identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
+(type 2) has position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
+and two bits of mode. A parameter (type 17) is read by its index, little-endian, in the first two bytes;
+the reply has its value, little-endian, in the last four. Type 18 writes it until the motor loses power,
+and gets a reply of type 2. The communication timeout is written if it is off or too long, and the torque
+limit, a float, if robot.yaml has one.
 
 A motor reports its faults (type 21) as a word of bits, little-endian, in the first four bytes. They apply to
 its next replies until it reports others or is cleared. The last four bytes are warnings, which are ignored:

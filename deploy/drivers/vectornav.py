@@ -12,7 +12,7 @@ message, group 1 with the fields 0x0131:
 | 8 | acceleration, 3 float32, m/s^2, including gravity |
 
 The time in whole milliseconds is the sample counter: the sensor sends at most 800 messages per second.
-    Readings and world are rotated by half a turn about x, to y left and z up.
+Readings and world are rotated by half a turn about x, to y left and z up.
 """
 
 import binascii

@@ -86,8 +86,8 @@ class MotionFilter:
         """Correct with the legs' velocities, each weighted by its contact and by its agreement.
 
         A leg that disagrees slips or has not fully landed: noise with Student's t distribution reduces its
-            weight. If all stance legs together disagree for a while, the filter is wrong: a push was too
-            short for the accelerometer. The uncertainty of its velocity is then increased accordingly.
+        weight. If all stance legs together disagree for a while, the filter is wrong: a push was too
+        short for the accelerometer. The uncertainty of its velocity is then increased accordingly.
 
         Args:
             velocities: measurements of v, one per leg, m/s.

@@ -11,8 +11,8 @@ class GyroBias:
     """Gyro bias: mean gyro reading minus mean rate of the IMU's orientation.
 
     The contact point of a long leg appears to move by the bias times its length: 0.02 rad/s make a humanoid
-        drift by 15 mm/s. Noise of the orientation averages out, because only its change over the whole time
-        counts.
+    drift by 15 mm/s. Noise of the orientation averages out, because only its change over the whole time
+    counts.
 
     It uses Python floats, like the filter.
     """

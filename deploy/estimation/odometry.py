@@ -69,7 +69,7 @@ class Drift:
     """Uncertainty of the pose that grows with the distance, in the frame of the IMU's orientation.
 
     No reading shows these three errors: yaw drifts (a random walk that rotates the path), the scale is wrong
-        (limbs differ from the description), and feet slip slightly at each step.
+    (limbs differ from the description), and feet slip slightly at each step.
     """
 
     def __init__(self, config: OdometryConfig) -> None:

@@ -145,8 +145,8 @@ class ReplyRepeated(JointCheck):
     """Travel of a joint's target while its motor repeats one reply, rad; 0 if there is an explanation.
 
     A reading is older than the last target, which may jump while a robot stands still: targets count from the
-        previous window. A joint pressed against its stop, the ground or another limb also repeats its reply
-        while its motor is saturated. Then the expected torque stays as in the first window with this reply.
+    previous window. A joint pressed against its stop, the ground or another limb also repeats its reply
+    while its motor is saturated. Then the expected torque stays as in the first window with this reply.
     """
 
     looks_at = "the travel of a target while its motor repeats one reply and should give another torque"

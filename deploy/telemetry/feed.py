@@ -3,16 +3,15 @@
 A subscriber connects and reads. The content is an MCAP stream without chunks (https://mcap.dev/spec): any
 reader of MCAP streams can read it, and the data saved from the socket is an MCAP file:
 
-    magic, Header, Metadata "footfall" (as in a log), then Schema, Channel and Message records in order of
-    time,
+    magic, Header, Metadata "footfall" (as in a log), then Schema, Channel and Message records by time,
     and after an orderly end of the run DataEnd, Footer, magic
 
 - A topic's Schema and Channel come before its first message. Messages are in CDR (`ros2msg`); topics, types
-and quality of service are those of `topics.py`. A record is one byte of opcode, eight bytes of length
-(little-endian) and its content; `feed_reader.py` reads it using only the standard library.
+  and quality of service are those of `topics.py`. A record is one byte of opcode, eight bytes of length
+  (little-endian) and its content; `feed_reader.py` reads it using only the standard library.
 - A new subscriber first gets the last message of each latched topic.
 - `sequence` counts the messages of a channel. A gap means that the subscriber was too slow: messages that do
-not fit into its buffer are dropped. If a latched one does not fit, the subscriber is disconnected.
+  not fit into its buffer are dropped. If a latched one does not fit, the subscriber is disconnected.
 - The feed is read-only: a subscriber that sends anything is disconnected.
 """
 

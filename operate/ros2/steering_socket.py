@@ -7,7 +7,7 @@ From the bridge, one request per line, each with some of these keys:
     {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57, "goal": 3}    {"id": 11, "path": null}
 
 To the bridge: for each request `{"id": 7, "refused": ""}` with the reason or nothing; and ten times a second
-    `{"status": {...}}`.
+`{"status": {...}}`.
 
 The inbox checks all values. Until the first request, the bridge counts as an operator who stands still; after
 it, the rules for silence apply. When the bridge disconnects, it loses control.

@@ -2,5 +2,5 @@
 
 - `stand.py`, `walk/` (all gaits), `mpc/`: the controllers, each with the dataclass of its settings.
 - `gait.py`: gait clock, contact schedule and swing curves; `command.py`: rate-limited velocity commands;
-`stance.py`: positions of standing feet, and how they level a tilted base.
+  `stance.py`: positions of standing feet, and how they level a tilted base.
 """

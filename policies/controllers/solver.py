@@ -39,7 +39,7 @@ class BoundedSolver:
         daqp_iterations: limit after which PIQP is used.
         piqp_iterations: limit of PIQP.
         unfinished: whether PIQP's last iterate is returned at its limit. It may violate a bound slightly,
-        and by any amount if no solution exists.
+            and by any amount if no solution exists.
     """
 
     def __init__(

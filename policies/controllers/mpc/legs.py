@@ -30,9 +30,8 @@ class LegControl:
 
     A stance leg is a force source: its motors' stiffness is zero, and a small damping relative to the joint
     velocities of the commanded motion suppresses vibration. A swing leg is an impedance around its
-    trajectory: the
-    motors' PD, with the torque for the leg's inertia fed forward. For both, gearbox friction at the wanted
-    speed is fed forward.
+    trajectory: the motors' PD, with the torque for the leg's inertia fed forward. For both, gearbox friction
+    at the wanted speed is fed forward.
     """
 
     def __init__(self, robot: Robot, legs: Legs, body: RigidBody, config: MpcConfig) -> None:

@@ -56,8 +56,7 @@ class Walk:
         """Set another gait or other steps, without a jump in a joint's target.
 
         A gait starts when all feet are in stance: feet in the air land first. A step's height applies from
-            the next
-        lift-off; its length and the body's height change gradually.
+        the next lift-off; its length and the body's height change gradually.
 
         Raises:
             UserError: the robot has no such gait.

@@ -139,8 +139,7 @@ class FootCycle:
         """End the swing of feet that have touched down early.
 
         The height of the ground is measured relative to the stance feet. If the body tips, a swing foot meets
-        ground that
-        is not higher: it then moves on to the height of the others, and thereby levels the body.
+        ground that is not higher: it then moves on to the height of the others, and thereby levels the body.
 
         Args:
             feet: (feet,) boolean, feet that have touched down.

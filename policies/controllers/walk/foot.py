@@ -41,8 +41,7 @@ class Footing(NamedTuple):
     """Positions of the tips at mid-stance, and the motion of the body over them.
 
     A round foot rolls: its lowest point stands still, not its centre, so the body is faster than the tip
-        relative
-    to the body. `rolling` maps the body's velocity over a foot to the tip's.
+    relative to the body. `rolling` maps the body's velocity over a foot to the tip's.
     """
 
     places: np.ndarray  # (feet, 3) m, positions at mid-stance, z = 0 on the ground

@@ -59,13 +59,10 @@ class GroundForce:
     """Upward force of the ground on each foot, as a share of the weight per leg.
 
     Estimated by a momentum observer, minus the gearboxes' friction. With geared motors, the inertial force of
-    a swing
-    exceeds the contact force: 30 N at a foot of the hexapod, whose weight per leg is 5 N. So the estimate
-        uses only
-    readings of the same time: the commanded acceleration, which legs follow some 10 ms later, is wrong by
-        more than
-    one share. M is not known to the percent, so a part of the inertial force is left out: the part that
-    accelerates a foot downward.
+    a swing exceeds the contact force: 30 N at a foot of the hexapod, whose weight per leg is 5 N. So the
+    estimate uses only readings of the same time: the commanded acceleration, which legs follow some 10 ms
+    later, is wrong by more than one share. M is not known to the percent, so a part of the inertial force is
+    left out: the part that accelerates a foot downward.
 
     Args:
         robot: robot with these legs and gearboxes.
