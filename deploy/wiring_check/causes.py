@@ -20,9 +20,28 @@ class Cause(NamedTuple):
     ratio: np.ndarray  # (n,) reported turns per actual turn; negative for a reversed motor
     key: tuple[int, ...] = ()  # affected joints
 
-    def responses(self, right: np.ndarray) -> np.ndarray:
-        """Torque responses (n, n) to the same motions, if everything else is unchanged."""
-        return right[np.ix_(self.joint, self.joint)] / np.outer(self.ratio, self.ratio)
+    def units(self, highest: np.ndarray) -> np.ndarray:
+        """What each motor understands by 1 in the frames to it, (5, n): the rows of a `JointCommand`.
+
+        A frame has shares of its motor's ranges, and a motor in another's place has its own ranges.
+
+        Args:
+            highest: (5, n) ends of the ranges, infinite for values that are no shares.
+        """
+        own = highest[:, self.joint]
+        shares = np.isfinite(own) & np.isfinite(highest)
+        return np.divide(own, highest, out=np.ones_like(highest), where=shares)
+
+    def responses(self, right: np.ndarray, highest: np.ndarray) -> np.ndarray:
+        """Torque responses (n, n) to the same motions, if everything else is unchanged.
+
+        Args:
+            right: (n, n) responses with the right wiring.
+            highest: see `units`.
+        """
+        position, *_, torque = self.units(highest)
+        moved, reported = position / self.ratio, 1.0 / (torque * self.ratio)
+        return right[np.ix_(self.joint, self.joint)] * np.outer(moved, reported)
 
 
 def as_wired(joints: int) -> Cause:

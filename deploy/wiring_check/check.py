@@ -51,8 +51,9 @@ class WiringCheck:
             check: motions and limits.
         """
         self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
-        most = driver.highest[2:4]
-        self._asked = np.minimum([config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd], most)
+        self._highest = driver.highest
+        gains = [config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd]
+        self._asked = np.minimum(gains, self._highest[2:4])
         self._gains = config.scale * self._asked  # gains after the drivers' limits
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
@@ -124,7 +125,8 @@ class WiringCheck:
             n = len(self._here)
             position, torque, up = np.split(np.array(values), [n, 2 * n], axis=1)
             recorded = Recorded(np.array(times), position, torque, up, self._motor_lag_s)
-            prediction = Prediction(self._robot, *self._gains)
+            kp, kd = self._gains
+            prediction = Prediction(self._robot, kp, kd, self._highest)
             verdict = judged(
                 recorded,
                 self._motions,

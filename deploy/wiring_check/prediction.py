@@ -18,12 +18,19 @@ SEARCH_M = 2.0  # maximum height of the base
 class Prediction:
     """The robot's own model on level ground, with a given wiring of its motors."""
 
-    def __init__(self, robot: Robot, kp: np.ndarray, kd: np.ndarray) -> None:
-        """Load the model; it holds its joints with gains (n,), N m/rad and N m s/rad."""
+    def __init__(self, robot: Robot, kp: np.ndarray, kd: np.ndarray, highest: np.ndarray) -> None:
+        """Load the model.
+
+        Args:
+            robot: the robot.
+            kp: stiffness that holds its joints, N m/rad, (n,).
+            kd: damping, N m s/rad, (n,).
+            highest: upper limits of its motors' commands, (5, n): the rows of a `JointCommand`.
+        """
         plant = read_plant(robot)
         self._model, self._motor, self._base = plant.model, plant.motor, plant.base
         self._model.opt.timestep = STEP_S
-        self._limits = robot.motor
+        self._limits, self.highest = robot.motor, highest
         self._data = mujoco.MjData(self._model)
         self._qpos, self._qvel = joint_addresses(self._model, robot)
         self._base_at = int(self._model.jnt_qposadr[self._model.body_jntadr[plant.base]])
@@ -41,10 +48,11 @@ class Prediction:
         """
         data, model, n = self._data, self._model, len(here)
         ratio, about = cause.ratio, self._default
+        units = cause.units(self.highest)
         pose = np.empty(n)
-        pose[cause.joint] = about + (start - about) / ratio
+        pose[cause.joint] = about + (units[0] * start - about) / ratio
         self._put_down(pose)
-        kp, kd, zero = self._kp, self._kd, np.zeros(n)
+        kp, kd, zero = units[2] * self._kp, units[3] * self._kd, np.zeros(n)
         count = round(motions.duration_s / STEP_S)
         before = round(SETTLE_S / STEP_S)
         values = np.empty((count, n + 2))
@@ -54,13 +62,12 @@ class Prediction:
             position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
             seen = about + ratio * (position[cause.joint] - about)
             target = here + motions.offsets(step * STEP_S) if step >= 0 else here
-            motor_nm = motor_torque(
-                JointCommand(target, zero, kp, kd, zero), seen, ratio * velocity[cause.joint], self._limits
-            )
+            command = JointCommand(units[0] * target, zero, kp, kd, zero)
+            motor_nm = motor_torque(command, seen, ratio * velocity[cause.joint], self._limits)
             torque[cause.joint] = ratio * motor_nm
             data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor, torque)
             if step >= 0:
-                values[step, :n] = motor_nm
+                values[step, :n] = motor_nm / units[4]
                 values[step, n:] = up[6:8]
             mujoco.mj_step(model, data)
         return np.vstack(

@@ -101,7 +101,7 @@ def judged(
     every = list(causes(wiring, legs))
     passes = passes and errors.max() <= config.alike
     left = config.explained_in_doubt if passes else config.explained
-    fault = _cause(measured, right, errors, predicted, every, left, config.imu_alike)
+    fault = _cause(measured, right, errors, predicted, every, prediction.highest, left, config.imu_alike)
     if passes:
         return verdict._replace(fault=fault)
     strange = float(np.median(errors)) > config.unlike
@@ -120,9 +120,10 @@ def _responses(rows: np.ndarray) -> Responses:
     return Responses(rows[:n, :n], rows[:n, n:])
 
 
-def _rough_cost(measured: Responses, cause: Cause, right: Responses) -> float:
+def _rough_cost(measured: Responses, cause: Cause, right: Responses, highest: np.ndarray) -> float:
     """Squared error of the joints if a cause only permuted and scaled the right responses."""
-    joint, _ = measured._replace(tilt=right.tilt).errors(Responses(cause.responses(right.torque), right.tilt))
+    torque = cause.responses(right.torque, highest)
+    joint, _ = measured._replace(tilt=right.tilt).errors(Responses(torque, right.tilt))
     return float((joint**2).mean())
 
 
@@ -132,6 +133,7 @@ def _cause(
     errors: np.ndarray,
     predicted: Callable[[Cause], np.ndarray],
     every: list[Cause],
+    highest: np.ndarray,
     left: float,
     noise: float,
 ) -> str:
@@ -152,7 +154,7 @@ def _cause(
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
         found.append((turned.cost(right, noise), text))
-    rough_costs = np.array([_rough_cost(measured, each, right) for each in every])
+    rough_costs = np.array([_rough_cost(measured, each, right, highest) for each in every])
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
     of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
     for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):

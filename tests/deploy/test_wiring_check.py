@@ -53,6 +53,17 @@ def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
     return inject
 
 
+def motors_exchanged(first: int, second: int) -> Callable[[FaultInjector], None]:
+    """Exchange the addresses of two joints' motors."""
+
+    def inject(injector: FaultInjector) -> None:
+        wiring, order = injector.wiring, np.arange(len(injector.wiring.motor_id))
+        order[[first, second]] = second, first
+        injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
+
+    return inject
+
+
 @pytest.fixture
 def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Sets motions and limits of the check."""
@@ -95,6 +106,16 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
     assert outcome.final_state == "ESTOP"
     assert outcome.walked_s == 0.0
     assert all(name in outcome.faults[0] for name in names), outcome.faults
+
+
+def test_exchanged_motors_with_different_ranges_are_named(motions: Callable[..., None]) -> None:
+    """Each reports its torque as a share of its own range, which is read as a share of the other's."""
+    motions(settle_s=0.5, move_s=0.25)
+    yaw, ankle = "left_hip_yaw_joint", "left_ankle_roll_joint"
+    g1 = load_robot("g1")
+    outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(ankle)), False)
+    assert outcome.final_state == "ESTOP"
+    assert all(name in outcome.faults[0] for name in (yaw, ankle, "exchanged")), outcome.faults
 
 
 def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
