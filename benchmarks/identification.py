@@ -89,11 +89,11 @@ class Outcome:
     misfit: list[float] = field(default_factory=list)
 
 
-def drawn(robot: Robot, number: int) -> Sample:
+def drawn(robot: Robot, number: int, family: Randomisation = FAMILY, seed: int = 32) -> Sample:
     """The true parameters of a draw, with delays rounded to physics steps, as in the plant."""
     bodies = plant_model(robot).nbody - 1
-    rng = np.random.default_rng([32, number])
-    sample = draw(FAMILY, rng.random, len(robot.joint_names), bodies)
+    rng = np.random.default_rng([seed, number])
+    sample = draw(family, rng.random, len(robot.joint_names), bodies)
     steps = np.round(sample["action_delay_s"] / PLANT_TIMESTEP_S)
     return sample | {"action_delay_s": steps * PLANT_TIMESTEP_S}
 

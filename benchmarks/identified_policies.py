@@ -24,14 +24,14 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from identification import FITTED, JUDGING, recorded, truth_of
+from identification import FITTED, JUDGING, drawn, recorded, truth_of
 
 from footfall.cli import main as footfall
 from footfall.common.config import unstructure
 from footfall.common.outputs import write_json, write_text
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import OWN_FILE, Randomisation
-from footfall.domain_rand.sample import Sample, draw
+from footfall.domain_rand.sample import Sample
 from footfall.evaluate.metrics import EpisodeMetrics, score
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
@@ -43,7 +43,6 @@ from footfall.plant.episode import Episode, run_episode
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import plant_model
-from footfall.robots.stability import PLANT_TIMESTEP_S
 
 ROBOT = "go1"
 HIDDEN = Randomisation(
@@ -78,11 +77,7 @@ WIDE_NAME, IDENTIFIED, TRUE = "wide", "identified", "true"
 @cache
 def hidden(number: int) -> Sample:
     """The hidden robot's differences from the nominal one."""
-    robot = load_robot(ROBOT)
-    rng = np.random.default_rng([320, number])
-    sample = draw(HIDDEN, rng.random, len(robot.joint_names), plant_model(robot).nbody - 1)
-    steps = np.round(sample["action_delay_s"] / PLANT_TIMESTEP_S)
-    return sample | {"action_delay_s": steps * PLANT_TIMESTEP_S}
+    return drawn(load_robot(ROBOT), number, HIDDEN, seed=320)
 
 
 def prepare(number: int, out: Path) -> None:

@@ -24,7 +24,6 @@ from footfall.robots.default import DEFAULT_ROBOT
 
 LYING = "lying"
 FULL = 1.0
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
 
 
 @Parameter(name="*")

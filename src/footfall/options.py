@@ -9,6 +9,8 @@ from cyclopts.validators import Number
 from footfall.common.engines import EngineName
 from footfall.common.limits import FASTEST, LONGEST_S
 
+SIMULATED, VIRTUAL = "sim", "virtual"  # values of --bus with a simulated robot
+
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:
     """Parse '0.5,0,0' as three numbers."""

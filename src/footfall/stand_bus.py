@@ -4,11 +4,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from footfall.options import SIMULATED, VIRTUAL
+
 if TYPE_CHECKING:
     from footfall.deploy.bus import Bus
     from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
 SAFE = "IDLE"
 PLACE = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
 

@@ -13,7 +13,16 @@ from cyclopts.validators import Number
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, confirm
-from footfall.options import JsonFile, Names, OptionalPath, PolicyName, RobotName, VelocityCommand
+from footfall.options import (
+    SIMULATED,
+    VIRTUAL,
+    JsonFile,
+    Names,
+    OptionalPath,
+    PolicyName,
+    RobotName,
+    VelocityCommand,
+)
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -22,7 +31,6 @@ if TYPE_CHECKING:
     from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
     from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"  # buses with a simulated robot
 FAILED = 1
 UNEVEN_FROM_M = 0.5  # distance from the start at which uneven ground begins in simulation
 HANGS = "Does the robot hang in a frame, with its feet in the air"

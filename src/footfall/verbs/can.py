@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
 from footfall.confirm import Yes, confirm
-from footfall.options import Names, OptionalSeconds, RobotName, Seconds
+from footfall.options import VIRTUAL, Names, OptionalSeconds, RobotName, Seconds
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 can = App(name="can", help="A robot on a stand: find, enable, zero and monitor its motors.")
 
 NOT_ALL_WELL = 1
-VIRTUAL = "virtual"  # includes a simulated robot in this process
 FRAMES_PER_SECOND = 5
 LOOK_S = 0.5  # time in which every motor reports its errors: heartbeats come ten times per second
 

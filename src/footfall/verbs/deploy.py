@@ -13,8 +13,8 @@ from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.common.files import release, spare_descriptors
 from footfall.common.outputs import check_outputs
-from footfall.deploy_options import DEFAULTS, FULL, LYING, SIMULATED, VIRTUAL, DeployOptions
-from footfall.options import PolicyName
+from footfall.deploy_options import DEFAULTS, FULL, LYING, DeployOptions
+from footfall.options import SIMULATED, VIRTUAL, PolicyName
 from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from cyclopts import App, Parameter
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json, write_text
 from footfall.confirm import Yes, confirm
-from footfall.options import AS_TYPED, JsonFile, Names, OptionalPath, RobotName, Seed
+from footfall.options import AS_TYPED, SIMULATED, VIRTUAL, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import PLACE, SAFE, SIMULATED, VIRTUAL, opened
+from footfall.stand_bus import PLACE, SAFE, opened
 from footfall.verbs.identify_gains import gains
 
 if TYPE_CHECKING:

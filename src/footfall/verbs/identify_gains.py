@@ -9,9 +9,9 @@ from cyclopts import Parameter
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, confirm
-from footfall.options import JsonFile, OptionalPath, RobotName, Seed
+from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import PLACE, SAFE, SIMULATED, VIRTUAL, opened
+from footfall.stand_bus import PLACE, SAFE, opened
 
 if TYPE_CHECKING:
     from footfall.identify.gain_search import Tuned
