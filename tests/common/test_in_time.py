@@ -16,4 +16,17 @@ def test_an_act_that_ends_gives_nothing_or_its_error() -> None:
 
 
 def test_one_that_does_not_end_is_a_timeout() -> None:
-    assert isinstance(in_time(threading.Event().wait, 0.01), TimeoutError)  # type: ignore[arg-type]
+    began, ended = threading.Event(), threading.Event()
+    caller: list[threading.Thread] = []
+
+    def wait() -> None:
+        caller.append(threading.current_thread())
+        began.set()
+        ended.wait()
+
+    try:
+        assert isinstance(in_time(wait, 0.01), TimeoutError)
+    finally:  # a command line in this process would not flush its output while it waits
+        ended.set()
+        began.wait()
+        caller[0].join()
