@@ -100,8 +100,8 @@ class Cockpit:
         finally:
             sender.cancel()
             del self._visitors[name]
-            if self._state.get("owner") == name:
-                self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
+            # The state here may be older than the control: whether the visitor has it is for the inbox to say.
+            self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
 
     async def _send_states(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
         with suppress(Exception):

@@ -137,8 +137,7 @@ class TestCommands:
         other.take_control(served.inbox)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
         assert eventually(lambda: asked(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
-        other.hear()
-        other.socket.close()
+        other.socket.close()  # at once: the server has not learned yet who has control
         assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
