@@ -6,6 +6,7 @@ import math
 import os
 import stat
 import tempfile
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,21 @@ from footfall.common.errors import UserError
 from footfall.common.files import is_named_pipe, write_atomically
 
 
-def check_outputs(*paths: Path | None) -> None:
+def check_outputs(*paths: Path | None, inputs: Iterable[Path | str | None] = ()) -> None:
     """Check that files can be written, without leaving a trace.
 
+    Args:
+        paths: the outputs; None for one that is not wanted.
+        inputs: files that the command reads. Texts that are no file, such as a policy's name, do not matter.
+
     Raises:
-        UserError: one cannot, or two are the same.
+        UserError: one cannot, two are the same, or one would overwrite an input.
     """
     given = [path for path in paths if path is not None]
+    read = {_target(Path(each)) for each in inputs if each is not None and os.path.isfile(each)}
     for path in given:
+        if _target(path) in read:
+            raise UserError(f"cannot write {path}: it is read by this command; give another name")
         if reason := _why_not(path):
             raise UserError(f"cannot write {path}: {reason}")
     if len({_target(path) for path in given}) < len(given):

@@ -53,7 +53,7 @@ def evaluate_policy(
     """
     console = console or Console()
     robot, file, policies = _load(config, [policy_spec])
-    check_outputs(json_path)
+    check_outputs(json_path, inputs=[policy_spec, config.scenario_file, config.plant])
     (result,) = _score(robot, file, policies, config, console).values()
     print_results({result["policy"]: result}, console)
     write_json(json_path, result)
@@ -77,7 +77,7 @@ def weakest_of(
     """
     console = console or Console()
     robot, file, policies = _load(config, [policy_spec])
-    check_outputs(json_path)
+    check_outputs(json_path, inputs=[policy_spec, config.scenario_file, config.plant])
     with console.status("searching"):
         found = weakest(policy_spec, config, file, names)
     (name,) = policy_names(policies).values()
@@ -115,7 +115,7 @@ def compare_policies(
         check_display()
         if is_device(html_path):
             raise UserError(f"cannot write the report to {html_path}: give a file name")
-    check_outputs(json_path, html_path)
+    check_outputs(json_path, html_path, inputs=[*policy_specs, config.scenario_file, config.plant])
 
     results = _score(robot, file, policies, config, console)
     with console.status("timing each policy alone"):

@@ -13,6 +13,7 @@ from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
 LEAST_ROWS = 100
+JUMP_RAD, FASTER = 0.1, 2.0  # a reading jumps if it moves farther than a joint of this share of its top speed
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,28 @@ def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float 
         raise UserError(f"{path} has no motion under a policy")
     begin, end = max(stretches, key=lambda each: each[1] - each[0])
     found = _between(columns, str(path), len(robot.joint_names), max(begin, start_s), min(end, end_s))
+    _check_continuous(found, robot)
     if columns.log.metadata.get("bus") == RECORDED_BUS:
         return found
     return replace(found, command=as_received(robot, found.command))
+
+
+def _check_continuous(recording: Recording, robot: Robot) -> None:
+    """A single wrong reading would count as noise, within which any error of the model is small.
+
+    Raises:
+        UserError: a reading is farther from the one before than its joint can move.
+    """
+    elapsed_s = np.diff(recording.time_s)[:, None]
+    limit = JUMP_RAD + FASTER * np.asarray(robot.motor.no_load_speed) * elapsed_s
+    jumps = np.argwhere(~(np.abs(np.diff(recording.position, axis=0)) <= limit))
+    if len(jumps):
+        row, joint = jumps[0]
+        raise UserError(
+            f"{recording.source}: {robot.joint_names[joint]} jumps from {recording.position[row, joint]:.3g}"
+            f" to {recording.position[row + 1, joint]:.3g} rad at {recording.time_s[row + 1]:.3f} s, faster
+            " than the motor: correct wrong readings and full turns in the recording"
+        )
 
 
 def as_received(robot: Robot, command: np.ndarray) -> np.ndarray:

@@ -11,6 +11,8 @@ from footfall.common.errors import UserError
 
 ALL = "all"  # key for all joints without their own entry
 
+DELIMITERS = ",;\t"  # spreadsheets write the second where a comma is in their numbers
+
 Column = str | float
 """Name of a column, or a constant."""
 
@@ -68,14 +70,16 @@ class CsvTable(NamedTuple):
 
 
 def read_table(path: Path) -> CsvTable:
-    """Cells of a file.
+    """Cells of a file; the most frequent delimiter of its first line separates them.
 
     Raises:
         UserError: it cannot be read, or is empty.
     """
     try:
-        with path.open(newline="") as file:
-            rows = [row for row in csv.reader(file) if row]
+        with path.open(newline="", encoding="utf-8-sig") as file:  # a spreadsheet may begin with a mark
+            first = file.readline()
+            file.seek(0)
+            rows = [row for row in csv.reader(file, delimiter=max(DELIMITERS, key=first.count)) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UserError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
     if not rows:

@@ -13,6 +13,7 @@ from footfall.common.rotations import projected_gravity, rotation_matrix
 from footfall.deploy.log_analysis.csv_table import Column, CsvTable, read_table
 from footfall.robots.description import Robot
 
+LATEST_S = 9e9  # beyond any date, and within the times of a log
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # w x y z
 COMMAND = ("target_position", "target_velocity", "stiffness", "damping", "feed_forward")  # rows of a command
 
@@ -87,6 +88,8 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
     seconds = columns.time_unit_s * table.take([columns.time])[:, 0]
     if len(seconds) < 2:
         raise UserError(f"{path} has fewer than two rows")
+    if not (np.abs(seconds) < LATEST_S).all():
+        raise UserError(f"{path}: {seconds[-1]:g} s is no time: give the unit of its times as time_unit_s")
     time_us = np.rint(1e6 * (seconds - seconds[0])).astype(np.int64)
     late = np.flatnonzero(np.diff(time_us) <= 0)
     if len(late):

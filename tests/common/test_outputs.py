@@ -37,6 +37,16 @@ def test_what_can_be_no_file_is_named_and_an_older_file_is_left_alone(tmp_path: 
     assert os.listdir(tmp_path) == ["file"]
 
 
+def test_an_input_is_never_overwritten(tmp_path: Path) -> None:
+    read, link = tmp_path / "walk.csv", tmp_path / "link"
+    read.write_text("readings")
+    link.symlink_to(read)
+    for output in (read, link, tmp_path / "." / "walk.csv"):
+        with pytest.raises(UserError):
+            check_outputs(tmp_path / "other", output, inputs=["trot", None, read])
+    check_outputs(tmp_path / "other", inputs=["a" * 300, read])
+
+
 def test_a_name_that_is_too_long_is_refused_and_the_longest_is_written(tmp_path: Path) -> None:
     longest = tmp_path / ("a" * 255)
     check_outputs(longest)

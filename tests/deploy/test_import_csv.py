@@ -129,5 +129,28 @@ def test_a_cell_without_a_number_is_refused_with_its_line(tmp_path: Path) -> Non
         read_csv(path, structure(columns, ColumnMap, "map"), ROBOT)
 
 
+STANDING = {"time": "t", "joint_position": dict.fromkeys(JOINTS, "a")}
+
+
+@pytest.mark.parametrize(
+    "text", ["\ufefft,a\n0.0,1.0\n0.1,2.0\n", "t;a\n0.0;1.0\n0.1;2.0\n", "t\ta\n0\t1\n.1\t2\n"]
+)
+def test_a_table_of_a_spreadsheet_is_read(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "theirs.csv"
+    path.write_text(text, encoding="utf-8")
+    recorded = read_csv(path, structure(STANDING, ColumnMap, "map"), ROBOT)
+    assert recorded.position[:, 0].tolist() == [1.0, 2.0]
+
+
+def test_nanoseconds_without_their_unit_are_refused(shell: Shell, tmp_path: Path) -> None:
+    path, chart = tmp_path / "theirs.csv", tmp_path / "map.yaml"
+    path.write_text("t,a\n1700000000000000000,1.0\n1700000000002000000,2.0\n")
+    for unit in (1.0, 1e-3, 1e-6):
+        chart.write_text(yaml.safe_dump({**STANDING, "time_unit_s": unit}))
+        assert "time_unit_s" in shell.refuses("log", "import", path, "--map", chart, "--robot", "go1")
+    chart.write_text(yaml.safe_dump({**STANDING, "time_unit_s": 1e-9}))
+    assert shell("log", "import", path, "--map", chart, "--robot", "go1").status == 0
+
+
 def test_a_robot_that_never_rests_has_no_attitude(shell: Shell, walk: Walk, tmp_path: Path) -> None:
     assert "never at rest" in shell.refuses(*typed(shell, walk, tmp_path, gyro=["ax", "ay", "az"]))

@@ -111,3 +111,14 @@ def test_garbage_and_logs_without_frames_are_refused(shell: Shell, go1: Robot, t
         assert "not an MCAP" in shell.refuses("log", verb, "garbage.mcap")
     run_episode(go1, Sway(go1), short_episode(duration_s=0.02, log=tmp_path / "a.mcap"))
     assert "--log-frames" in shell.refuses("log", "frames", "a.mcap")
+
+
+def test_no_verb_overwrites_the_file_that_it_reads(shell: Shell, logged: Path, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    log.write_bytes(logged.read_bytes())
+    for verb in ("plot", "cut", "frames", "layout", "recover"):
+        shell.refuses("log", verb, log, "--out", log)
+    shell.refuses("log", "compare", log, "--json", log)
+    shell.refuses("identify", "fit", log, "--json", log)
+    shell.refuses("log", "import", log, "--map", log, "--robot", "go1")
+    assert log.read_bytes() == logged.read_bytes()

@@ -101,3 +101,13 @@ def test_commands_that_are_not_whole_are_refused(
     shell: Shell, pair: Pair, tmp_path: Path, changes: dict[str, Any], named: str
 ) -> None:
     assert named in shell.refuses(*typed(pair, tmp_path, **changes))
+
+
+def test_one_wrong_reading_is_no_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
+    """It would widen the noise, within which every error of the model is small."""
+    lines = pair[1].read_text().splitlines()
+    cells = lines[200].split(",")
+    cells[3] = "6.4"  # a full turn more
+    (tmp_path / "theirs.csv").write_text("\n".join([*lines[:200], ",".join(cells), *lines[201:]]))
+    assert shell(*typed((pair[0], tmp_path / "theirs.csv"), tmp_path)).status == 0
+    assert JOINTS[2] in shell.refuses("log", "compare", tmp_path / "theirs.mcap")

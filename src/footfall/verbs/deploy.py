@@ -49,7 +49,7 @@ def deploy(
     policy: PolicyName, /, *, options: DeployOptions = DEFAULTS, pages: RunPageOptions = NO_PAGES
 ) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
-    check_outputs(options.json, options.log)
+    check_outputs(options.json, options.log, inputs=[policy, options.by, options.config, options.plant])
     from footfall.common.config import unstructure
     from footfall.deploy_summary import show
     from footfall.height_scan_source import height_scan_source

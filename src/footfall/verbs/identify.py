@@ -117,7 +117,7 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     from footfall.identify.parameters import EFFECTS
     from footfall.identify.proposal import propose
 
-    check_outputs(options.json, options.report)
+    check_outputs(options.json, options.report, inputs=[*logs, options.held_out])
     if options.report is not None:
         from footfall.evaluate.report.extra import check_installed
 
@@ -205,7 +205,7 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
     with learning_libraries():
         from footfall.learned_law import learn
         from footfall.train.actuator_net import NetConfig
-    check_outputs(options.json)
+    check_outputs(options.json, inputs=[*logs, options.held_out])
     try:
         config = NetConfig(steps=options.steps, seeds=options.seeds, seed=options.seed)
     except ValueError as error:

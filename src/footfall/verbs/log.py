@@ -68,7 +68,7 @@ def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -
     from footfall.identify.recording import read_recording
     from footfall.robots.description import load_robot
 
-    check_outputs(json)
+    check_outputs(json, inputs=[file])
     model = logged_robot(read_log(file, topics=())) if robot is None else load_robot(robot)
     recording, figures, good = read_recording(file, model), {}, True
     for leg in fixed_legs(model):
@@ -116,8 +116,8 @@ def import_(
     from footfall.deploy.log_analysis.recorded_csv import ColumnMap, read_csv
     from footfall.robots.description import load_robot
 
-    target = file.with_suffix(".mcap") if out is None else out
-    check_outputs(target)
+    target = _beside(file, ".mcap", out)
+    check_outputs(target, inputs=[file, columns, config])
     of = load_robot(robot)
     settings = deploy_config(of, config).estimator
     recorded = read_csv(file, load(columns, ColumnMap), of)
@@ -143,8 +143,8 @@ def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -
     """
     from footfall.evaluate.report.extra import check_installed
 
-    page = file.with_suffix(".html") if out is None else out
-    check_outputs(page)
+    page = _beside(file, ".html", out)
+    check_outputs(page, inputs=[file])
     check_installed()
     found = findings_of(file, robot)
     from footfall.common.outputs import write_text
@@ -179,7 +179,8 @@ def cut(
     """
     if not 0.0 <= start < end:
         raise UserError(f"from {start:g} to {end:g} s is not a time range: give --from below --to, both in s")
-    part = _beside(file, "cut", out)
+    part = _beside(file, f".cut{file.suffix}", out)
+    check_outputs(part, inputs=[file])
     from footfall.deploy.recover import cut as cut_log
 
     found = cut_log(file, part, start, end)
@@ -198,7 +199,7 @@ def frames(file: Path, /, *, out: OptionalPath = None) -> int:
     out
         Text file to write (default: standard output).
     """
-    check_outputs(out)
+    check_outputs(out, inputs=[file])
     from footfall.deploy.log_analysis.candump import write_candump
 
     if out is None:
@@ -232,7 +233,7 @@ def layout(
     found = read_log(file, topics=())
     make, suffix = LAYOUTS[tool]
     target = file.parent / f"{found.text('robot')}.{tool}{suffix}" if out is None else out
-    check_outputs(target)
+    check_outputs(target, inputs=[file])
     write_text(target, make(found.joints))
     print(f"{target}: import it in {tool}")
     return 0
@@ -249,7 +250,8 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     out
         Repaired copy to write (default: FILE.recovered.mcap, in the same folder).
     """
-    whole = _beside(file, "recovered", out)
+    whole = _beside(file, f".recovered{file.suffix}", out)
+    check_outputs(whole, inputs=[file])
     from footfall.deploy.recover import recover as recover_log
 
     found = recover_log(file, whole)
@@ -257,11 +259,9 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     return 0
 
 
-def _beside(file: Path, what: str, out: Path | None) -> Path:
-    """Path of a copy of a log; raises UserError if it cannot be written."""
-    copy = file.parent / f"{file.stem}.{what}{file.suffix}" if out is None else out
-    check_outputs(copy)
-    return copy
+def _beside(file: Path, suffix: str, out: Path | None) -> Path:
+    """The given output, or one with another suffix in the folder of the input."""
+    return file.parent / f"{file.stem}{suffix}" if out is None else out
 
 
 def _lost(damaged: int) -> str:
