@@ -76,7 +76,7 @@ def _check_continuous(recording: Recording, robot: Robot) -> None:
         row, joint = jumps[0]
         raise UserError(
             f"{recording.source}: {robot.joint_names[joint]} jumps from {recording.position[row, joint]:.3g}"
-            f" to {recording.position[row + 1, joint]:.3g} rad at {recording.time_s[row + 1]:.3f} s, faster
+            f" to {recording.position[row + 1, joint]:.3g} rad at {recording.time_s[row + 1]:.3f} s, faster"
             " than the motor: correct wrong readings and full turns in the recording"
         )
 
