@@ -18,11 +18,7 @@ from footfall.common.installation import install, install_extras, needs_extra
 from footfall.common.sources import read_sources
 
 ROOT = Path(__file__).parents[2]
-
-
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-
-
 METADATA = """\
 Metadata-Version: 2.4
 Name: footfall

@@ -108,12 +108,8 @@ def test_numbers_are_asked_for_once_and_all_of_them() -> None:
     draw(Randomisation(), uniform, 3, 5)
     shapes = sample_shapes(3, 5)
     assert asked == [sum(int(np.prod(shape)) for shape in shapes.values())]
-    assert (shapes["link_mass"], shapes["kp"], shapes["com_offset_m"], shapes["friction"]) == (
-        (5,),
-        (3,),
-        (3,),
-        (),
-    )
+    names = ("link_mass", "kp", "com_offset_m", "friction")
+    assert [shapes[name] for name in names] == [(5,), (3,), (3,), ()]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
@@ -126,10 +122,7 @@ def test_a_share_of_the_difference_is_kept_towards_the_nominal_robot(share: floa
     for name, value in towards_nominal(sample, share, friction=0.8).items():
         middle = nominal.get(name, 1.0)
         np.testing.assert_allclose(value, middle + share * (sample[name] - middle), err_msg=name)
-
-
-def test_what_is_nominal_stays_so() -> None:
-    assert towards_nominal({}, 0.5, friction=0.8) == {}
+    assert towards_nominal({}, share, friction=0.8) == {}
 
 
 @pytest.mark.parametrize(

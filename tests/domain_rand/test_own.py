@@ -29,16 +29,6 @@ def randomised_plan(robot: Robot) -> EpisodePlan:
     return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
 
 
-def test_a_robot_that_is_given_no_load_is_asked_to_carry_none(own_folder: Path) -> None:
-    robot = own_robot(own_folder, "payload_kg: null\n")
-    assert set(load_scenarios(robot).scenarios["payload"].levels["payload_kg"]) == {0.0}
-
-
-def test_a_robot_without_one_differs_as_the_default_says(go1: Robot) -> None:
-    assert randomisation_of(go1) == load_randomisation()
-    assert own_ranges(go1) == {}
-
-
 def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     payload, offset = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
@@ -46,13 +36,17 @@ def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None
     assert own_ranges(robot) == {"payload_kg": payload, "com_offset_m": offset}
 
 
-def test_a_quantity_may_be_left_nominal(own_folder: Path) -> None:
-    assert own_ranges(own_robot(own_folder, "payload_kg: null\n")) == {"payload_kg": None}
-
-
-@pytest.mark.parametrize("text", ["", "# nothing yet\n"])
-def test_an_empty_one_changes_nothing(own_folder: Path, text: str) -> None:
-    assert own_ranges(own_robot(own_folder, text)) == {}
+def test_a_quantity_may_be_left_nominal_and_an_empty_file_changes_nothing(
+    own_folder: Path, go1: Robot
+) -> None:
+    robot = own_robot(own_folder, "payload_kg: null\n")
+    assert own_ranges(robot) == {"payload_kg": None}
+    assert set(load_scenarios(robot).scenarios["payload"].levels["payload_kg"]) == {
+        0.0
+    }  # asked to carry none
+    for empty in (go1, own_robot(own_folder, ""), own_robot(own_folder, "# nothing yet\n")):
+        assert own_ranges(empty) == {}
+        assert randomisation_of(empty) == load_randomisation()
 
 
 @pytest.mark.parametrize(

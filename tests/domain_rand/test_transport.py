@@ -66,7 +66,6 @@ class TestTraining:
 
     def test_jitter_is_one_number_for_all_motors_anew_at_each_step(self) -> None:
         sample = {"action_delay_s": 0.004, "action_jitter_s": 0.01}
-        sample = {"action_delay_s": 0.004, "action_jitter_s": 0.01}
         delays = np.array([drawn(sample, k)[0][0] for k in range(40)])
         assert (np.ptp(delays, axis=1) == 0.0).all()
         assert 0.004 <= delays.min() < 0.006
@@ -138,10 +137,6 @@ class TestPlant:
 
 
 def test_quantities_of_one_way_add_up_in_their_own_parts() -> None:
-    assert transport_of({name: np.array(value) for name, value in WHOLE.items()}, "actions") == (
-        0.004,
-        0.01,
-        0.006,
-        0.3,
-    )
-    assert not transport_of({name: np.array(value) for name, value in WHOLE.items()}, "readings").varies
+    sample = {name: np.array(value) for name, value in WHOLE.items()}
+    assert transport_of(sample, "actions") == (0.004, 0.01, 0.006, 0.3)
+    assert not transport_of(sample, "readings").varies

@@ -10,16 +10,12 @@ import yaml
 from shell import Shell
 
 from footfall.identify.compare import compare_leg
-from footfall.identify.excitation import ExcitationConfig
 from footfall.identify.leg import fixed_legs
-from footfall.identify.record import record
 from footfall.identify.recording import Recording, read_recording
-from footfall.identify.simulated import simulated_bus
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 JOINTS = ROBOT.joint_names
-SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
 PARTS = ("q", "target", "rate", "kp", "kd", "feed")  # columns of each joint
 MAP: dict[str, Any] = {
     "time": "t",
@@ -35,13 +31,10 @@ Pair = tuple[Recording, Path]
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
     """A recording of a robot of too much friction, and the same as another program's CSV file."""
-    folder = tmp_path_factory.mktemp("recording")
-    stiff = {"joint_friction": np.full(len(JOINTS), 2.0)}
-    record(ROBOT, simulated_bus(ROBOT, stiff), folder / "log.mcap", SHORT)
-    own = read_recording(folder / "log.mcap", ROBOT)
-    path = folder / "theirs.csv"
+    own = read_recording(stiff_log, ROBOT)
+    path = tmp_path_factory.mktemp("recording") / "theirs.csv"
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", *(f"{part}_{name}" for part in PARTS for name in JOINTS)])
@@ -62,17 +55,15 @@ def typed(pair: Pair, folder: Path, **changes: Any) -> list[str | Path]:
     return ["log", "import", pair[1], "--map", chart, "--robot", "go1", "--out", folder / "theirs.mcap"]
 
 
-def test_commands_and_readings_are_those_of_the_file(shell: Shell, pair: Pair, tmp_path: Path) -> None:
+def test_a_file_of_another_program_is_read_and_compared_like_a_log(
+    shell: Shell, pair: Pair, tmp_path: Path
+) -> None:
     own, theirs = pair[0], imported(shell, pair, tmp_path)
     assert theirs.command == pytest.approx(own.command)
     assert theirs.position == pytest.approx(own.position)
     assert theirs.time_s - theirs.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
     assert np.isnan(theirs.torque).all()  # unknown: no reading of zero
-
-
-def test_the_same_parameter_explains_the_gap(shell: Shell, pair: Pair, tmp_path: Path) -> None:
-    gap = compare_leg(fixed_legs(ROBOT)[0], imported(shell, pair, tmp_path))
-    for shares in gap.explains:
+    for shares in compare_leg(fixed_legs(ROBOT)[0], theirs).explains:
         assert max(shares, key=shares.__getitem__) == "joint_friction", shares
     assert shell("log", "compare", tmp_path / "theirs.mcap").status == 1
     assert shell("log", "info", tmp_path / "theirs.mcap").status == 0

@@ -6,10 +6,7 @@ import pytest
 from footfall.identify.shooting import Number, Shooting
 
 TRUTH = np.array([7.0, 0.8])  # rad/s; share of the velocity that decays in a second
-NUMBERS = (
-    Number("speed", "rad/s", 6.0, 1.0, 20.0, 0.5),
-    Number("decay", "1/s", 0.2, 0.0, 5.0, 0.2),
-)
+NUMBERS = (Number("speed", "rad/s", 6.0, 1.0, 20.0, 0.5), Number("decay", "1/s", 0.2, 0.0, 5.0, 0.2))
 TIMES = np.linspace(0.0, 0.5, 30)
 
 

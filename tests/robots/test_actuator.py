@@ -15,16 +15,12 @@ from footfall.robots.actuator import (
     friction_torque,
     joint_damping,
     joint_torque,
-    limit_torque,
     motor_torque,
 )
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target, soft_limits
 
 MOTOR = ONE_MOTOR._replace(strength=np.array([0.9]))
-
-wide = st.floats(-1e4, 1e4)
-speeds = st.floats(-100.0, 100.0)
 
 
 def arrays(low: float, high: float) -> st.SearchStrategy:
@@ -48,26 +44,6 @@ def test_numpy_and_jax_agree(go1: Robot) -> None:
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))
-def test_current_limits_torque(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
-    torque = motor_torque(command, position, velocity, MOTOR)
-    assert abs(torque[0]) <= MOTOR.peak_torque[0]
-
-
-@given(wide, speeds)
-def test_torque_along_the_motion_is_below_the_torque_speed_line(asked: float, speed: float) -> None:
-    torque = limit_torque(np.array([asked]), np.array([speed]), MOTOR)[0]
-    line = MOTOR.stall_torque[0] * (1 - abs(speed) / MOTOR.no_load_speed[0])
-    assert torque * np.sign(speed or 1.0) <= line + 1e-9 or torque * np.sign(speed) <= 0
-
-
-@given(speeds)
-def test_friction_opposes_motion(speed: float) -> None:
-    torque = friction_torque(np.array([speed]), MOTOR)[0]
-    assert torque * speed <= 0
-    assert abs(torque) <= MOTOR.friction[0] + MOTOR.damping[0] * abs(speed) + 1e-12
-
-
-@given(commands, arrays(-10, 10), arrays(-100, 100))
 def test_friction_is_lost(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
     expected = motor_torque(command, position, velocity, MOTOR) + friction_torque(velocity, MOTOR)
     np.testing.assert_array_equal(joint_torque(command, position, velocity, MOTOR), expected)
@@ -82,26 +58,6 @@ def test_damping_is_a_slope(command: JointCommand, position: np.ndarray, velocit
     assume(abs(slower - faster) < 1e-3 * d)
     damping = joint_damping(command, position, velocity, MOTOR)
     assert damping[0] == pytest.approx(slower / d, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("torque", "speed", "damping"),
-    [
-        (0.0, 0.1, 0.9 * 2.0 + 0.5 / 0.2 + 0.05),  # the motor's kd, the ramp of friction, viscous friction
-        (0.0, 1.0, 0.9 * 2.0 + 0.05),  # friction is fully developed
-        (100.0, 1.0, 0.05),  # at the current limit
-        (100.0, 15.0, 30.0 / 30.0 + 0.05),  # on the torque-speed line
-        (-100.0, -15.0, 30.0 / 30.0 + 0.05),
-    ],
-)
-def test_damping_by_hand(torque: float, speed: float, damping: float) -> None:
-    command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 2.0, torque)))
-    assert joint_damping(command, np.zeros(1), np.array([speed]), MOTOR) == pytest.approx(damping)
-
-
-def test_strength_scales_what_the_motor_delivers() -> None:
-    command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 0.0, 10.0)))
-    assert motor_torque(command, np.zeros(1), np.zeros(1), MOTOR) == pytest.approx(9.0)
 
 
 # Three motors that differ in everything, in the order of the fields of `Motor`.

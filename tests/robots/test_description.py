@@ -203,21 +203,6 @@ def test_each_joint_has_its_own_figures_whatever_else_the_file_moves(own_folder:
     assert [joints.tolist() for joints in robot.foot_joints] == [[11, 10, 9], [8, 7, 6], [5, 4, 3], [2, 1, 0]]
 
 
-def test_soft_limits_lie_inside_the_range_and_hold_the_default_pose(go1: Robot) -> None:
-    lower, upper = go1.soft_limits
-    assert np.all(lower > go1.lower_rad)
-    assert np.all(upper < go1.upper_rad)
-    assert np.all((lower < go1.default_pose) & (go1.default_pose < upper))
-
-
-def test_each_leg_has_a_bus_of_its_own(go1: Robot) -> None:
-    buses = {
-        foot.name: {j.bus for j in go1.description.joints if j.name in foot.joints}
-        for foot in go1.description.feet
-    }
-    assert sorted(bus for used in buses.values() for bus in used) == ["can0", "can1", "can2", "can3"]
-
-
 def test_a_folder_is_known_by_its_full_path(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever changes the working folder later still finds its files."""
     monkeypatch.chdir(own_folder.parent)

@@ -44,8 +44,6 @@ CONSTRAINTS = (
     '<contact><exclude body1="trunk" body2="FR_calf"/></contact>',
     TENDON,
 )
-
-
 NOT_COUNTED = (
     ("robot.yaml", "name: go1", "# a remark\nname: go1"),
     ("robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"),

@@ -1,8 +1,4 @@
-"""The g1 model against the published figures, and that it stands on the corners of its soles.
-
-Masses, places and ranges are from Unitree's `g1_description` (BSD-3-Clause), rotor inertias from the maker's
-motor sheets.
-"""
+"""The g1 stands on the corners of its soles, and its legs meet once."""
 
 import jax.numpy as jnp
 import mujoco
@@ -32,23 +28,6 @@ def standing(g1: Robot, model: mujoco.MjModel) -> mujoco.MjData:
     data.qpos[joint_addresses(model, g1)[0]] = g1.default_pose
     mujoco.mj_forward(model, data)
     return data
-
-
-def test_the_upper_body_is_lumped_into_the_pelvis(model: mujoco.MjModel) -> None:
-    pelvis = model.body("pelvis")
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, pelvis.iquat)
-    inertia = turn.reshape(3, 3) @ np.diag(pelvis.inertia) @ turn.reshape(3, 3).T
-    wanted = [[0.579174, 9.9e-05, 0.017475], [9.9e-05, 0.487544, -0.000246], [0.017475, -0.000246, 0.259332]]
-    np.testing.assert_allclose(inertia, wanted, atol=1e-6)
-    np.testing.assert_allclose(pelvis.ipos, [0.022632, 0.000145, 0.139697])
-
-
-def test_gains_are_near_the_published_ones(g1: Robot) -> None:
-    """Within a factor of two, and inside what a command frame can carry."""
-    published = np.array([100.0, 100.0, 100.0, 150.0, 40.0, 40.0] * 2)
-    assert np.all((g1.kp > 0.5 * published) & (g1.kp < 2.0 * published))
-    assert g1.kd.max() <= 5.0
 
 
 def test_by_default_soles_lie_flat_below_the_centre_of_mass(g1: Robot, model: mujoco.MjModel) -> None:

@@ -1,54 +1,18 @@
-"""The hexapod that ships with footfall: its figures, its buses, and why its tripods are what they are."""
+"""The gaits of the hexapod: their mirror images, and why its tripods are what they are."""
 
 from itertools import combinations
 
-import mujoco
 import numpy as np
 import pytest
 
 from footfall.policies.gaits import find_gait
 from footfall.robots.description import load_robot
-from footfall.robots.model import plant_model
 from footfall.robots.support import support_margin
 from footfall.robots.symmetry import find_symmetry
 
 ROBOT = load_robot("hexapod")
 FEET = [foot.name for foot in ROBOT.description.feet]
 TRIPODS = {frozenset({"LF", "RM", "LR"}), frozenset({"RF", "LM", "RR"})}
-
-
-def test_its_links_are_as_long_as_given() -> None:
-    model = plant_model(ROBOT)
-    for foot in ROBOT.description.feet:
-        coxa, femur, tibia = (model.joint(name).bodyid[0] for name in foot.joints)
-        assert np.linalg.norm(model.body_pos[femur]) == pytest.approx(0.05), "coxa"
-        assert np.linalg.norm(model.body_pos[tibia]) == pytest.approx(0.10), "femur"
-        assert np.linalg.norm(model.geom(foot.geoms[0]).pos) == pytest.approx(0.22), "tibia"
-        assert model.geom(foot.geoms[0]).size[0] == 0.02
-        assert model.body_parentid[coxa] == model.body(ROBOT.description.base).id
-    assert model.body_mass.sum() == pytest.approx(1.45 + 6 * 0.26)
-
-
-def test_its_feet_stand_beyond_the_femur_joints_with_the_body_at_its_height() -> None:
-    model = plant_model(ROBOT)
-    data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, ROBOT.description.standing_height_m, 1, 0, 0, 0)
-    data.qpos[7:] = ROBOT.default_pose
-    mujoco.mj_kinematics(model, data)
-    assert ROBOT.description.standing_height_m == 0.2
-    for foot in ROBOT.description.feet:
-        femur = data.xanchor[model.joint(foot.joints[1]).id]
-        beyond = data.geom(foot.geoms[0]).xpos - femur
-        assert np.hypot(*beyond[:2]) == pytest.approx(0.12, abs=1e-3)
-        assert beyond[2] == pytest.approx(-0.18, abs=1e-3)
-
-
-def test_three_buses_carry_six_motors_each_within_the_joints_rate() -> None:
-    buses = [joint.bus for joint in ROBOT.description.joints]
-    assert {bus: buses.count(bus) for bus in set(buses)} == {"can0": 6, "can1": 6, "can2": 6}
-    assert ROBOT.description.imu_bus not in buses
-    assert ROBOT.description.target_rate_rad_s == 3.0
-    assert np.all(ROBOT.motor.no_load_speed > 3.0)
 
 
 @pytest.mark.parametrize("name", ["tripod", "ripple", "wave"])

@@ -75,11 +75,7 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
     for hip_rad in np.arange(0.3, 0.6, 0.002):
         pose = crossed(go1, hip_rad, legs)
         apart_m = mujoco.mj_geomDistance(
-            model,
-            in_pose(model, go1, pose),
-            *(model.geom(f"{name}_foot").id for name in names),
-            1.0,
-            None,
+            model, in_pose(model, go1, pose), *(model.geom(f"{name}_foot").id for name in names), 1.0, None
         )
         found = meeting(model, go1, pose)
         assert [set(pair) for pair in found] in ([], [wanted])

@@ -8,17 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from made_up import (
-    PITCH,
-    PLATE,
-    Hinge,
-    Leg,
-    bodies,
-    four_hinge_leg,
-    quadruped_leg,
-    six_hinge_leg,
-    write_robot,
-)
+from made_up import PITCH, Hinge, Leg, bodies, four_hinge_leg, quadruped_leg, write_robot
 from scipy import optimize
 
 from footfall.common.errors import UserError
@@ -28,12 +18,13 @@ from footfall.robots.inverse import least_squares
 from footfall.robots.least_squares import LeastSquares
 from footfall.robots.limb_order import LimbOrder
 
-KINDS = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
+FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
+KINDS = (FIVE, BIPED, SOLES, "go1")
 
 
 @pytest.fixture(scope="module")
 def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
-    return bodies(tmp_path_factory.mktemp("bodies"))
+    return {**bodies(tmp_path_factory.mktemp("bodies")), "go1": load_robot("go1")}
 
 
 def near_default(robot: Robot, fraction: np.ndarray, share: float = 0.5) -> np.ndarray:
@@ -78,7 +69,7 @@ class TestAnyLimb:
         """Another pose may come back where hinges are more than needed; the place is the same."""
         robot = robots[kind]
         legs = robot.legs
-        joint = near_default(robot, data.draw(fractions(robot)))
+        joint = near_default(robot, data.draw(fractions(robot)), 0.25 if kind == "go1" else 0.5)
         wanted = legs.pose(joint).foot
         angles = legs.scatter(legs.solve(wanted), robot.default_pose)
         np.testing.assert_allclose(legs.pose(angles).foot, wanted, atol=1e-6)
@@ -136,16 +127,14 @@ class TestAnyLimb:
         assert torque @ rates == pytest.approx(-np.sum(force * moved), rel=1e-6)
 
 
-class TestDifferentLimbs:
-    def test_only_one_limb_is_solved_by_least_squares(self, robots: dict[str, Robot]) -> None:
-        legs = robots[KINDS[0]].legs
-        assert legs.inverse.closed == [True, True, True, True, False]
-        assert all(robots["biped without ankles"].legs.inverse.closed)
+def test_a_limb_with_a_closed_form_is_solved_by_it(robots: dict[str, Robot]) -> None:
+    assert robots[FIVE].legs.inverse.closed == [True, True, True, True, False]
+    assert all(robots[BIPED].legs.inverse.closed)
 
 
 class TestSoles:
     def test_the_tip_is_the_middle_of_the_sole(self, robots: dict[str, Robot]) -> None:
-        robot = robots["six hinges and soles"]
+        robot = robots[SOLES]
         model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
         data = mujoco.MjData(model)
         data.qpos[3] = 1.0
@@ -157,8 +146,8 @@ class TestSoles:
         np.testing.assert_allclose(robot.legs.default_foot[1], data.geom("r_foot0").xpos, atol=1e-12)
         np.testing.assert_allclose(robot.legs.foot_radius, [0.012, 0.010], atol=1e-9)
 
-    def test_a_sole_on_six_hinges_stays_level_wherever_it_is_put(self, tmp_path: Path) -> None:
-        robot = write_robot(tmp_path, [six_hinge_leg("l", 0.09), six_hinge_leg("r", -0.09, PLATE)])
+    def test_a_sole_on_six_hinges_stays_level_wherever_it_is_put(self, robots: dict[str, Robot]) -> None:
+        robot = robots[SOLES]
         legs = robot.legs
         places = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
         turn = legs.turn(legs.scatter(legs.solve(places), robot.default_pose))
@@ -180,7 +169,7 @@ def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
     robots: dict[str, Robot], away: tuple[float, float, float]
 ) -> None:
     """scipy's, from the same start."""
-    robot = robots["five legs, one of four hinges"]
+    robot = robots[FIVE]
     legs, own = robot.legs, robot.foot_joints[4]
     far = legs.default_foot[4] + np.array(away)
 

@@ -12,11 +12,7 @@ from scipy.spatial.transform import Rotation
 from footfall.robots.importer.feet import is_sole, leg_names, stand_on
 from footfall.robots.importer.limbs import Limb
 from footfall.robots.importer.machine import Geom, Link
-from footfall.robots.importer.shapes import (
-    Kind,
-    Shape,
-    support,
-)
+from footfall.robots.importer.shapes import Kind, Shape, support
 
 
 @pytest.mark.parametrize(
@@ -32,11 +28,7 @@ def test_legs_are_called_by_what_tells_them_apart(ends: list[str], names: list[s
 
 
 UP = np.array([0.0, 0.0, 1.0])
-
-
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-
-
 PLACE = np.array([0.3, -0.2, 0.5])
 
 

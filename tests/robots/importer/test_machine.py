@@ -13,10 +13,7 @@ from footfall.common.errors import UserError
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
-from footfall.robots.importer.shapes import (
-    Kind,
-    rotation_of,
-)
+from footfall.robots.importer.shapes import Kind, rotation_of
 from footfall.robots.importer.source import Source
 
 

@@ -54,11 +54,7 @@ class TestShapes:
 
 
 UP = np.array([0.0, 0.0, 1.0])
-
-
 TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1])
-
-
 PLACE = np.array([0.3, -0.2, 0.5])
 
 
