@@ -58,7 +58,7 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
     assert policy.seen[-1].base_height == 0.25
 
 
-def test_it_is_updated_at_its_rate_whatever_the_policys(go1: Robot) -> None:
+def test_the_estimator_has_its_own_rate(go1: Robot) -> None:
     """Every 4 ms of ticks of 2 ms; each 20 ms is a policy step, too."""
     note = Note()
     walk_for(simulated_loop(go1, Hold(go1), estimator=note), 0.1)
@@ -67,7 +67,7 @@ def test_it_is_updated_at_its_rate_whatever_the_policys(go1: Robot) -> None:
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_known_state_takes_the_place_of_an_estimate_and_else_it_is_unknown(go1: Robot, known: bool) -> None:
+def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
     policy, velocity = Hold(go1), np.array([1.0, 2.0, 3.0])
     loop, _ = loop_of(go1, policy, base_state=(lambda: (velocity, 0.4)) if known else None)
     until(loop, Mode.WALKING)
@@ -79,7 +79,7 @@ def test_a_known_state_takes_the_place_of_an_estimate_and_else_it_is_unknown(go1
     assert BaseEstimate(250.0).odometry(0) is None
 
 
-def test_the_pose_is_zero_from_the_moment_on_at_which_the_policy_takes_over() -> None:
+def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
     """Not what it was some ms before: a mission counts from the first pose that it is given."""
 
     class Walked(Note):

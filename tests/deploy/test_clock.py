@@ -49,7 +49,7 @@ class TestUndisturbed:
         assert timer_slack_ns() == 50_000
         assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
-    def test_no_collection_and_other_threads_give_way(self, before: None) -> None:
+    def test_garbage_collection_is_off_and_other_threads_yield(self, before: None) -> None:
         with undisturbed(None) as refused:
             assert not gc.isenabled()
             assert gc.get_freeze_count() > 0
@@ -67,7 +67,9 @@ class TestUndisturbed:
             assert locked_kib() > 0
         assert locked_kib() == 0
 
-    def test_what_is_refused_stops_no_loop(self, before: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_refused_priority_is_noted_and_the_loop_runs(
+        self, before: None, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         def refuse(*_: object) -> None:
             raise PermissionError(1, "Operation not permitted")
 
@@ -97,7 +99,7 @@ class TestUndisturbed:
         (tmp_path / "status").write_text(f"CapPrm:\t0\nCapEff:\t{capabilities}\n")
         assert clock_module.may_lock_memory(tmp_path / "status") is may
 
-    def test_everything_is_given_back_when_the_loop_fails(self, before: None) -> None:
+    def test_all_settings_are_restored_after_an_exception(self, before: None) -> None:
         with pytest.raises(ZeroDivisionError), undisturbed(3):
             raise ZeroDivisionError
 

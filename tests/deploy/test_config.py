@@ -45,7 +45,9 @@ REFUSED = (
 )
 
 
-def test_what_cannot_work_is_refused_with_its_file_and_name(go1: Robot, tmp_path: Path) -> None:
+def test_bad_settings_are_refused_with_file_and_name_and_good_ones_accepted(
+    go1: Robot, tmp_path: Path
+) -> None:
     path = tmp_path / "loop.yaml"
     for text in REFUSED:
         path.write_text(text)
@@ -55,6 +57,9 @@ def test_what_cannot_work_is_refused_with_its_file_and_name(go1: Robot, tmp_path
         assert name in str(caught.value), text
         assert str(path) in str(caught.value)
         assert "\n" not in str(caught.value)
+    for text in ACCEPTED:
+        path.write_text(text)
+        deploy_config(go1, path)
 
 
 def refused(settings: type, name: str, value: float) -> bool:
@@ -66,7 +71,7 @@ def refused(settings: type, name: str, value: float) -> bool:
     return False
 
 
-def test_no_setting_may_be_no_number_or_endless() -> None:
+def test_no_setting_may_be_nan_or_infinite() -> None:
     """Those of which None or a table is the default have rows of their own."""
     classes = (DeployConfig, SafetyConfig, SensorLimits, BringUpConfig, BringUpLimits, WiringCheckConfig)
     for settings in classes:
@@ -88,7 +93,7 @@ ESTIMATOR: list[tuple[type, str, bool]] = [  # whether a figure may be 0
 ]
 
 
-def test_no_figure_of_the_estimator_is_negative_and_what_it_divides_by_is_above_0() -> None:
+def test_settings_of_the_estimator_are_not_negative_and_divisors_above_zero() -> None:
     for settings, names, zero in ESTIMATOR:
         for name in names.split():
             assert refused(settings, name, 0.0) is not zero, name
@@ -96,7 +101,7 @@ def test_no_figure_of_the_estimator_is_negative_and_what_it_divides_by_is_above_
             assert [refused(settings, name, value) for value in values] == [True, True, False], name
 
 
-def test_what_hides_a_torque_is_less_than_what_counts_as_much() -> None:
+def test_torque_hidden_is_below_torque_much() -> None:
     with pytest.raises(UserError, match="torque_hidden"):
         SensorLimits(torque_hidden=0.06, torque_much=0.06)
     SensorLimits(torque_hidden=0.059, torque_much=0.06)
@@ -114,7 +119,7 @@ def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -
     assert replace(deploy_config(go1, path), realtime_priority=None) == DeployConfig()
 
 
-TAKEN = (
+ACCEPTED = (
     "safety: {silence_timeout_s: 0.004}",
     "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
     "realtime_priority: 1",
@@ -128,14 +133,7 @@ TAKEN = (
 )
 
 
-def test_what_just_works_is_taken(go1: Robot, tmp_path: Path) -> None:
-    path = tmp_path / "loop.yaml"
-    for text in TAKEN:
-        path.write_text(text)
-        deploy_config(go1, path)
-
-
-def test_simulated_motors_alone_can_be_told_to_wait_for_longer(go1: Robot, tmp_path: Path) -> None:
+def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     assert deploy_config(go1, path, simulated=True).motor_timeout_s == 0.5
@@ -149,19 +147,16 @@ class TestLimitsOfARobot:
     def with_limits(self, robot: Robot, **limits: object) -> Robot:
         return replace(robot, description=replace(robot.description, safety=limits))
 
-    def test_take_the_place_of_the_defaults(self, go1: Robot) -> None:
-        config = deploy_config(self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5}))
-        assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (0.7, 0.5)
-        assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
-
-    def test_a_file_changes_them_one_by_one(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "loop.yaml"
+    def test_replace_the_defaults_and_a_file_changes_them_one_by_one(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        path, robot = tmp_path / "loop.yaml", self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5})
         path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
-        config = deploy_config(self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5}), path)
-        assert config.stand_s == 0.5
-        assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (0.9, 0.5)
-
-    def test_that_cannot_work_are_refused_with_the_robots_file(self, go1: Robot) -> None:
+        for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
+            config = deploy_config(robot, file)
+            assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (tilt_rad, 0.5)
+            assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
+            assert config.stand_s == stand_s
         with pytest.raises(UserError, match=r"go1/robot.yaml: safety: no setting tilt \("):
             deploy_config(self.with_limits(go1, tilt=0.7))
 

@@ -28,14 +28,14 @@ def driver() -> DamiaoDriver:
 
 
 class TestFrames:
-    def test_a_command_lies_where_the_manual_puts_it(self, driver: DamiaoDriver) -> None:
+    def test_a_command_is_encoded_as_in_the_manual(self, driver: DamiaoDriver) -> None:
         """3.2 rad of 12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range's ends are the code's."""
         values = np.array([[-12.5, 3.2], [30.0, -45.0], [0.0, 500.0], [5.0, 0.0], [-10.0, 54.0]])
         frames = driver.command(values)
         assert frames.id.tolist() == [3, 3]
         assert hexed(frames) == ["00 00 ff f0 00 ff f0 00", "a0 c4 00 0f ff 00 0f ff"]
 
-    def test_a_reply_lies_where_the_manual_puts_it(self, driver: DamiaoDriver) -> None:
+    def test_a_reply_is_decoded_as_in_the_manual(self, driver: DamiaoDriver) -> None:
         """State 1 and id 3 share byte 0; MOSFETs of 40 degrees, a rotor of 45, of which the hotter counts."""
         replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
         assert np.arange(2)[replies.motor].tolist() == [0]
@@ -57,26 +57,20 @@ class TestFrames:
     def test_replies_of_others_are_ignored(self, driver: DamiaoDriver, identifier: int, first: str) -> None:
         assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
 
-    @pytest.mark.parametrize("content", ["03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"])
-    def test_a_late_register_answer_is_no_reading(self, driver: DamiaoDriver, content: str) -> None:
-        """It would mean a motor that is off, at -12.48 rad; here it comes after all has been told."""
-        assert not driver.replies(frame(0x203, content)).values.size
-
-    def test_nor_is_one_from_an_id_beyond_15_whose_first_byte_means_a_motor_that_is_on(self) -> None:
+    def test_a_late_register_answer_is_no_reading(self, driver: DamiaoDriver) -> None:
+        """It would mean a motor that is off, at -12.48 rad; from an id beyond 15 one that is on."""
+        for content in ("03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"):
+            assert not driver.replies(frame(0x203, content)).values.size
         wiring = replace(TWO, motor_id=np.array([0x13, 3]))
-        driver = DamiaoDriver(wiring)
-        introduce(driver, DamiaoMotorEnd(wiring))
-        assert not driver.replies(frame(0x213, "13 00 33 15 00 00 48 41")).values.size
-        assert driver.replies(frame(0x213, "13 00 33 14 00 00 48 41")).values.size  # no register of ours
-
-    def test_nor_is_one_among_readings_in_arrays_that_were_seen_before(self, driver: DamiaoDriver) -> None:
-        end = DamiaoMotorEnd(TWO)
-        usual = end.reply(slice(None), report(np.zeros((3, 2))))
+        far = DamiaoDriver(wiring)
+        introduce(far, DamiaoMotorEnd(wiring))
+        assert not far.replies(frame(0x213, "13 00 33 15 00 00 48 41")).values.size
+        assert far.replies(frame(0x213, "13 00 33 14 00 00 48 41")).values.size  # no register of ours
+        usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
         assert driver.replies(usual).values.shape == (3, 2)
-        data = usual.data.copy()
+        data = usual.data.copy()  # in arrays that were read before
         data[1] = np.frombuffer(bytes.fromhex("0300331500004841"), np.uint8)
-        replies = driver.replies(usual._replace(data=data))
-        assert np.arange(2)[replies.motor].tolist() == [0]
+        assert np.arange(2)[driver.replies(usual._replace(data=data)).motor].tolist() == [0]
 
     @pytest.mark.parametrize(("length", "first"), [(7, 0x13), (8, 0x14)])
     def test_a_partly_invalid_batch_is_decoded(self, driver: DamiaoDriver, length: int, first: int) -> None:
@@ -102,7 +96,7 @@ class TestRegisters:
         assert answer is not None
         assert (answer.id.tolist(), hexed(answer)) == ([0x203], ["03 00 33 15 00 00 48 41"])  # 12.5
 
-    def test_what_a_motor_says_of_its_ranges_counts(self) -> None:
+    def test_a_motors_own_ranges_are_used(self) -> None:
         own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
         assert introduce(driver, end) == 5  # registers, one at a time
@@ -115,9 +109,9 @@ class TestRegisters:
     @pytest.mark.parametrize(
         ("register", "value", "says"),
         [
-            (damiao.MODE, 2, "is in control mode 2: register 10 must be 1, MIT mode"),
-            (damiao.TORQUE_MAX, -1.0, "has -1 as its TMAX (register 23)"),
-            (damiao.VELOCITY_MAX, float("nan"), "has nan as its VMAX (register 22)"),
+            (damiao.MODE, 2, "control mode 2"),
+            (damiao.TORQUE_MAX, -1.0, "-1 as its TMAX"),
+            (damiao.VELOCITY_MAX, float("nan"), "nan as its VMAX"),
         ],
     )
     def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, says: str) -> None:
@@ -127,9 +121,10 @@ class TestRegisters:
             answer = end.settings_replies(driver.query_settings())
             if answer is not None:
                 driver.replies(answer)
-        assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
+        assert driver.not_ready().startswith("motor knee (can1, id 3) ")
+        assert says in driver.not_ready()
 
-    def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
+    def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
         driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))
         for register, value in zip(damiao.REGISTERS, ("00000000", *["01000000"] * 4), strict=True):
             driver.replies(frame(0x203, f"03 00 33 {register:02x} {value}", channel=1))
@@ -145,7 +140,7 @@ class TestRobots:
         assert driver.error_name(5, 0) == "encoder error"
         assert driver.error_name(5, 2) == "sensor error"
 
-    def test_what_motors_of_a_mixed_robot_say_of_their_ranges_counts(self, go1: Robot) -> None:
+    def test_own_ranges_are_used_on_a_mixed_robot(self, go1: Robot) -> None:
         """The knees say 20 N m of themselves; the table has 54 for a DM8009."""
         wiring = wire(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
+from deploy_policies import Hold
 
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.field_mode import FieldMode
 from footfall.deploy.handover import Handover, HandoverConfig, blended
 from footfall.deploy.replay import replay
@@ -53,7 +54,7 @@ def walk(policies: Handover, until_s: float, from_s: float = 0.0) -> list[tuple[
 
 
 class TestHandover:
-    def test_the_robot_stops_both_decide_then_the_next_one_does(self, go1: Robot) -> None:
+    def test_a_handover_stops_blends_and_then_uses_the_next_policy(self, go1: Robot) -> None:
         first, second = Bent(go1, "a", rate_hz=50.0), Bent(go1, "b", 0.2, rate_hz=250.0)
         policies = Handover([first, second], QUICK)
         walk(policies, 1.0)
@@ -69,7 +70,7 @@ class TestHandover:
         assert second.seen[-1].command.tolist() == [0.3, 0.0, 0.0]
         assert np.diff([inputs.time_s for inputs in second.seen]) == pytest.approx(0.004)
 
-    def test_it_waits_for_feet_in_the_air_but_not_for_ever(self, go1: Robot) -> None:
+    def test_a_handover_waits_for_raised_feet_up_to_its_limit(self, go1: Robot) -> None:
         first, second = Bent(go1, "a"), Bent(go1, "b")
         policies = Handover([first, second], QUICK)
         walk(policies, 0.5)
@@ -80,7 +81,7 @@ class TestHandover:
         walk(policies, 0.9, 0.78)
         assert len(second.seen) > 0
 
-    def test_it_is_called_off_while_the_robot_stops(self, go1: Robot) -> None:
+    def test_a_handover_can_be_cancelled_while_the_robot_stops(self, go1: Robot) -> None:
         policies = Handover([Bent(go1, "a"), Bent(go1, "b")], QUICK)
         walk(policies, 0.5)
         policies.apply(Change(policy="b"), 500_000)
@@ -109,16 +110,16 @@ class Drive:
 
     stopped: Stop | None = None
 
-    def __init__(self, *asks: tuple[float, Request]) -> None:
-        self._asks = list(asks)
+    def __init__(self, *requests: tuple[float, Request]) -> None:
+        self._asks = list(requests)
         self._request = Request(np.array([0.2, 0.0, 0.1]))
         self.statuses: list[Status] = []
 
     def poll(self, status: Status) -> Request:
         self.statuses.append(status)
         while self._asks and status.walking_s >= self._asks[0][0]:
-            _, ask = self._asks.pop(0)
-            self._request = ask._replace(velocity=self._request.velocity)
+            _, request = self._asks.pop(0)
+            self._request = request._replace(velocity=self._request.velocity)
         return self._request
 
 
@@ -134,23 +135,16 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
         (1.0, Request(still, policy="trot")),
     )
     first, *others = policies()
-    config = short_episode().config
-    assert config is not None
-    config = config.__class__(**(vars(config) | {"handover": HandoverConfig(0.2, 1.0, 0.1)}))
-    log = tmp_path / "run.mcap"
-    episode = Episode(
-        source, 2.1, config=config, log=log, others={policy.name: policy for policy in others}, record=False
-    )
+    config, log = DeployConfig(stand_s=0.4, handover=HandoverConfig(0.2, 1.0, 0.1)), tmp_path / "run.mcap"
+    by_name = {policy.name: policy for policy in others}
+    episode = Episode(source, 2.1, config=config, log=log, others=by_name, record=False)
     trace = run_episode(go1, first, episode)
     assert not trace.fell
     decided = [status.policy for status in source.statuses]
     assert [now for before, now in itertools.pairwise(decided) if now != before] == ["go1-flat", "trot"]
     assert sum("mpc" in note or "waltz" in note for note in trace.notes) == 2
-    assert {status.field_mode for status in source.statuses} >= {
-        FieldMode.CALIBRATING,
-        FieldMode.TELEOPERATION,
-        FieldMode.ENDING,
-    }
+    modes = {FieldMode.CALIBRATING, FieldMode.TELEOPERATION, FieldMode.ENDING}
+    assert {status.field_mode for status in source.statuses} >= modes
     first, *others = policies()
     result = replay(log, first, others=others)
     assert (result.first_difference, result.worst_difference) == ("", 0.0)

@@ -57,7 +57,7 @@ class TestHungPolicy:
         assert time.monotonic() - began < 6.0
         assert not simulation.body.motors_on.any()
 
-    def test_a_signal_finds_nobody_stuck(self, go1: Robot) -> None:
+    def test_a_signal_ends_a_run_whose_policy_hangs(self, go1: Robot) -> None:
         """SIGTERM while the policy spins: the deadline frees the loop, which ends."""
 
         def terminated(command: JointCommand) -> JointCommand:
@@ -73,8 +73,8 @@ class TestHungPolicy:
 
 
 class TestDeadline:
-    def test_interrupts_what_takes_longer_and_nothing_else(self) -> None:
-        before = signal.getsignal(signal.SIGALRM)
+    def test_interrupts_a_long_call_in_the_main_thread_only(self) -> None:
+        before, found = signal.getsignal(signal.SIGALRM), []
         with deadlines() as arm:
             arm(0.02)
             with pytest.raises(OverdueError):
@@ -83,9 +83,6 @@ class TestDeadline:
             arm(0.0)
             time.sleep(0.05)
         assert signal.getsignal(signal.SIGALRM) is before
-
-    def test_is_none_outside_the_main_thread(self) -> None:
-        found: list[bool] = []
 
         def elsewhere() -> None:
             with deadlines() as arm:
@@ -100,7 +97,7 @@ class TestDeadline:
 
 
 class TestGuard:
-    def test_damps_then_switches_off_then_ends_a_process_that_stays_away(self, capsys) -> None:  # type: ignore[no-untyped-def]
+    def test_damps_disables_and_ends_a_process_whose_loop_does_not_return(self, capsys) -> None:  # type: ignore[no-untyped-def]
         acts: list[str] = []
         codes: list[int] = []
         ended = threading.Event()
@@ -123,14 +120,14 @@ class TestGuard:
         assert taken_over.is_set()
         assert "did not return" in capsys.readouterr().err
 
-    def test_leaves_alone_a_loop_that_beats(self) -> None:
+    def test_does_not_act_on_a_loop_in_time(self) -> None:
         taken_over = threading.Event()
         guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, taken_over, pytest.fail)
         time.sleep(0.15)
         guard.close()
         assert not taken_over.is_set()
 
-    def test_a_loop_that_comes_back_finds_its_robot_at_rest(self, go1: Robot) -> None:
+    def test_a_loop_that_returns_late_ends_with_the_guards_fault(self, go1: Robot) -> None:
         """Something between two ticks blocks the thread for longer than the guard waits."""
         simulation, blocked = Simulation(go1), []
 
@@ -175,13 +172,12 @@ class TestMotorsOff:
         assert self.run(go1, simulation) == []
         assert not simulation.body.motors_on.any()
 
-    def test_who_does_not_answer_is_named_and_holds_nobody_up(self, go1: Robot) -> None:
+    def test_a_motor_that_does_not_answer_is_named(self, go1: Robot) -> None:
         simulation = Simulation(go1)
-        simulation.bus.outgoing = lambda frames, now_us: (
-            nothing(frames) if now_us > 700_000 else frames  # while it damps
-        )
+        late = 700_000  # while it damps
+        simulation.bus.outgoing = lambda frames, now_us: nothing(frames) if now_us > late else frames
         (note,) = self.run(go1, simulation)
-        assert note.startswith("no answer to being switched off from FR_hip_joint (can0, id 1), ")
+        assert "FR_hip_joint (can0, id 1), " in note
 
 
 def test_lockstep_has_neither_deadline_nor_guard(go1: Robot) -> None:

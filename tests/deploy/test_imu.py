@@ -34,21 +34,16 @@ def test_a_reading_survives_within_half_a_unit(gyro: list[float], acceleration: 
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_quaternion_of_zeros_is_no_rotation() -> None:
-    assert imu.decode_quaternion(bytes(8)) is None
-
-
 def test_a_gravity_offset_moves_the_projected_gravity_as_declared() -> None:
     quaternion = [0.9, 0.1, -0.2, 0.3]
     quaternion = [q / np.linalg.norm(quaternion) for q in quaternion]
     offset = [0.02, -0.03, 0.01]
     wanted = gravity(quaternion) + offset
-    np.testing.assert_allclose(
-        gravity(shift_gravity(quaternion, offset)), wanted / np.linalg.norm(wanted), atol=1e-12
-    )
+    shifted = gravity(shift_gravity(quaternion, offset))
+    np.testing.assert_allclose(shifted, wanted / np.linalg.norm(wanted), atol=1e-12)
 
 
-def test_a_whole_reading_is_read_alike_at_once_and_frame_by_frame() -> None:
+def test_a_whole_reading_is_read_at_once() -> None:
     """The second batch from the same arrays takes the short way."""
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
@@ -62,7 +57,7 @@ def test_a_whole_reading_is_read_alike_at_once_and_frame_by_frame() -> None:
         assert reader.heard_us == 1000 * counter
 
 
-def test_an_imu_is_heard_once_each_kind_of_frame_has_come() -> None:
+def test_a_first_reading_needs_each_kind_of_frame() -> None:
     reader = imu.ImuReader(channel=1)
     data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
     one, heard = np.ones(1, int), []
@@ -141,7 +136,7 @@ def test_a_reading_of_nan_does_not_stop_the_simulation(axis: int, strange: float
 # -- the wire, to the bit ----------------------------------------------------------------------------
 
 
-def test_a_reading_on_the_wire() -> None:
+def test_the_frames_of_a_reading_to_the_bit() -> None:
     """1.5 rad/s are 1500 = 0x05dc units, -1 m/s^2 is -200 = 0xff38, 0.6 is 19660 = 0x4ccc of 32767."""
     reading = imu.Inertial([1.5, -0.001, 0.0], [-1.0, 0.005, 10.0], [0.0, 0.6, -0.8, 1.0])
     assert imu.IDS == (0x300, 0x301, 0x302)
@@ -150,15 +145,9 @@ def test_a_reading_on_the_wire() -> None:
         "ff38 0001 07d0 1234",
         "0000 4ccc 999a 7fff",
     ]
-
-
-def test_a_counter_on_the_wire_starts_again_after_sixteen_bits() -> None:
     reading = imu.Inertial([0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0])
     for row in imu.encode(reading, 0x3FFFF)[:2]:
         assert row.tobytes().hex(" ", 2) == "0000 0000 0000 ffff"
-
-
-def test_the_ends_of_the_range_are_those_of_sixteen_bits() -> None:
     frames = imu.encode(imu.Inertial([99.0, -99.0, 0.0], [999.0, -999.0, 0.0], [2.0, -2.0, 0.0, 0.0]), 0)
     assert [row.tobytes().hex(" ", 2)[:9] for row in frames] == ["7fff 8000"] * 3
 
@@ -206,14 +195,14 @@ class TestReader:
             wire.send(before - 1, now_us)
         assert wire.reader.heard_us == 1000 * (before - 1)
 
-    @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30)])
+    @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30), (0,)])
     def test_a_counter_that_goes_on_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k)
             assert wire.reader.heard_us == 1000 * k
 
     @pytest.mark.parametrize("counters", [(7, 9, 8), (7, 8, 0x4008), (0, 1, 0xFFFF)])
-    def test_a_sample_that_is_older_or_far_off_is_left_out(self, wire: Wire, counters: tuple) -> None:
+    def test_an_older_or_far_off_sample_is_ignored(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k, gyro=0.1 * k)
         assert wire.reader.heard_us == 1000
@@ -227,11 +216,7 @@ class TestReader:
         assert wire.reader.older == 98
         assert wire.reader.heard_us == 6000
 
-    def test_the_very_first_reading_may_have_any_counter(self, wire: Wire) -> None:
-        wire.send(0, 250)
-        assert wire.reader.heard_us == 250
-
-    def test_the_same_ids_from_another_bus_are_left_aside(self, wire: Wire) -> None:
+    def test_frames_of_another_bus_are_ignored(self, wire: Wire) -> None:
         wire.send(1, 0)
         wire.channel = np.full(3, 2)
         wire.send(2, 1000, gyro=5.0)
@@ -239,23 +224,19 @@ class TestReader:
         assert wire.reader.heard_us == 0
 
     def test_frames_may_come_in_any_order_and_among_others(self, wire: Wire) -> None:
-        data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), 1)
-        rows = np.vstack([data[[2, 0]], np.full((2, 8), 0x11, np.uint8), data[[1]]])
-        ids = np.array([0x302, 0x300, 0x303, 0x2FF, 0x301])
-        wire.reader.absorb(Frames(np.ones(5, int), ids, rows, np.full(5, 8)), 70)
-        reading = wire.reader.reading
-        np.testing.assert_allclose(reading.gyro, [0.1, 0.2, 0.3])
-        np.testing.assert_allclose(reading.acceleration, [1.0, 2.0, 9.0])
-        np.testing.assert_allclose(reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
-        assert wire.reader.heard_us == 70
-
-    def test_a_whole_reading_in_another_order_is_not_taken_for_the_usual_one(self, wire: Wire) -> None:
-        wire.id = np.array([0x302, 0x300, 0x301])
-        data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), 1)
-        for now_us in (0, 1):
-            wire.reader.absorb(Frames(wire.channel, wire.id, data[[2, 0, 1]], wire.length), now_us)
-            np.testing.assert_allclose(wire.reader.reading.gyro, [0.1, 0.2, 0.3])
-            np.testing.assert_allclose(wire.reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
+        reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0])
+        others = np.full((2, 8), 0x11, np.uint8)
+        for ids in ([0x302, 0x300, 0x303, 0x2FF, 0x301], [0x302, 0x300, 0x301]):
+            for now_us in (70, 71):
+                data = np.vstack([imu.encode(reading, now_us), others])
+                place = [(0x300, 0x301, 0x302, 0x303, 0x2FF).index(each) for each in ids]
+                rows = np.ones(len(ids), int), np.array(ids), data[place], np.full(len(ids), 8)
+                wire.reader.absorb(Frames(*rows), now_us)
+                np.testing.assert_allclose(wire.reader.reading.gyro, reading.gyro)
+                np.testing.assert_allclose(wire.reader.reading.acceleration, reading.acceleration)
+                np.testing.assert_allclose(wire.reader.reading.quaternion, reading.quaternion, atol=1e-4)
+                assert wire.reader.heard_us == now_us
+            wire.reader = imu.ImuReader(channel=1)
 
     @pytest.mark.parametrize("before", [1, 2, 3])
     def test_a_part_was_heard_when_its_frame_arrived(self, wire: Wire, before: int) -> None:

@@ -17,7 +17,7 @@ from footfall.deploy.drivers.serial_imu import Sample, SerialImu, to_frames
 from footfall.deploy.drivers.vectornav import VectorNavImu
 from footfall.deploy.drivers.xbus import XbusImu
 from footfall.deploy.drivers.xsens_can import IDS, XsensCanImu
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import Frames
 from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
 from footfall.deploy.wiring import wire
 from footfall.plant.episode import Episode, run_episode
@@ -52,12 +52,10 @@ def can_frames(*frames: tuple[int, str]) -> Frames:
 
 
 class TestDocumented:
-    def test_the_message_in_movellas_example_is_read(self) -> None:
+    def test_the_example_message_of_movella_is_read_with_and_without_a_quaternion(self) -> None:
         assert XbusImu.length_of(OF_MOVELLA) == len(OF_MOVELLA)
         assert XbusImu.is_intact(OF_MOVELLA)
         assert XbusImu.decode(OF_MOVELLA) is None  # it holds no quaternion
-
-    def test_with_a_quaternion_that_example_is_a_sample(self) -> None:
         body = OF_MOVELLA[4:-1] + bytes.fromhex("2010103F7F7DC4BC10107D3BA15770BD7EC656")
         message = bytes((0xFA, 0xFF, 0x36, len(body))) + body
         sample = XbusImu.decode(message + bytes((-sum(message[1:]) % 256,)))
@@ -84,24 +82,15 @@ class TestDocumented:
         assert sample is not None
         assert sample.counter == 5
         np.testing.assert_allclose(sample.reading.gyro, [0.0, -0.3, 0.0], atol=1e-6)
-        np.testing.assert_allclose(
-            sample.reading.acceleration, [9.81 * np.sin(0.2), 0.0, 9.81 * np.cos(0.2)], atol=1e-5
-        )
-        np.testing.assert_allclose(
-            sample.reading.quaternion, [np.cos(half), 0.0, -np.sin(half), 0.0], atol=1e-6
-        )
+        felt = [9.81 * np.sin(0.2), 0.0, 9.81 * np.cos(0.2)]
+        np.testing.assert_allclose(sample.reading.acceleration, felt, atol=1e-5)
+        turned = [np.cos(half), 0.0, -np.sin(half), 0.0]
+        np.testing.assert_allclose(sample.reading.quaternion, turned, atol=1e-6)
 
     def test_frames_of_an_mti_on_can_are_read_by_the_documents_units(self) -> None:
         imu = XsensCanImu(0)
-        imu.absorb(
-            can_frames(
-                (0x006, "1234"),
-                (0x021, "7642 0000 0000 30FC"),  # yaw 45 degrees
-                (0x032, "0033 FF80 0500"),
-                (0x034, "0180 FDC0 09CF"),
-            ),
-            7000,
-        )
+        turned = (0x006, "1234"), (0x021, "7642 0000 0000 30FC")  # yaw 45 degrees
+        imu.absorb(can_frames(*turned, (0x032, "0033 FF80 0500"), (0x034, "0180 FDC0 09CF")), 7000)
         assert imu.heard_us == 7000
         np.testing.assert_allclose(imu.reading.gyro, [51 / 512, -0.25, 2.5])
         np.testing.assert_allclose(imu.reading.acceleration, [1.5, -2.25, 9.80859375])
@@ -118,7 +107,7 @@ class TestEveryMaker:
             np.testing.assert_allclose(part, sent, atol=2e-3)
         assert imu.heard_us == 5000
 
-    def test_repeated_samples_grow_old_and_older_ones_are_left_out(self, go1: Robot, protocol: str) -> None:
+    def test_repeated_samples_age_and_older_ones_are_ignored(self, go1: Robot, protocol: str) -> None:
         wiring = wire(with_imu(go1, protocol))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
@@ -135,7 +124,7 @@ class TestEveryMaker:
         assert not trace.fell
         assert np.median(trace.base_velocity[25:, 0]) == pytest.approx(0.6, abs=0.1)
 
-    def test_it_is_refused_on_the_other_kind_of_bus(self, go1: Robot, protocol: str) -> None:
+    def test_it_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
         bus = "can0" if BUS_OF[protocol] == PORT else PORT
         with pytest.raises(UserError, match="imu_bus"):
             open_imu(wire(with_imu(go1, protocol, bus)))
@@ -167,7 +156,7 @@ class TestOnASerialLine:
         assert imu.heard_us == 2000 + 2 * len(content) - 1
 
 
-def test_wrong_checksums_are_told_after_a_run(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_checksums_are_noted_after_a_run(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     def encode(sample: Sample) -> bytes:
         message = xbus.encode(sample)
         return message if sample.counter % 50 else message[:-1] + b"\x00"
@@ -184,22 +173,9 @@ class NoCan:
 
     def __init__(self) -> None:
         self.sent: list[Frames] = []
-
-    def send(self, frames: Frames, now_us: int) -> int:
-        self.sent.append(frames)
-        return 0
-
-    def receive(self, now_us: int) -> list[Frames]:
-        return []
-
-    def fault(self) -> str:
-        return ""
-
-    def statistics(self) -> list[BusStatistics]:
-        return [BusStatistics("can0"), BusStatistics("can1")]
-
-    def close(self) -> None:
-        pass
+        self.send = lambda frames, now_us: self.sent.append(frames) or 0
+        self.receive, self.fault, self.close = (lambda now_us: []), (lambda: ""), (lambda: None)
+        self.statistics = lambda: [BusStatistics("can0"), BusStatistics("can1")]
 
 
 class TestPort:
@@ -216,15 +192,8 @@ class TestPort:
                 for frames in bus.receive(4000):
                     imu.absorb(frames, 4000)
             assert imu.heard_us == 4000
-            bus.send(
-                no_frames()._replace(
-                    channel=np.array([0, 1, 2]),
-                    id=np.array(IDS[:3]),
-                    data=np.zeros((3, 8), np.uint8),
-                    length=np.full(3, 8),
-                ),
-                4000,
-            )
+            channels, data = np.array([0, 1, 2]), np.zeros((3, 8), np.uint8)
+            bus.send(Frames(channels, np.array(IDS[:3]), data, np.full(3, 8)), 4000)
             assert can.sent[0].channel.tolist() == [0, 1]
             assert [each.name[:6] for each in bus.statistics()] == ["can0", "serial", "can1"]
             os.close(far)
@@ -234,14 +203,12 @@ class TestPort:
             bus.close()
             os.close(near)
 
-    def test_a_port_that_is_not_there_is_refused(self) -> None:
+    def test_a_missing_port_or_a_wrong_name_is_refused(self) -> None:
         with pytest.raises(UserError, match="no_such_port"):
             SerialLine("serial:/dev/no_such_port", 0)
-
-    @pytest.mark.parametrize("name", ["serial:", "serial:/dev/ttyS0@fast"])
-    def test_a_name_without_a_port_or_with_a_wrong_rate_is_refused(self, name: str) -> None:
-        with pytest.raises(UserError, match="expected a name such as"):
-            port_of(name)
+        for name in ("serial:", "serial:/dev/ttyS0@fast"):
+            with pytest.raises(UserError, match="expected a name such as"):
+                port_of(name)
 
 
 def test_motors_on_a_serial_port_are_refused(go1: Robot) -> None:

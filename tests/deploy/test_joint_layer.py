@@ -60,25 +60,17 @@ class TestOut:
         layer.command(command(go1, beyond))
         np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
 
-    def test_the_smaller_of_two_is_expected(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        """In between, a joint has moved by 0.04 rad, which is 0.8 N m with 20 N m/rad."""
-        pose = go1.default_pose
-        for torque in (0.4, -0.4, 2.0, 1.2):
-            layer.command(command(go1, pose, torque=torque))
-        layer.absorb([replies(wiring, pose - 0.04)], 2000)
-        np.testing.assert_allclose(layer.expected_torque(), 1.2 + 0.8, atol=0.01)
-        layer.command(command(go1, pose, torque=-2.0))  # asks for -1.2 N m here, the one before for 2
-        np.testing.assert_array_equal(layer.expected_torque(), 0.0)
-
     @pytest.mark.parametrize("side", [-1.0, 1.0])
-    def test_what_is_asked_for_twice_alike_in_direction_is_expected_by_the_smaller(
+    def test_the_smaller_of_two_torques_of_one_direction_is_expected(
         self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
     ) -> None:
-        """2.0 and 1.2 N m, beside 0.8 N m of a joint that is 0.04 rad behind: 2.0 N m either way."""
-        for torque in (2.0 * side, 1.2 * side):
-            layer.command(command(go1, go1.default_pose, torque=torque))
-        layer.absorb([replies(wiring, go1.default_pose - 0.04 * side)], 2000)
-        np.testing.assert_allclose(layer.expected_torque(), 2.0 * side, atol=0.02)
+        """In between, a joint has moved by 0.04 rad, which is 0.8 N m with 20 N m/rad."""
+        for torque in (0.4, -0.4, 2.0, 1.2):
+            layer.command(command(go1, go1.default_pose, torque=side * torque))
+        layer.absorb([replies(wiring, go1.default_pose - side * 0.04)], 2000)
+        np.testing.assert_allclose(layer.expected_torque(), side * 2.0, atol=0.02)
+        layer.command(command(go1, go1.default_pose, torque=-side * 2.0))  # -1.2 N m here, the one before 2
+        np.testing.assert_array_equal(layer.expected_torque(), 0.0)
 
     def test_targets_stay_inside_the_soft_limits(self, go1: Robot, layer: JointLayer) -> None:
         _, upper = go1.soft_limits
@@ -96,7 +88,9 @@ class TestOut:
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
-    def test_what_was_lowered_is_whole_again(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
+    def test_a_lowered_torque_is_whole_again_once_the_joint_slows_down(
+        self, go1: Robot, wiring: Wiring, layer: JointLayer
+    ) -> None:
         wanted = command(go1, go1.default_pose, torque=20.0)
         first = sent(go1, wiring, layer.command(wanted)).torque
         layer.absorb([replies(wiring, go1.default_pose, velocity=25.0)], 2000)
@@ -112,7 +106,7 @@ class TestIn:
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 4000)
         assert np.array_equal(before.joint_position, kept)
 
-    def test_only_a_new_imu_reading_counts_as_heard(self, wiring: Wiring, layer: JointLayer) -> None:
+    def test_a_repeated_imu_reading_does_not_count_as_new(self, wiring: Wiring, layer: JointLayer) -> None:
         def frames(counter: int) -> Frames:
             reading = imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.81], [1.0, 0.0, 0.0, 0.0])
             return imu_frames(wiring, reading, counter)
@@ -127,14 +121,8 @@ class TestIn:
 
 
 class TestReadingsOfEveryKind:
-    @pytest.fixture
-    def layer(self, go1: Robot) -> JointLayer:
-        wiring = wire(go1)
-        return JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002)
-
-    def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: int = 0) -> Frames:
-        end = open_motor_end(wire(robot))
-        return end.reply(motors, report(values, error))
+    def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: Any = 0) -> Frames:
+        return open_motor_end(wire(robot)).reply(motors, report(values, error))
 
     def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Unlike readings and commands; half of the joints are asked for more than they can give."""
@@ -214,7 +202,7 @@ class TestReadingsOfEveryKind:
         layer.absorb([frames], 2000)
         assert layer.last_heard().motor_us.tolist() == [2000] * 12
 
-    def test_what_a_motor_does_not_tell_is_no_number(self, go1: Robot, layer: JointLayer) -> None:
+    def test_temperature_and_voltage_are_nan_where_not_reported(self, go1: Robot, layer: JointLayer) -> None:
         """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
         frames = self.replies(go1, slice(None), np.zeros((3, 12)))
         short = np.where(ROWS == 4, 6, 8)
@@ -223,35 +211,25 @@ class TestReadingsOfEveryKind:
         assert layer.temperature_c[5] == 30.0
         assert np.isnan(layer.voltage).all()
 
-    def test_an_error_outlives_a_good_reply_of_its_tick(self, go1: Robot, layer: JointLayer) -> None:
-        values = np.zeros((3, 12))
-        for batches in (
-            [self.replies(go1, slice(None), values, error=2), self.replies(go1, slice(None), values)],
-            [self.both(go1, error=2)],
-            [
-                self.replies(go1, np.array([4]), values[:, :1], error=2),
-                self.replies(go1, slice(None), values),
-            ],
-        ):
+    def test_errors_outlive_good_replies_and_other_errors_of_their_tick(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        everyone, four = slice(None), np.array([4])
+        values, one = np.zeros((3, 12)), np.zeros((3, 1))
+        bad, good = self.replies(go1, four, one, error=2), self.replies(go1, four, one)
+        whole = self.replies(go1, everyone, values)
+        for batches in ([self.replies(go1, everyone, values, 2), whole], [joined([bad, good])], [bad, whole]):
             layer.absorb(batches, 1)
             assert layer.last_heard().motor_error[4] == 2
-            layer.absorb([self.replies(go1, slice(None), values)], 2)
+            layer.absorb([whole], 2)
             assert not layer.last_heard().motor_error.any()
-
-    def test_errors_of_two_replies_of_the_same_tick_both_stay(self, go1: Robot, layer: JointLayer) -> None:
         codes = [np.where(joint == ROWS, code, 0).astype(np.uint64) for joint, code in ((4, 2), (7, 3))]
-        end, values = open_motor_end(wire(go1)), np.zeros((3, 12))
-        layer.absorb([end.reply(slice(None), report(values, code)) for code in codes], 1)
+        layer.absorb([self.replies(go1, everyone, values, code) for code in codes], 1)
         assert layer.last_heard().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
-
-    def both(self, robot: Robot, error: int) -> Frames:
-        """A reply with an error and one without, of the same motor in one batch."""
-        one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
-        return joined(one)
 
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     @pytest.mark.parametrize("velocity", [-2.0, 2.0])
-    def test_of_gains_that_are_lowered_those_that_push_are_rounded_down(
+    def test_lowered_gains_that_push_are_rounded_down(
         self, go1: Robot, layer: JointLayer, side: float, velocity: float
     ) -> None:
         """Steps of a frame are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to a side.

@@ -78,29 +78,24 @@ def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: o
 
 
 class TestPath:
-    def test_takes_as_long_as_the_longest_way_of_a_joint_does_at_its_fastest(self) -> None:
+    def test_a_paths_duration_is_that_of_the_longest_travel(self) -> None:
         """One radian at pi/2 rad/s in the middle, which is 1 rad/s on average."""
         path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
         assert path.duration_s == pytest.approx(1.0)
         np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
         assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
 
-    def test_is_at_rest_at_each_pose(self) -> None:
+    def test_a_path_is_at_rest_at_each_pose_and_beyond_its_ends(self) -> None:
         poses = [np.array([0.0]), np.array([1.0]), np.array([-1.0])]
         path = PosePath(poses, [np.pi / 2, np.pi])
         assert path.duration_s == pytest.approx(2.0)
         for time_s, pose in zip([0.0, 1.0, 2.0], poses, strict=True):
             assert path.at(time_s) == pytest.approx(pose, abs=1e-12)
             assert np.abs(path.at(time_s + 0.001) - path.at(time_s - 0.001)) < 1e-5
-
-    def test_stays_where_it_begins_and_ends(self) -> None:
         path = PosePath([np.array([0.0]), np.array([1.0])], [1.0])
         assert (path.at(-1.0), path.at(99.0)) == (0.0, 1.0)
-
-    def test_may_be_told_to_take_longer(self) -> None:
-        path = PosePath([np.array([0.0]), np.array([0.0])], [1.0], least_s=0.7)
-        assert path.duration_s == 0.7
-        assert path.at(0.3) == 0.0
+        longer = PosePath([np.array([0.0]), np.array([0.0])], [1.0], least_s=0.7)
+        assert (longer.duration_s, longer.at(0.3)) == (0.7, 0.0)
 
 
 class TestPostures:
@@ -136,7 +131,7 @@ class TestPostures:
         assert not postures.done(fast_s + slow_s + 0.29 * CONFIG.stand_s)
         assert postures.done(fast_s + slow_s + 0.3 * CONFIG.stand_s)
 
-    def test_whose_feet_all_stand_lies_down_straight_away(self, go1: Robot) -> None:
+    def test_a_robot_with_all_feet_on_the_ground_lies_down_directly(self, go1: Robot) -> None:
         postures = Postures(go1, CONFIG, lie_down=True)
         postures.lie_down(go1.default_pose, Ending.STANDING)
         middle_s = 0.25 * np.pi * 0.9 / CONFIG.pose_rate_rad_s
@@ -146,10 +141,8 @@ class TestPostures:
     def test_a_robot_that_cannot_lie_stands_on_its_legs_however_low_its_base_is(self) -> None:
         postures = Postures(load_robot("g1"), CONFIG, lie_down=True)
         squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}
-        biped = load_robot("g1")
-        folded = [
-            next((rad for part, rad in squat.items() if part in name), 0.0) for name in biped.joint_names
-        ]
+        names = load_robot("g1").joint_names
+        folded = [next((rad for part, rad in squat.items() if part in name), 0.0) for name in names]
         postures.stand_up(np.array(folded), LEVEL)
         assert postures.on_legs(0.0, Mode.STANDING)
 
@@ -168,7 +161,7 @@ class TestPostures:
         assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
         assert postures.done(way_s + 0.3 * CONFIG.stand_s)
 
-    def test_whether_it_may_lie_down_is_up_to_robot_and_user(self, go1: Robot) -> None:
+    def test_lying_down_needs_a_lying_pose_and_the_option(self, go1: Robot) -> None:
         assert Postures(go1, CONFIG, lie_down=True).may_lie
         assert not Postures(go1, CONFIG, lie_down=False).may_lie
         assert not Postures(load_robot("g1"), CONFIG, lie_down=True).may_lie
@@ -176,7 +169,7 @@ class TestPostures:
 
 class TestRun:
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
-    def test_from_lying_to_motors_off(self, name: str) -> None:
+    def test_a_run_from_lying_to_disabled_motors(self, name: str) -> None:
         robot, note = load_robot(name), Notebook()
         outcome = run(robot, Hold(robot), note)
         standing_m, base_below = robot.description.standing_height_m, robot.legs.base_below
@@ -190,7 +183,7 @@ class TestRun:
         released = note.of(Mode.RELEASING)
         assert np.ptp([tick.height_m for tick in released]) < 0.01  # nothing drops
 
-    def test_out_of_a_trot_without_a_fall_or_a_jump(self, go1: Robot) -> None:
+    def test_a_trot_ends_lying_without_a_fall_or_a_jump(self, go1: Robot) -> None:
         note, config = Notebook(), DeployConfig(stand_s=0.2, stop_s=0.5)
         command = np.array([0.8, 0.0, 0.5])
         episode = Episode(lambda _: command, 0.53, config=config, lie_down=True, record=False)
@@ -216,7 +209,7 @@ class TestRun:
         assert note.ticks[-1].tilt_rad < 0.1
         assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
 
-    def test_a_second_wish_to_end_damps_it_at_once(self, go1: Robot) -> None:
+    def test_a_second_order_to_finish_damps_it_at_once(self, go1: Robot) -> None:
         def ask_again(loop: ControlLoop, body: SimulatedRobot) -> None:
             loop.finish() if loop.state.mode is Mode.LOWERING else None
 
@@ -232,7 +225,7 @@ class TestRun:
         commands = [seen.command.tolist() for seen in policy.seen]
         assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5  # 0.1 s each, and both ends
 
-    def test_who_shall_end_while_standing_up_lies_down_again(self, go1: Robot) -> None:
+    def test_a_run_that_ends_while_standing_up_lies_down_again(self, go1: Robot) -> None:
         def end(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.state.mode is Mode.STANDING and loop.now_us > 150_000:
                 loop.finish()
@@ -243,7 +236,7 @@ class TestRun:
         assert max(tick.height_m for tick in note.ticks) < 0.9 * go1.description.standing_height_m
         assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
 
-    def test_a_robot_that_does_not_get_up_is_no_robot_that_stands(self, go1: Robot) -> None:
+    def test_a_robot_that_does_not_rise_does_not_walk(self, go1: Robot) -> None:
         """It carries 200 kg, which its motors do not lift."""
 
         def load(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -263,26 +256,24 @@ class TestDescription:
     @pytest.mark.parametrize(
         ("old", "new", "says"),
         [
-            ("lying_rad: -0.6, ", "", "joint FR_hip_joint has no lying_rad, though others have"),
+            ("lying_rad: -0.6, ", "", "joint FR_hip_joint has no lying_rad"),
             (
                 "lying_rad: -2.7",
                 "lying_rad: -2.8",
                 "FR_calf_joint: lying_rad -2.8 is outside the soft limits",
             ),
-            (
-                "lying_rad: -2.7",
-                "lying_rad: -1.8",
-                "lying_rad: 'trunk' is .* m above the feet, not on the ground",
-            ),
+            ("lying_rad: -2.7", "lying_rad: -1.8", "lying_rad: 'trunk' is .* m above the feet"),
         ],
     )
-    def test_impossible_lying_pose_is_refused(self, own_folder: Path, old: str, new: str, says: str) -> None:
+    def test_an_impossible_lying_pose_is_refused(
+        self, own_folder: Path, old: str, new: str, says: str
+    ) -> None:
         path = own_folder / "robot.yaml"
         path.write_text(path.read_text().replace(old, new, 1))
         with pytest.raises(UserError, match=says):
             load_robot(own_folder)
 
-    def test_a_policy_is_not_built_upon_it(self, go1: Robot, own_folder: Path) -> None:
+    def test_the_lying_pose_is_not_part_of_the_digest(self, go1: Robot, own_folder: Path) -> None:
         path = own_folder / "robot.yaml"
         path.write_text(path.read_text().replace("lying_rad: 1.35", "lying_rad: 1.4"))
         assert load_robot(own_folder).digest == go1.digest

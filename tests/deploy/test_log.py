@@ -63,6 +63,13 @@ def whole(logged: tuple[Path, Trace]) -> LogFile:
     return read_log(logged[0])
 
 
+def log_of(robot: Robot, folder: Path, may_wait: bool = True) -> tuple[Path, McapLog]:
+    """The log of a run that has just begun, and its path."""
+    log = McapLog(folder / "a.mcap", robot, Hold(robot), facts={}, may_wait=may_wait)
+    log.begin(0)
+    return folder / "a.mcap", log
+
+
 class Decoded(NamedTuple):
     """One message as the indexed reader of MCAP's own library finds it."""
 
@@ -108,18 +115,13 @@ class TestContent:
             times = [entry.time_ns for entry in found if entry.topic == topic]
             assert times == list(range(state["STANDING"], state["IDLE"], 2_000_000))
 
-    def test_each_reading_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+    def test_each_reading_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
         """Orientation comes as w x y z and is written by name."""
         position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
         commanded = 1000.0 * np.arange(1, 6)[:, None] + np.arange(12.0)
-        gyro, acceleration, quaternion = (
-            np.array([1.0, 2, 3]),
-            np.array([4.0, 5, 6]),
-            np.array([0.1, 0.2, 0.3, 0.4]),
-        )
-        path = tmp_path / "tick.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
-        log.begin(0)
+        gyro, acceleration = np.array([[1.0, 2, 3], [4.0, 5, 6]])
+        quaternion = np.array([0.1, 0.2, 0.3, 0.4])
+        path, log = log_of(go1, tmp_path)
         log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
@@ -138,9 +140,7 @@ class TestContent:
         assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
 
     def test_ages_come_each_tick_and_motor_health_by_change(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "health.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
-        log.begin(0)
+        path, log = log_of(go1, tmp_path)
         hot = HEALTH._replace(temperature_c=HEALTH.temperature_c + np.arange(12.0))
         faulty = hot._replace(error=np.eye(12, dtype=np.uint8)[3] * 7)
         for tick, health in enumerate((HEALTH, HEALTH, hot, faulty, faulty, HEALTH)):
@@ -154,14 +154,14 @@ class TestContent:
         np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
         np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
 
-    def test_a_run_says_when_each_reading_arrived(self, logged: tuple[Path, Trace], whole: LogFile) -> None:
+    def test_ages_of_readings_are_logged(self, logged: tuple[Path, Trace], whole: LogFile) -> None:
         """Replies come within the next tick of 2 ms, the IMU's readings every 2 ms."""
         ages = [entry.message.data for entry in whole.entries if entry.topic == "/reading_ages"]
         assert np.shape(ages) == (round(500 * logged[1].run_s) + 1, 13)
         assert (np.array(ages[2:]) >= 0.0).all()
         assert np.max(ages[2:]) <= 0.004
 
-    def test_what_is_estimated_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+    def test_each_estimate_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
         """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
         found = Odometry(
             position=np.array([1.0, 2, 3]),
@@ -173,9 +173,7 @@ class TestContent:
             contact=np.array([0.0, 0.5, 1.0, 0.25]),
             covariance=np.arange(49.0).reshape(7, 7),
         )
-        path = tmp_path / "odometry.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
-        log.begin(0)
+        path, log = log_of(go1, tmp_path)
         log.odometry(20_000, found, np.arange(12.0).reshape(4, 3))
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
@@ -196,7 +194,7 @@ class TestContent:
         assert list(written["/contacts"].data) == found.contact.tolist()
         assert list(written["/footholds"].data) == list(range(12))
 
-    def test_who_asks_for_odometry_gets_it_fifty_times_a_second(self, go1: Robot, tmp_path: Path) -> None:
+    def test_odometry_is_logged_at_50_hz_where_asked_for(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "asked.mcap"
         config = replace(UNHURRIED, odometry=True)
         run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
@@ -207,7 +205,7 @@ class TestContent:
         assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
         assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
 
-    def test_a_note_beside_the_walk_is_written_too(self, go1: Robot, tmp_path: Path) -> None:
+    def test_notes_of_a_command_source_are_logged(self, go1: Robot, tmp_path: Path) -> None:
         class Remarks:
             stopped = None
 
@@ -234,7 +232,7 @@ class TestContent:
         assert min(zeros_ns) - first_ns < 10_000_000
         assert whole_ticks_ns < 1_500_000  # of which the tick's work is some part
 
-    def test_metadata_says_who_and_how(self, go1: Robot, whole: LogFile) -> None:
+    def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
         log = whole  # of the orderly run
         assert log.complete
         assert (log.metadata["policy"], log.metadata["policy_spec"]) == ("sway", "runs/mine")
@@ -333,23 +331,22 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
 
 
 class TestReplay:
-    def test_the_same_policy_gives_the_same_bits(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+    def test_a_replay_by_the_same_policy_is_equal_to_the_bit(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        """A tolerance is a number from 0 on."""
         result = replay(logged[0], Sway(go1))
-        assert result.steps == 26
-        assert result.complete
-        assert result.worst_difference == 0.0
-        assert result.first_difference == ""
+        assert (result.steps, result.complete) == (26, True)
+        assert (result.worst_difference, result.first_difference) == (0.0, "")
+        for tolerance in (np.nan, np.inf, -1.0):
+            with pytest.raises(UserError, match="tolerance"):
+                replay(logged[0], Sway(go1), tolerance)
 
-    def test_a_decision_that_was_none_before_is_none_again(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_decision_of_nan_is_replayed_as_nan(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "bad.mcap"
         run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
         assert replay(path, FailingPolicy(go1, 0.1, not_a_number)).first_difference == ""
         assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
-
-    @pytest.mark.parametrize("tolerance", [np.nan, np.inf, -1.0])
-    def test_tolerance_has_bounds(self, go1: Robot, logged: tuple[Path, Trace], tolerance: float) -> None:
-        with pytest.raises(UserError, match="tolerance"):
-            replay(logged[0], Sway(go1), tolerance)
 
     def test_a_hand_written_observation_survives_the_log(self) -> None:
         n = np.arange(4.0)
@@ -364,19 +361,15 @@ class TestReplay:
             unflatten(flatten(inputs), joints=5)
 
 
-class TestBadInput:
-    def test_an_unwritable_log_stops_the_run_at_once(self, go1: Robot, tmp_path: Path) -> None:
-        policy = Hold(go1)
-        with pytest.raises(UserError, match=r"cannot write the log .*folder\.mcap: No such file"):
-            run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
-        assert not policy.seen
-
-    @pytest.mark.parametrize("content", [b"", b"not an mcap at all", b"\x89MCAP0\r\n"])
-    def test_what_is_no_log_is_refused(self, go1: Robot, tmp_path: Path, content: bytes) -> None:
-        path = tmp_path / "bad.mcap"
+def test_bad_paths_and_contents_are_refused(go1: Robot, tmp_path: Path) -> None:
+    policy, path = Hold(go1), tmp_path / "bad.mcap"
+    with pytest.raises(UserError, match=r"cannot write the log .*folder\.mcap: No such file"):
+        run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
+    assert not policy.seen  # the run did not begin
+    for content in (b"", b"not an mcap at all", b"\x89MCAP0\r\n"):
         path.write_bytes(content)
         with pytest.raises(UserError, match=r"bad\.mcap is no"):
-            replay(path, Hold(go1))
+            replay(path, policy)
 
 
 HEALTH = MotorHealth(
@@ -386,20 +379,15 @@ STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3,
 
 
 def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> None:
-    log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=True)
-    log.begin(0)
+    path, log = log_of(go1, tmp_path)
     log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
     log.close()
-    assert [entry.message.data for entry in read_log(tmp_path / "a.mcap", ["/state"]).entries] == [
-        "ESTOP: second"
-    ]
+    assert [entry.message.data for entry in read_log(path, ["/state"]).entries] == ["ESTOP: second"]
 
 
 def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: Path) -> None:
-    path, link = tmp_path / "a.mcap", tmp_path / "same.mcap"
+    (path, log), link = log_of(go1, tmp_path), tmp_path / "same.mcap"
     link.symlink_to(path)
-    log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
-    log.begin(0)
     log.tick(0, STILL, HEALTH, None)
     with pytest.raises(UserError, match=f"same.mcap is in use by this process .{os.getpid()}"):
         McapLog(link, go1, Hold(go1), facts={}, may_wait=True)
@@ -411,26 +399,24 @@ def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: P
 class TestDisk:
     """A log may cost itself, and nothing else."""
 
-    def test_a_full_one_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
-        told_after: list[int] = []
+    def test_a_full_disk_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+        noted_at_us: list[int] = []
 
         def listen(loop: ControlLoop, _: object) -> None:
-            if not told_after and "No space left" in capfd.readouterr().err:
-                told_after.append(loop.now_us)
+            if not noted_at_us and "No space left" in capfd.readouterr().err:
+                noted_at_us.append(loop.now_us)
 
         trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
         assert trace.final_state == "IDLE"
         assert trace.walked_s == pytest.approx(1.0, abs=0.01)
         assert trace.notes == ("the log /dev/full is truncated: No space left on device",)
-        assert told_after
-        assert told_after[0] < 1_000_000
+        assert noted_at_us
+        assert noted_at_us[0] < 1_000_000
 
     def test_a_pause_loses_ticks(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """A process that is stopped is like one whose disk hangs."""
         monkeypatch.setattr(log_module, "MAX_WAITING_BYTES", 20_000)
-        path = tmp_path / "a.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=False)
-        log.begin(0)
+        path, log = log_of(go1, tmp_path, may_wait=False)
         os.kill(log._process.pid, signal.SIGSTOP)
         slowest_s = 0.0
         for tick in range(1000):
@@ -445,17 +431,17 @@ class TestDisk:
         assert 0 < len(readings) == 1000 - int(lacks[1])
         assert read_log(path).complete
 
-    def test_gives_up_at_last(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_log_that_never_ends_is_given_up(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
-        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=False)
-        log.begin(0)
+        _, log = log_of(go1, tmp_path, may_wait=False)
         os.kill(log._process.pid, signal.SIGSTOP)
         log.tick(0, STILL, HEALTH, None)
         assert "a.mcap has no end" in log.close()
 
-    def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
-        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=True)
-        log.begin(0)
+    def test_the_death_of_the_writing_process_is_noted(self, go1: Robot, tmp_path: Path) -> None:
+        _, log = log_of(go1, tmp_path)
         os.kill(log._process.pid, signal.SIGKILL)
         log._process.wait()
         for tick in range(3):

@@ -65,17 +65,13 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
         log.frames(now_us, Kind.RECEIVED, fd.at(np.array([now_us])))
-        log.policy_step(
-            now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command, policy
-        )
+        inputs = PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3)
+        log.policy_step(now_us, inputs, command, policy)
         log.frames(now_us, Kind.SENT, frames)
         log.frames(now_us, Kind.SENT, fd)
         log.tick(now_us, sensed, health, np.zeros((5, 12)))
-        log.odometry(
-            now_us,
-            Odometry(still, sensed.quaternion, 0.0, still, still, 0.3, np.ones(4), np.eye(7)),
-            footholds,
-        )
+        where = Odometry(still, sensed.quaternion, 0.0, still, still, 0.3, np.ones(4), np.eye(7))
+        log.odometry(now_us, where, footholds)
         log.battery(now_us, BatteryState(0.75, 0.01, 24.5, 3.0))
         log.timing(now_us, 150.0, 20.0)
     log.state(1_200_000, State(Mode.ESTOP, 1.2, ("no reply",)))
@@ -108,7 +104,7 @@ def test_every_topic_is_read(messages: dict[str, list[Any]]) -> None:
     assert set(messages) == set(TOPICS)
 
 
-def test_a_walk_is_drawn(messages: dict[str, list[Any]]) -> None:
+def test_markers_of_a_walk(messages: dict[str, list[Any]]) -> None:
     (array,) = messages["/markers"]
     drawn = {(marker.ns, marker.id) for marker in array.markers}
     assert {"centre_of_mass", "capture_point", "support_polygon", "velocity"} <= {name for name, _ in drawn}
@@ -130,9 +126,8 @@ def test_events_have_their_severity(messages: dict[str, list[Any]]) -> None:
 def test_diagnostics_name_the_motor_with_an_error(go1: Robot, messages: dict[str, list[Any]]) -> None:
     first, second = messages["/diagnostics"]
     found = {status.name.partition(": ")[2]: status for status in second.status}
-    assert (
-        found["motors"].level[0] if isinstance(found["motors"].level, bytes) else found["motors"].level == 2
-    )
+    level = found["motors"].level
+    assert (level[0] if isinstance(level, bytes) else level) == 2
     assert go1.joint_names[3] in found["motors"].message
     assert {"state", "readings", "loop"} <= set(found)
     assert second.header.stamp.sec - first.header.stamp.sec == 1
@@ -149,13 +144,10 @@ def test_frames_and_battery(messages: dict[str, list[Any]]) -> None:
     assert battery.present
 
 
-def test_a_layout_plots_each_joint_by_its_place_under_its_name() -> None:
+def test_a_layout_plots_joints_by_name_and_shows_the_robot_up_close() -> None:
     paths = json.loads(foxglove_layout(["hip", "knee"]))["configById"]["Plot!velocity"]["paths"]
     shown = [(path["value"], path["label"]) for path in paths]
     assert shown == [("/joint_states.velocity[0]", "hip"), ("/joint_states.velocity[1]", "knee")]
-
-
-def test_a_layout_looks_at_the_robot_from_near_and_does_not_cover_it_with_frames() -> None:
     scene = json.loads(foxglove_layout(["hip"]))["configById"]["3D!robot"]
     assert scene["followTf"] == "base_link"
     assert 1.0 < scene["cameraState"]["distance"] < 4.0

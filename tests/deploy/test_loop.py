@@ -36,7 +36,7 @@ class Adding(Hold):
         return hold._replace(position=hold.position + self._offsets_rad[step])
 
 
-class TestOut:
+class TestCommands:
     def test_it_stands_up_under_gains_of_its_own(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
         until(loop, Mode.STANDING)
@@ -75,17 +75,10 @@ class TestOut:
         assert [time_us for time_us, _ in body.sent[-25:]] == list(range(102_000, 152_000, TICK_US))
 
 
-def test_what_the_policy_sees_is_what_the_frames_said(go1: Robot) -> None:
+def test_a_policy_sees_the_readings_of_the_frames(go1: Robot) -> None:
     policy = Hold(go1)
-    unmoved = SensorLimits(
-        rotation_rad=3.0,
-        drift_rad=3.0,
-        wander_rad=3.0,
-        creep_rad=3.0,
-        stuck_rad=3.0,
-        lean_error=2.0,
-        unexplained=10.0,
-    )  # jumps are what is tested
+    names = ("rotation_rad", "drift_rad", "wander_rad", "creep_rad", "stuck_rad")
+    unmoved = SensorLimits(**dict.fromkeys(names, 3.0), lean_error=2.0, unexplained=10.0)  # readings jump
     source = lambda t: np.array([t, 2 * t, 3 * t])  # noqa: E731
     loop, body = loop_of(go1, policy, command_source=source, safety=SafetyConfig(sensors=unmoved))
     until(loop, Mode.WALKING)
@@ -113,18 +106,14 @@ class TestFaults:
             ({"silent": [6, 7, 8]}, "no reply from any motor on can2 for 50 ms", Mode.ESTOP),
             ({"silent": list(range(12))}, "no reply from any motor for 50 ms", Mode.ESTOP),
             ({"imu_silent": True}, "no new IMU reading", Mode.ESTOP),
-            (
-                {"error": 3 * (ROWS == 4).astype(np.uint64)},
-                "motor FL_thigh_joint (can1, id 2) reports over-voltage",
-                Mode.ESTOP,
-            ),
+            ({"error": 3 * (ROWS == 4).astype(np.uint64)}, "motor FL_thigh_joint (can1, id 2)", Mode.ESTOP),
             ({"refuses": 2}, "bus overflow: 2 frames refused", Mode.ESTOP),
             ({"bus_fault": "bus can2 is bus-off"}, "bus can2 is bus-off", Mode.ESTOP),
             ({"quaternion": (0.8, 0.0, 0.6, 0.0)}, "tilt of 1.29 rad", Mode.FALLING),
         ],
     )
     @pytest.mark.parametrize("before", [Mode.STANDING, Mode.WALKING])
-    def test_of_the_robot_are_named_and_damp_it(
+    def test_a_fault_of_the_robot_is_named_and_damps_it(
         self, go1: Robot, change: dict[str, Any], fault: str, mode: Mode, before: Mode
     ) -> None:
         loop, body = loop_of(go1, Hold(go1))
@@ -144,7 +133,9 @@ class TestFaults:
             (lambda hold: {}["legs"], "the policy failed: KeyError: 'legs'"),
         ],
     )
-    def test_of_the_policy_damp_the_robot_in_the_same_tick(self, go1: Robot, change: Any, fault: str) -> None:
+    def test_a_fault_of_the_policy_damps_the_robot_in_the_same_tick(
+        self, go1: Robot, change: Any, fault: str
+    ) -> None:
         loop, body = loop_of(go1, FailingPolicy(go1, 0.04, change))
         until(loop, Mode.WALKING)
         while loop.now_us < 140_000:
@@ -155,7 +146,7 @@ class TestFaults:
         assert loop.walked_s == pytest.approx(0.04)
 
     @pytest.mark.parametrize("part", ["receive", "stance", "command", "log", "frames", "send"])
-    def test_whatever_raises_the_robot_is_damped_and_then_its_motors_are_disabled(
+    def test_after_any_exception_the_robot_is_damped_and_its_motors_disabled(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, part: str
     ) -> None:
         """Of readings, a policy, what steers it, a log, the joint layer, the bus."""
@@ -217,32 +208,28 @@ class TestFaults:
         if part != "log":
             assert log.of("state")[-1][1].faults == loop.state.faults
 
-    def test_a_run_that_a_guard_ended_tells_so_and_how_long_the_robot_walked(self, go1: Robot) -> None:
+    @pytest.mark.parametrize("failed", [False, True])
+    def test_a_run_that_a_guard_ended_has_its_fault_and_its_walking_time(
+        self, go1: Robot, failed: bool
+    ) -> None:
+        """Also after another fault."""
         taken: list[bool] = []
         log = Notebook()
         loop, body = loop_of(go1, Hold(go1), log=log, taken_over=lambda: bool(taken))
         until(loop, Mode.WALKING)
         walk_for(loop, 0.05)
+        if failed:
+            body.bus_fault = "bus can2 is bus-off"
+            until(loop, Mode.ESTOP)
         sent = len(body.sent)
         taken.append(True)
         assert not loop.tick()
         assert len(body.sent) == sent  # nothing over the guard's damping
-        assert loop.walked_s == pytest.approx(0.052)
+        assert failed or loop.walked_s == pytest.approx(0.052)
         assert (loop.state.mode, loop.state.over) == (Mode.ESTOP, True)
+        assert len(loop.state.faults) == 1 + failed
         assert "a guard damped the robot" in loop.state.faults[-1]
         assert log.of("state")[-1] == (loop.now_us, loop.state)
-
-    def test_a_guard_that_ended_a_failed_run_is_logged_as_well(self, go1: Robot) -> None:
-        taken: list[bool] = []
-        log = Notebook()
-        loop, body = loop_of(go1, Hold(go1), log=log, taken_over=lambda: bool(taken))
-        until(loop, Mode.WALKING)
-        body.bus_fault = "bus can2 is bus-off"
-        until(loop, Mode.ESTOP)
-        taken.append(True)
-        loop.tick()
-        assert len(loop.state.faults) == 2
-        assert log.of("state")[-1][1].faults == loop.state.faults
 
 
 class TestEnd:
@@ -250,7 +237,7 @@ class TestEnd:
     def test_damping_takes_its_time_and_two_ticks(self, damping_s: float, ticks: int) -> None:
         assert DeployConfig(safety=SafetyConfig(damping_s=damping_s)).damping_ticks == ticks
 
-    def test_a_wish_to_end_before_the_robot_walks_is_granted(self, go1: Robot) -> None:
+    def test_a_run_may_be_finished_before_the_robot_walks(self, go1: Robot) -> None:
         loop, _ = loop_of(go1, Hold(go1))
         until(loop, Mode.STANDING)
         loop.finish()
@@ -267,7 +254,7 @@ class TestEnd:
             (Mode.WALKING, True, Ending.WALKING),
         ],
     )
-    def test_how_the_robot_is_found_that_shall_lie_down(
+    def test_the_posture_in_which_lying_down_begins(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, at: Mode, fails: bool, ending: Ending
     ) -> None:
         """A robot that stands up has all feet on the ground."""
@@ -304,7 +291,14 @@ class TestLog:
         np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
         assert log.of("note") == [(140_000, "a forward command of nan m/s was replaced with 0")]
 
-    def test_an_order_is_logged_at_once_with_who_gave_it_whatever_the_mode(self, go1: Robot) -> None:
+    def test_no_command_is_logged_before_motors_are_enabled(self, go1: Robot) -> None:
+        log = Notebook()
+        loop, body = loop_of(go1, Hold(go1), log=log)
+        body.silent = [3]
+        loop.tick()
+        assert log.of("tick")[0][2] is None
+
+    def test_an_order_is_logged_at_once_with_its_author_in_every_mode(self, go1: Robot) -> None:
         log, inbox = Notebook(), Inbox()
         loop, _ = loop_of(go1, Hold(go1), command_source=inbox, log=log, lie_down=True)
         until(loop, Mode.STANDING)
@@ -317,13 +311,6 @@ class TestLog:
         loop.tick()
         at_us, order = log.of("order")[-1]
         assert (at_us, order.kind, order.by) == (loop.now_us, OrderKind.STOP, "page 2")
-
-    def test_nothing_is_logged_as_commanded_before_motors_are_enabled(self, go1: Robot) -> None:
-        log = Notebook()
-        loop, body = loop_of(go1, Hold(go1), log=log)
-        body.silent = [3]
-        loop.tick()
-        assert log.of("tick")[0][2] is None
 
     @pytest.mark.parametrize("realtime", [False, True])
     def test_lateness_counts_on_the_wall_clock_alone(self, go1: Robot, realtime: bool) -> None:

@@ -1,6 +1,5 @@
 """What holds for the motors of every maker: requests, rounding, settings at the start, robots that stand."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ def both_ends(wiring: Wiring) -> tuple[Any, Any]:
 
 @ALL
 class TestRequests:
-    def test_motors_know_what_is_asked_of_them(self, wiring: Wiring) -> None:
+    def test_motors_decode_each_request(self, wiring: Wiring) -> None:
         driver, end = both_ends(wiring)
         for frames, kind in (
             (driver.enable(), Request.ENABLE),
@@ -52,7 +51,7 @@ class TestRequests:
             assert not len(frames.id) or end.requests(frames).kind.tolist() == [kind] * 2
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_what_is_not_finite_is_refused(self, wiring: Wiring, bad: float) -> None:
+    def test_nan_and_infinity_are_refused(self, wiring: Wiring, bad: float) -> None:
         driver, values = both_ends(wiring)[0], np.zeros((5, 2))
         for channel in (0, 1):
             driver.replies(frame(0x069, bytes(8), channel))  # an ODrive's position
@@ -88,7 +87,7 @@ class TestRounding:
 
 
 @WITH_SETTINGS
-def test_a_motor_that_was_on_and_is_off_has_rebooted(wiring: Wiring) -> None:
+def test_a_motor_that_is_suddenly_off_has_rebooted(wiring: Wiring) -> None:
     driver, end = both_ends(wiring)
     told = []
     for on in (False, True, False, True):
@@ -115,11 +114,9 @@ class TestSettings:
         introduce(driver, end)
         assert settings[time_out] == kept
 
-    @pytest.mark.parametrize(
-        ("told", "says"), [(0, "has no"), (20_000, "has a communication timeout of 1 s")]
-    )
+    @pytest.mark.parametrize(("told", "says"), [(0, "has no"), (20_000, "1 s")])
     def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, told: int, says: str) -> None:
-        """It confirms the write, and tells what it told before."""
+        """It confirms the write, and reports its old setting."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
         settings[time_out] = told
@@ -129,7 +126,8 @@ class TestSettings:
             driver.replies(asked.take(~reads)._replace(id=np.full((~reads).sum(), 0x203)))
             if (answer := end.settings_replies(asked.take(reads))) is not None:
                 driver.replies(answer)
-        assert driver.not_ready().startswith(f"motor knee (can1, id 3) {says}")
+        assert driver.not_ready().startswith("motor knee (can1, id 3) ")
+        assert says in driver.not_ready()
 
     @pytest.mark.parametrize("settings_told", [True, False])
     def test_a_wrong_or_silent_motor_is_named(self, wiring: Wiring, settings_told: bool) -> None:
@@ -153,7 +151,7 @@ class TestRobots:
         np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
 
     @pytest.mark.parametrize("maker", ["Damiao", "RobStride", "ODrive"])
-    def test_a_motor_that_reboots_says_so(self, go1: Robot, maker: str) -> None:
+    def test_a_rebooted_motor_is_a_fault(self, go1: Robot, maker: str) -> None:
         robot, joint = with_motors(go1, **MAKERS[maker]), 8
 
         def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -171,19 +169,13 @@ IDENTIFIERS = [
 ]
 
 
-@pytest.mark.parametrize(
-    "wiring",
-    [
-        MIT,
-        DAMIAO,
-        ROBSTRIDE,
-        ODRIVE,
-        replace(MIT, models=("AK80-9", "RS03")),
-        replace(DAMIAO, models=("ODrive", "DM4310")),
-    ],
-)
-def test_whatever_comes_nothing_raises_and_readings_stay_in_range(wiring: Wiring) -> None:
+MIXTURES = "AK70-10 AK80-9|DM4310 DM8009|RS00 RS03|ODrive ODrive|AK80-9 RS03|ODrive DM4310"
+
+
+@pytest.mark.parametrize("models", MIXTURES.split("|"))
+def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> None:
     """20,000 frames: identifiers of every kind on both buses, some as long as they should be."""
+    wiring = two_motors(*models.split())
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100
     most = driver.highest[[0, 1, 4]]

@@ -62,9 +62,8 @@ class Maker:
         value = 1.0 * heard.id[ours]
         times = heard.time_us[ours] if self.knows_time and heard.time_us is not None else None
         current = value + 40 if self.knows_current else None
-        return Replies(
-            motor, np.tile(value, (3, 1)), heard.id[ours] % 256, value + 20, value + 30, times, current
-        )
+        rows = np.tile(value, (3, 1))
+        return Replies(motor, rows, heard.id[ours] % 256, value + 20, value + 30, times, current)
 
 
 def mixed(first: Maker, second: Maker) -> MixedDriver:
@@ -87,13 +86,13 @@ def test_limits_rounding_and_bits_are_each_joints_own(driver: MixedDriver) -> No
     assert [each["can_id"] for each in driver.filters] == [0x10, 0x20]
 
 
-def test_each_motor_is_told_its_joints_command(driver: MixedDriver) -> None:
+def test_each_motor_gets_its_joints_command(driver: MixedDriver) -> None:
     sent = driver.command(np.tile(np.arange(5), (5, 1)))
     told = dict(zip(sent.id.tolist(), sent.data[:, 0].tolist(), strict=True))
     assert [told[identifier] for identifier in BY_JOINT] == [0, 1, 2, 3, 4]
 
 
-def test_what_a_motor_replies_is_its_joints_with_the_time_at_which_it_came(driver: MixedDriver) -> None:
+def test_each_reply_is_its_joints_with_its_time(driver: MixedDriver) -> None:
     """Of five frames, in any order, one is of nobody here."""
     heard = frames([0x22, 0x11, 0x7F, 0x20, 0x10], np.array([5.0, 6.0, 7.0, 8.0, 9.0]))
     replies = driver.replies(heard)
@@ -110,17 +109,17 @@ def test_what_a_motor_replies_is_its_joints_with_the_time_at_which_it_came(drive
     assert replies.time_us[order].tolist() == [6.0, 8.0, 9.0, 5.0]
 
 
-def test_where_one_driver_knows_no_times_nobody_does() -> None:
+def test_times_are_unknown_if_one_driver_has_none() -> None:
     heard = frames([0x10, 0x20], np.array([5.0, 6.0]))
     assert mixed(Maker(0x10, 2), Maker(0x20, 3, knows_time=False)).replies(heard).time_us is None
 
 
-def test_who_is_still_on_is_told_by_joint() -> None:
+def test_motors_not_confirmed_off_are_given_by_joint() -> None:
     driver = mixed(Maker(0x10, 2, on=(True, False)), Maker(0x20, 3, on=(False, False, True)))
     assert driver.not_confirmed_off().tolist() == [False, False, True, False, True]
 
 
-def test_only_those_are_asked_that_are_not_ready() -> None:
+def test_only_motors_that_are_not_ready_are_queried() -> None:
     driver = mixed(Maker(0x10, 2), Maker(0x20, 3, why="the hip has not reported its range"))
     assert driver.query_settings().id.tolist() == [0x20]
     assert driver.not_ready() == "the hip has not reported its range"
@@ -130,9 +129,7 @@ def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:
     """Two of one and three of the other: after six all begin anew."""
     driver = mixed(Maker(0x10, 2, turns=2), Maker(0x20, 3, turns=3))
     sent = [batch.id.tolist() for batch in driver.damping(np.zeros(5))]
-    assert sent == [
-        [0x10, 0x20], [0x11, 0x21], [0x10, 0x22], [0x11, 0x20], [0x10, 0x21], [0x11, 0x22]
-    ]  # fmt: skip
+    assert sent == [[0x10 + turn % 2, 0x20 + turn % 3] for turn in range(6)]
 
 
 def test_each_makers_motors_keep_their_own_way_after_a_timeout() -> None:

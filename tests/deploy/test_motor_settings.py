@@ -84,16 +84,14 @@ class TestQuestions:
         wiring = replace(two_motors("RS00", "RS03"), timeout_s=np.array([0.1, 0.05]))
         return Settings(wiring, {9: "time-out", 10: "mode"}, TimeOut(9, 50e-6))
 
-    def test_what_is_not_answered_is_asked_again_after_some_ticks(self, settings: Settings) -> None:
+    def test_an_unanswered_question_is_repeated_after_some_ticks(self, settings: Settings) -> None:
         asked = [len(settings.questions()) for _ in range(2 * ASK_AGAIN + 3)]
         assert [tick for tick, count in enumerate(asked) if count] == [0, ASK_AGAIN + 1, 2 * ASK_AGAIN + 2]
 
-    def test_an_answer_brings_the_next_question_at_once(self, settings: Settings) -> None:
+    def test_an_answer_brings_the_next_question_once(self, settings: Settings) -> None:
         settings.questions()
         settings.note(1, 9, 500)
         assert settings.questions() == [(1, 10, None)]
-
-    def test_an_answer_that_comes_again_brings_none(self, settings: Settings) -> None:
         settings.note(0, 9, 2000)
         settings.questions()
         settings.note(0, 9, 2000)
@@ -110,7 +108,7 @@ class TestQuestions:
         assert "hip" not in settings.problem()
 
     @pytest.mark.parametrize("count", [1, 999, 1000])
-    def test_a_time_out_that_is_short_enough_is_left_as_it_is(self, settings: Settings, count: int) -> None:
+    def test_a_timeout_that_is_short_enough_is_not_changed(self, settings: Settings, count: int) -> None:
         """0.05 s is 1000 steps."""
         settings.note(1, 9, count)
         settings.note(1, 10, 1)

@@ -39,9 +39,8 @@ class TestDrift:
     def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
         drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "scale_error": 0.02}))
         moved = np.array([3.0, -4.0, 0.0])
-        np.testing.assert_allclose(
-            drift.covariance(moved)[:3, :3], 0.0004 * np.outer(moved, moved), atol=1e-15
-        )
+        found = drift.covariance(moved)[:3, :3]
+        np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_way_not_with_the_displacement(self) -> None:
         """There and back, 2 x 1.5 m: three metres."""
@@ -62,10 +61,11 @@ class TestLateness:
             lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
         return lateness
 
-    def test_a_velocity_that_stays_is_as_sure_as_if_it_were_not_late(self) -> None:
+    def test_constant_or_timely_velocities_have_no_error_of_lateness(self) -> None:
         np.testing.assert_array_equal(self.swayed(0.01).covariance[0], 0.0)
+        np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)
 
-    def test_one_that_sways_is_off_by_its_acceleration_times_the_lateness(self) -> None:
+    def test_a_swaying_velocity_errs_by_acceleration_times_lateness(self) -> None:
         """Mean square of 0.01 s times 0.1 w cos w t, w = 4 pi: (0.01 * 1.257)^2 / 2 m^2/s^2."""
         assert self.swayed(0.01).covariance[1, 1] == pytest.approx((0.01 * 0.4 * math.pi) ** 2 / 2, rel=0.1)
 
@@ -87,10 +87,7 @@ class TestLateness:
         lateness.advance([0.0, 0.0, 1.0], 0.001)
         assert lateness.covariance[2, 2] == pytest.approx(0.9 * 0.1 * 0.75**2 + 0.1 * 0.75**4)
 
-    def test_readings_that_are_not_late_add_nothing(self) -> None:
-        np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)
-
-    def test_it_begins_anew(self) -> None:
+    def test_a_reset_removes_the_error_of_lateness(self) -> None:
         lateness = self.swayed(0.01)
         lateness.reset()
         lateness.advance([9.0, 9.0, 9.0], 0.001)

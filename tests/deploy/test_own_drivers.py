@@ -15,7 +15,7 @@ from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import filters_of, open_driver, open_imu
 from footfall.deploy.drivers.driver import Replies
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import no_frames
 from footfall.deploy.scan import scan
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
@@ -36,7 +36,7 @@ def with_own(robot: Robot, imu: str = IMU, **protocols: str) -> Robot:
 
 
 @pytest.mark.parametrize("protocols", [{"hip": MOTOR, "knee": MOTOR}, {"knee": MOTOR}], ids=["all", "mixed"])
-def test_a_robot_with_motors_and_an_imu_of_ones_own_holds_its_pose(go1: Robot, protocols: Any) -> None:
+def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, protocols: Any) -> None:
     robot = with_own(go1, **protocols)
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses)
@@ -91,13 +91,8 @@ def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pyte
 
 def lacking(name: str) -> type:
     """The own driver without one of its parts."""
-    parts = {
-        key: value
-        for base in reversed(OwnDriver.__mro__[:-1])
-        for key, value in vars(base).items()
-        if key not in (name, "__dict__", "__weakref__")
-    }
-    return type("Lacking", (), parts)
+    parts = {key: value for base in reversed(OwnDriver.__mro__[:-1]) for key, value in vars(base).items()}
+    return type("Lacking", (), {k: v for k, v in parts.items() if k not in (name, "__dict__", "__weakref__")})
 
 
 def with_part(name: str, part: Any) -> type:
@@ -108,27 +103,9 @@ def of_shape(*shape: int) -> property:
     return property(lambda self: np.zeros(shape), lambda self, value: None)
 
 
-def no_replies(self: Any, frames: Frames) -> Any:
-    return np.zeros((3, 0))
-
-
-def flat_replies(self: Any, frames: Frames) -> Replies:
-    return Replies(np.zeros(0, int), *np.zeros((4, 0)), None)
-
-
+PARTS = "identifiers replies error_name filters maker damping not_confirmed_off"
 MISFITS = {
-    **{
-        name: lacking(name)
-        for name in (
-            "identifiers",
-            "replies",
-            "error_name",
-            "filters",
-            "maker",
-            "damping",
-            "not_confirmed_off",
-        )
-    },
+    **{name: lacking(name) for name in PARTS.split()},
     "lowest": with_part("lowest", of_shape(2)),
     "gain_rounding": with_part("gain_rounding", of_shape(2, 3)),
     "exchange_bits": with_part("exchange_bits", of_shape(5)),
@@ -140,35 +117,30 @@ MISFITS = {
     "not_enabled": with_part("not_enabled", lambda self: None),
     "damping ": with_part("damping", lambda self, kd: no_frames()),
     "not_confirmed_off ": with_part("not_confirmed_off", lambda self: np.zeros(5, bool)),
-    "replies ": with_part("replies", no_replies),
-    "replies  ": with_part("replies", flat_replies),
+    "replies ": with_part("replies", lambda self, frames: np.zeros((3, 0))),
+    "replies  ": with_part(
+        "replies", lambda self, frames: Replies(np.zeros(0, int), *np.zeros((4, 0)), None)
+    ),
     "__init__": with_part("__init__", lambda self: None),
 }
 
 
-class Refused:
+def assert_refused(wiring: Any, place: str, part: str) -> None:
     """One line that names the place and the part."""
-
-    def __init__(self, place: str, part: str) -> None:
-        self._place, self._part = place, part
-
-    def of(self, wiring: Any) -> None:
-        with pytest.raises(UserError) as refused:
-            open_driver(wiring)
-        assert "\n" not in str(refused.value)
-        assert self._place in str(refused.value)
-        assert self._part in str(refused.value)
+    with pytest.raises(UserError) as refused:
+        open_driver(wiring)
+    assert "\n" not in str(refused.value)
+    assert place in str(refused.value)
+    assert part in str(refused.value)
 
 
-@pytest.fixture(params=MISFITS)
-def misfit(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(own_drivers, "Misfit", MISFITS[request.param], raising=False)
-    return request.param.strip()
-
-
-def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(misfit: str) -> None:
+@pytest.mark.parametrize("part", MISFITS)
+def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(
+    monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    monkeypatch.setattr(own_drivers, "Misfit", MISFITS[part], raising=False)
     place = "own_drivers:Misfit"
-    Refused(place, misfit).of(two_motors(place, place))
+    assert_refused(two_motors(place, place), place, part.strip())
 
 
 @pytest.mark.parametrize(
@@ -181,32 +153,30 @@ def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(misfit: 
     ],
 )
 def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(place: str, part: str) -> None:
-    Refused("joint hip", part).of(two_motors(place, "RS00"))
+    assert_refused(two_motors(place, "RS00"), "joint hip", part)
     with pytest.raises(UserError, match=part):
         open_imu(replace(two_motors("RS00", "RS00"), imu_protocol=place))
 
 
 @pytest.mark.parametrize(
-    ("part", "value"),
+    ("part", "misfit"),
     [
-        ("reading", property(lambda self: ((0.0,) * 3,) * 3, lambda self, value: None)),
-        ("absorb", lambda self, frames, now_us: 1 / 0),
-        ("__init__", lambda self: None),
+        ("reading", {"reading": property(lambda self: ((0.0,) * 3,) * 3, lambda self, value: None)}),
+        ("absorb", {"absorb": lambda self, frames, now_us: 1 / 0}),
+        ("__init__", {"__init__": lambda self: None}),
+        ("it has no imu_end", OwnDriver),
     ],
 )
-def test_misfitting_imu_drivers_are_refused(monkeypatch: pytest.MonkeyPatch, part: str, value: Any) -> None:
-    monkeypatch.setattr(own_drivers, "Misfit", type("Changed", (OwnImu,), {part: value}), raising=False)
+def test_an_imu_driver_that_does_not_fit_is_refused(
+    monkeypatch: pytest.MonkeyPatch, part: str, misfit: Any
+) -> None:
+    driver = type("Changed", (OwnImu,), misfit) if isinstance(misfit, dict) else misfit
+    monkeypatch.setattr(own_drivers, "Misfit", driver, raising=False)
     with pytest.raises(UserError, match=f"own_drivers:Misfit.*{part}"):
         open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))
 
 
-def test_an_imu_driver_that_lacks_a_part_is_refused_with_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(own_drivers, "Misfit", OwnDriver, raising=False)
-    with pytest.raises(UserError, match=r"cannot be used as IMU driver: it has no imu_end"):
-        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))
-
-
-def test_what_cannot_be_simulated_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_driver_without_a_simulated_end_is_refused_in_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(OwnDriver, "motor_end", "")
     monkeypatch.setattr(OwnImu, "imu_end", "")
     wiring = replace(two_motors(MOTOR, MOTOR), imu_protocol=IMU)

@@ -38,16 +38,17 @@ def run_at(runner: PolicyRunner, now_us: int) -> Any:
     return SimpleNamespace(walking_s=runner.time_s(now_us), battery=NO_BATTERY)
 
 
+def step(runner: PolicyRunner, now_us: int, walking: bool = True) -> Any:
+    return runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, walking)
+
+
 def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
     """The times since it took over at which a policy took its steps, s."""
     times = list(times_us)
     runner.start(times[0])
     taken = []
     for now_us in times:
-        if (
-            runner.due(now_us)
-            and runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, walking) is not None
-        ):
+        if runner.due(now_us) and step(runner, now_us, walking) is not None:
             taken.append(runner.time_s(now_us))
     return taken
 
@@ -80,6 +81,17 @@ class Dawdle(Hold):
         return super().act(inputs)
 
 
+class Changing(Hold):
+    """Holds the default pose, with a change to its command."""
+
+    def __init__(self, robot: Robot, change: Any) -> None:
+        super().__init__(robot)
+        self._change = change
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        return self._change(super().act(inputs))  # type: ignore[no-any-return]
+
+
 class TestTimes:
     @pytest.mark.parametrize("rate_hz", [30.0, 50.0, 77.0, 500.0])
     def test_steps_come_at_the_first_tick_of_their_time(self, go1: Robot, rate_hz: float) -> None:
@@ -91,7 +103,7 @@ class TestTimes:
         assert len(times) == math.floor(0.6 * rate_hz + 1e-6) + 1
         assert policy.resets == 1
 
-    def test_steps_that_were_missed_are_not_caught_up_on(self, go1: Robot) -> None:
+    def test_missed_steps_are_not_made_up_for(self, go1: Robot) -> None:
         """A pause of 76 ms: one step at its end, and the next where the rhythm of 20 ms has it."""
         times = walk(runner_of(Hold(go1)), [*range(0, 52_000, TICK_US), *range(126_000, 186_000, TICK_US)])
         assert times == pytest.approx([0, 0.02, 0.04, 0.126, 0.14, 0.16, 0.18])
@@ -121,7 +133,7 @@ class TestLateness:
         counts = []
         runner.start(0)
         for now_us in range(0, 300_000, 20_000):
-            runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, True)
+            step(runner, now_us)
             counts.append(runner.signals.late_steps)
         assert max(counts) == most
 
@@ -133,7 +145,7 @@ class TestLateness:
         assert runner.signals.late_steps == realtime
         assert runner.durations_ms.values() == pytest.approx([101.0])
 
-    def test_an_interrupted_step_took_for_ever_and_disarms(self, go1: Robot) -> None:
+    def test_an_interrupted_step_has_no_end_and_disarms_the_deadline(self, go1: Robot) -> None:
         class Hung(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 raise OverdueError
@@ -146,20 +158,18 @@ class TestLateness:
 
 
 class TestInputs:
-    def test_the_command_is_a_function_of_the_time_since_the_policy_took_over(self, go1: Robot) -> None:
+    def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(self, go1: Robot) -> None:
         policy = Hold(go1)
         walk(runner_of(policy, lambda t: np.array([t, 2 * t, 0.0])), range(50_000, 120_000, TICK_US))
         commands = np.array([seen.command for seen in policy.seen])
         np.testing.assert_allclose(commands[:, 0], [0.0, 0.02, 0.04, 0.06], atol=1e-9)
         np.testing.assert_allclose(commands[:, 1], 2 * commands[:, 0])
         assert (policy.seen[0].base_velocity, policy.seen[0].base_height) == ESTIMATE
-
-    def test_a_robot_that_stops_is_commanded_to_stand_still(self, go1: Robot) -> None:
         policy = Hold(go1)
         walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
         assert policy.seen[0].command.tolist() == [0.0, 0.0, 0.0]
 
-    def test_commands_are_clipped_to_what_the_policy_was_trained_for_and_noted_once(self, go1: Robot) -> None:
+    def test_commands_are_clipped_to_the_contract_and_noted_once(self, go1: Robot) -> None:
         policy = Hold(go1)
         policy.contract = SimpleNamespace(commands=CommandRange((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0)))  # type: ignore[assignment]
         policy.notes = notes = ["slower"]  # type: ignore[assignment]
@@ -169,7 +179,7 @@ class TestInputs:
         assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
         (forward, slower) = runner.notes
         assert ("forward" in forward, slower) == (True, "slower")
-        runner.step(40_000, run_at(runner, 40_000), READINGS, ESTIMATE, True)
+        step(runner, 40_000)
         notes.append("lower")
         *_, yaw, lower = runner.notes
         assert ("yaw" in yaw, lower) == (True, "lower")
@@ -180,24 +190,20 @@ class TestFailure:
     @pytest.mark.parametrize(
         ("change", "error"),
         [
-            (lambda hold: [part[:11] for part in hold], "WrongSizeError: its command has shape (5, 11)"),
-            (lambda hold: hold[:4], "WrongSizeError: its command has shape (4, 12)"),
+            (lambda hold: [part[:11] for part in hold], "WrongSizeError: .* (5, 11)"),
+            (lambda hold: hold[:4], "WrongSizeError: .* (4, 12)"),
             (lambda hold: {}["legs"], "KeyError: 'legs'"),
             (lambda hold: sys.exit(3), "SystemExit: 3"),
         ],
     )
-    def test_what_is_no_command_is_the_policys_failure(self, go1: Robot, change: Any, error: str) -> None:
-        class Failing(Hold):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                return change(super().act(inputs))  # type: ignore[no-any-return]
-
-        runner = runner_of(Failing(go1))
+    def test_a_step_without_a_command_is_a_failure(self, go1: Robot, change: Any, error: str) -> None:
+        runner = runner_of(Changing(go1, change))
         assert walk(runner, [0]) == []
-        assert runner.signals.error.startswith(f"the policy failed: {error}")
+        assert all(part in runner.signals.error for part in error.split(".*"))
         assert runner.decision is None
 
     @pytest.mark.parametrize("part", JointCommand._fields)
-    def test_a_command_that_is_not_finite_is_told_and_later_ones(self, go1: Robot, part: str) -> None:
+    def test_a_command_that_is_not_finite_is_signalled(self, go1: Robot, part: str) -> None:
         class Odd(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 hold = super().act(inputs)
@@ -207,11 +213,11 @@ class TestFailure:
         runner, finite = runner_of(Odd(go1)), []
         runner.start(0)
         for now_us in (0, 20_000):
-            runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, True)
+            step(runner, now_us)
             finite.append(runner.signals.command_finite)
         assert finite == [False, True]
 
-    def test_a_plan_is_asked_for_once_the_policy_has_begun_and_may_fail(self, go1: Robot) -> None:
+    def test_a_contact_plan_is_read_after_the_first_step_and_may_fail(self, go1: Robot) -> None:
         class Planned(Hold):
             def stance(self) -> np.ndarray:  # type: ignore[override]
                 if len(self.seen) > 1:
@@ -222,7 +228,7 @@ class TestFailure:
         assert runner.stance() is None
         walk(runner, [0])
         assert runner.stance() is not None
-        runner.step(20_000, run_at(runner, 20_000), READINGS, ESTIMATE, True)
+        step(runner, 20_000)
         assert runner.stance() is None
         assert runner.signals.error == "the policy failed: KeyError: 'feet'"
 
@@ -230,12 +236,11 @@ class TestFailure:
         """A policy may write to the arrays that it handed out."""
         kept: list[JointCommand] = []
 
-        class Reusing(Hold):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                kept.append(JointCommand(*(part.copy() for part in super().act(inputs))))
-                return kept[-1]
+        def reuse(hold: JointCommand) -> JointCommand:
+            kept.append(JointCommand(*(part.copy() for part in hold)))
+            return kept[-1]
 
-        runner = runner_of(Reusing(go1))
+        runner = runner_of(Changing(go1, reuse))
         walk(runner, [0])
         kept[0].position[:] = 9.0
         assert runner.decision is not None
@@ -245,10 +250,7 @@ class TestFailure:
 @pytest.mark.parametrize(
     "numbers", [np.ma.masked_greater(np.arange(12.0), 5.0), np.zeros(12) + 1j], ids=["masked", "complex"]
 )
-def test_a_decision_on_other_than_real_numbers_has_failed(go1: Robot, numbers: np.ndarray) -> None:
-    hold = Hold(go1)
-    command = hold.act(PolicyInput(0.0, READINGS, np.zeros(3), *ESTIMATE))
-    hold.act = lambda _: command._replace(position=numbers)  # type: ignore[method-assign]
-    runner = runner_of(hold)
+def test_a_command_of_other_than_real_numbers_is_a_failure(go1: Robot, numbers: np.ndarray) -> None:
+    runner = runner_of(Changing(go1, lambda hold: hold._replace(position=numbers)))
     assert walk(runner, [0]) == []
     assert "expected real ones" in runner.signals.error

@@ -15,7 +15,6 @@ from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_stil
 from multicast import alone_on_multicast, robot_on_multicast
 from relaxed_limits import RELAXED
 
-from footfall.common.errors import UserError
 from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
@@ -47,17 +46,14 @@ class TestSimulatedBus:
             ({"late_steps": 5}, 0.03, "5 steps in a row"),
         ],
     )
-    def test_lateness_stops_it(self, go1: Robot, limit: dict[str, Any], seconds: float, says: str) -> None:
+    def test_a_late_policy_stops_it(
+        self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
+    ) -> None:
         config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
         assert trace.final_state == "ESTOP"
         assert says in trace.faults[0]
-
-    def test_lockstep_time_forgives_a_slow_policy(self, go1: Robot) -> None:
-        policy = FailingPolicy(go1, 0.1, partial(slow, seconds=0.03))
-        trace = run_episode(go1, policy, short_episode(duration_s=0.2))
-        assert trace.final_state == "IDLE"
 
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
     def test_a_terminating_signal_ends_the_run_in_order(self, go1: Robot, number: signal.Signals) -> None:
@@ -99,7 +95,7 @@ def send_datagram(content: bytes) -> None:
         sender.sendto(content, (MULTICAST_GROUP, MULTICAST_PORT))
 
 
-def soon(bus: PythonCanBus) -> list[Frames]:
+def first_batches(bus: PythonCanBus) -> list[Frames]:
     """What comes first, for as long as a busy machine takes to deliver it."""
     end_s = time.monotonic() + 20.0
     while not (batches := bus.receive(0)) and time.monotonic() < end_s:
@@ -116,7 +112,7 @@ def alone() -> Iterator[None]:
 class TestPythonCan:
     @pytest.mark.usefixtures("alone")
     @pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
-    def test_readings_are_of_this_tick_however_much_else_is_on_the_bus(self, interface: str) -> None:
+    def test_readings_are_of_this_tick_on_a_busy_bus(self, interface: str) -> None:
         """Per tick three commands, which multicast echoes, five foreign frames, no frames, and one reply."""
         names = ("fresh0",)
         controller, robot = (
@@ -131,7 +127,7 @@ class TestPythonCan:
                     for datagram in NO_FRAMES:
                         send_datagram(datagram)
                 robot.send(frames((0, 0x101, bytes([1, tick]))), 0)
-                batches = soon(controller)
+                batches = first_batches(controller)
                 assert [batch.data[:, 1].tolist() for batch in batches] == [[tick]]
         finally:
             controller.close()
@@ -161,8 +157,3 @@ class TestPythonCan:
         outcome = run_on_interface(go1, Hold(go1), "udp_multicast", session)
         assert outcome.final_state == "ESTOP"
         assert "no answer from any motor" in outcome.faults[0]
-
-    def test_an_interface_that_cannot_be_opened_is_refused_in_one_line(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match=r"cannot open bus 'can0' on socketcan: ") as caught:
-            run_on_interface(go1, Hold(go1), "socketcan", SHORT)
-        assert "\n" not in str(caught.value)

@@ -1,6 +1,7 @@
 """Getting up after a fall: on frames alone, then on the simulated robot."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode, stand_still
 from frame_robot import FrameRobot
-from loops import loop_of
+from loops import loop_of, until
 
 from footfall.common.errors import UserError
 from footfall.deploy.command_source import Request, Status, Stop, Wish
@@ -54,7 +55,7 @@ class Rise(Hold):
         return super().act(inputs)._replace(position=position)
 
 
-class Asks:
+class Wishing:
     """A source with a wish."""
 
     stopped: Stop | None = None
@@ -79,14 +80,6 @@ def fallen(robot: Robot, consent: bool = True, **settings: Any) -> tuple[Control
     return loop, body, walks, rises
 
 
-def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
-    for _ in range(most):
-        if loop.state.mode is mode:
-            return
-        assert loop.tick(), loop.state
-    pytest.fail(f"{loop.state} never became {mode}")
-
-
 def to_the_end(loop: ControlLoop) -> list[Mode]:
     """Tick until the run is over; the modes on the way."""
     modes = [loop.state.mode]
@@ -96,9 +89,19 @@ def to_the_end(loop: ControlLoop) -> list[Mode]:
     return modes
 
 
+FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
+    "silent IMU": lambda body, _: setattr(body, "imu_silent", True),
+    "silent motor": lambda body, _: setattr(body, "silent", [4]),
+    "hot motor": lambda body, _: setattr(body, "temperature_c", 95),
+    "motor error": lambda body, _: body.error.__setitem__(3, 1),
+    "stop": lambda *_: setattr(Wishing, "stopped", Stop("stopped by x")),
+    "end": lambda _, loop: loop.finish(),
+}
+
+
 class TestOnFrames:
     def test_it_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        source = Asks()
+        source = Wishing()
         loop, body, walks, rises = fallen(go1, command_source=source)
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
@@ -149,11 +152,11 @@ class TestOnFrames:
     @pytest.mark.parametrize("wish", [Wish.WALK, Wish.GET_UP])
     def test_an_operator_can_be_asked_each_time(self, go1: Robot, wish: Wish) -> None:
         asked = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))
-        loop, *_ = fallen(go1, safety=asked, command_source=Asks(wish))
+        loop, *_ = fallen(go1, safety=asked, command_source=Wishing(wish))
         assert (Mode.RECOVERING in to_the_end(loop)) is (wish is Wish.GET_UP)
 
-    def test_the_wish_is_refused_by_a_run_that_cannot(self, go1: Robot) -> None:
-        source = Asks(Wish.GET_UP)
+    def test_a_run_without_recover_refuses_the_wish(self, go1: Robot) -> None:
+        source = Wishing(Wish.GET_UP)
         loop, *_ = fallen(go1, consent=False, command_source=source)
         to_the_end(loop)
         assert any("--recover" in note for note in source.seen[-1].notes)
@@ -172,50 +175,17 @@ class TestOnFrames:
         assert 0.0 < loop.walked_s < 1.5
 
 
-def _silent_imu(body: FrameRobot, loop: ControlLoop) -> None:
-    body.imu_silent = True
-
-
-def _silent_motor(body: FrameRobot, loop: ControlLoop) -> None:
-    body.silent = [4]
-
-
-def _hot(body: FrameRobot, loop: ControlLoop) -> None:
-    body.temperature_c = 95
-
-
-def _motor_error(body: FrameRobot, loop: ControlLoop) -> None:
-    body.error[3] = 1
-
-
-def _stop(body: FrameRobot, loop: ControlLoop) -> None:
-    Asks.stopped = Stop("stopped by x")
-
-
-def _end(body: FrameRobot, loop: ControlLoop) -> None:
-    loop.finish()
-
-
 class TestFaultsWhileItGetsUp:
-    @pytest.mark.parametrize(
-        ("what", "ends"),
-        [
-            (_silent_imu, Mode.ESTOP),
-            (_silent_motor, Mode.ESTOP),
-            (_hot, Mode.ESTOP),
-            (_motor_error, Mode.ESTOP),
-            (_stop, Mode.ESTOP),
-            (_end, Mode.FALLING),
-        ],
-    )
+    @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_it_is_damped_and_stays_down(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, what: Any, ends: Mode, mode: Mode
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode
     ) -> None:
-        monkeypatch.setattr(Asks, "stopped", None)
-        loop, body, *_ = fallen(go1, command_source=Asks())
+        monkeypatch.setattr(Wishing, "stopped", None)
+        ends = Mode.FALLING if fault == "end" else Mode.ESTOP
+        loop, body, *_ = fallen(go1, command_source=Wishing())
         until(loop, mode)
-        what(body, loop)
+        FAULTS[fault](body, loop)
         modes = to_the_end(loop)
         assert Mode.RECOVERING not in modes[1:]
         assert modes[-1] in (ends, Mode.FALLING)
@@ -287,7 +257,7 @@ def test_legs_that_unfold_while_the_base_rests_on_its_back_raise_no_alarm(go1: R
     assert watch.modes[-2:] == [Mode.RECOVERING, Mode.FALLING], trace.faults
 
 
-def test_a_robot_that_cannot_is_refused_before_it_moves(go1: Robot) -> None:
+def test_a_robot_or_policy_that_cannot_get_up_is_refused_before_it_moves(go1: Robot) -> None:
     held = replace(go1, description=replace(go1.description, held_start=True))
     with pytest.raises(UserError, match="held_start"):
         run_episode(held, Hold(held), short_episode(get_up=GetUp(Rise(held))))

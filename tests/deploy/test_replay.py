@@ -86,21 +86,28 @@ class TestReplay:
         return list(go1.joint_names)
 
     def test_a_policy_is_reset_once(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        policy = Counts(go1)
-        result = replay(write_steps(tmp_path / "a.mcap", decided(4), 4, joints), policy)
+        policy, path = Counts(go1), write_steps(tmp_path / "a.mcap", decided(4), 4, joints)
+        result = replay(path, policy)
         assert (result.steps, result.worst_difference, result.first_difference) == (4, 0.0, "")
         assert (policy.resets, policy.steps) == (1, 4)
+        log = read_log(path)
+        assert [entry.time_ns for entry in log.entries] == [1000, 1000, 1001, 1001, 1002, 1002, 1003, 1003]
+        assert (log.metadata, log.complete) == ({"joints": joints}, True)
 
-    def test_the_first_and_worst_are_told(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3."""
+    def test_the_first_and_the_worst_difference_are_found(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3; of NaN without end."""
         changes = {"at_1_17": -0.25, "at_1_3": 0.125, "at_2_59": 2.0, "at_3_0": 0.5}
         path = write_steps(tmp_path / "a.mcap", decided(5, **changes), 5, joints)
         result = replay(path, Counts(go1))
         assert result.worst_difference == pytest.approx(2.0)
-        assert result.first_difference == ("step 1 (0.020 s): velocity of FL_calf_joint was -0.25, is 0")
+        assert result.first_difference == "step 1 (0.020 s): velocity of FL_calf_joint was -0.25, is 0"
+        path = write_steps(tmp_path / "b.mcap", decided(2, at_1_4=np.nan), 2, joints)
+        assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
 
     @pytest.mark.parametrize(("tolerance", "step"), [(0.2499, 1), (0.25, 2), (1.9, 2), (2.0, None)])
-    def test_a_difference_as_large_as_the_tolerance_is_tolerated(
+    def test_a_difference_of_the_tolerance_passes(
         self, go1: Robot, joints: list[str], tmp_path: Path, tolerance: float, step: int | None
     ) -> None:
         path = write_steps(tmp_path / "a.mcap", decided(3, at_1_17=-0.25, at_2_40=2.0), 3, joints)
@@ -108,36 +115,30 @@ class TestReplay:
         assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
         assert result.worst_difference == pytest.approx(2.0)
 
-    def test_a_number_for_none_is_a_difference(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        path = write_steps(tmp_path / "a.mcap", decided(2, at_1_4=np.nan), 2, joints)
-        assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
-
     def test_a_torn_log_may_end_undecided(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
         assert (result.steps, result.first_difference) == (2, "")
 
-    def test_unfit_logs_are_refused(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        """Without decisions, of another robot, without joint names, with too few numbers."""
-        others = [f"joint{k}" for k in range(8)]
-        nameless: list[Any] = [[], "text", [1, 2], None]
-        for decisions, steps, names, says in (
-            ([], 1, joints, "has no policy steps"),
-            ([np.zeros(40)], 1, others, "is from a robot with 8 joints"),
-            ([np.zeros(59)], 1, joints, "step 0 has 59 numbers for 12 joints"),
-            *(([], 0, names, "has no joints in its metadata") for names in nameless),
-        ):
-            path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
-            with pytest.raises(UserError, match=says):
-                replay(path, Counts(go1))
+    def test_unfit_logs_and_failing_policies_are_refused(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        """Logs without decisions, of another robot, without joint names, with too few numbers."""
 
-    def test_a_failing_policy_is_one_line(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         class Fails(Counts):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 raise ZeroDivisionError("by\nnought")
 
-        path = write_steps(tmp_path / "a.mcap", decided(1), 1, joints)
-        with pytest.raises(UserError, match="the policy fails at step 0: ZeroDivisionError: by"):
-            replay(path, Fails(go1))
+        nameless: list[Any] = [[], "text", [1, 2], None]
+        for decisions, steps, names, policy, says in (
+            ([], 1, joints, Counts, "has no policy steps"),
+            ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], Counts, "is from a robot with 8 joints"),
+            ([np.zeros(59)], 1, joints, Counts, "step 0 has 59 numbers for 12 joints"),
+            (decided(1), 1, joints, Fails, "fails at step 0: ZeroDivisionError: by"),
+            *(([], 0, names, Counts, "has no joints in its metadata") for names in nameless),
+        ):
+            path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
+            with pytest.raises(UserError, match=says):
+                replay(path, policy(go1))
 
     def test_decisions_are_compared_by_time(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
         """A damaged part of a log may have contained only one of the two."""
@@ -151,7 +152,7 @@ class TestReplay:
         log.close()
         assert replay(path, Counts(go1)).first_difference == ""
 
-    def test_a_log_of_somebody_else_is_told(self, go1: Robot, tmp_path: Path) -> None:
+    def test_another_programs_log_is_refused(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "a.mcap"
         with path.open("wb") as file:
             writer = PlainWriter(file)
@@ -160,12 +161,6 @@ class TestReplay:
             writer.finish()
         with pytest.raises(UserError, match=r"a\.mcap is not the log of a footfall run: it has no metadata"):
             read_log(path)
-
-    def test_entries_carry_the_time_of_the_log(self, joints: list[str], tmp_path: Path) -> None:
-        log = read_log(write_steps(tmp_path / "a.mcap", decided(2), 2, joints))
-        assert [entry.time_ns for entry in log.entries] == [1000, 1000, 1001, 1001]
-        assert log.metadata == {"joints": joints}
-        assert log.complete
 
 
 class TestRecover:
@@ -180,10 +175,8 @@ class TestRecover:
             writer.start("ros2", "a library")
             writer.add_metadata("who", {"robot": "rex"})
             schemas = [writer.register_schema(f"s{k}", f"encoding {k}", bytes([k])) for k in (1, 2)]
-            channels = [
-                writer.register_channel(f"/t{k}", f"message {k}", schemas[k % 2], {"k": str(k)})
-                for k in range(3)
-            ]
+            name = writer.register_channel
+            channels = [name(f"/t{k}", f"message {k}", schemas[k % 2], {"k": str(k)}) for k in range(3)]
             for k in range(7):
                 writer.add_message(channels[k % 3], 100 + k, bytes([k]) * 50, 900 - k, 40 + 3 * k)
             writer.finish()
@@ -201,7 +194,7 @@ class TestRecover:
                     (message.log_time, message.publish_time, message.sequence, message.data),
                 )
 
-    def test_all_that_was_written_is_found_again(self, torn: Path) -> None:
+    def test_a_recovered_log_has_everything_before_the_damage(self, torn: Path) -> None:
         whole = torn.with_name("whole.mcap")
         assert recover(torn, whole) == (6, 0)
         assert list(self.found(whole)) == [
@@ -216,9 +209,7 @@ class TestRecover:
             reader = make_reader(file)
             header, summary = reader.get_header(), reader.get_summary()
             assert (header.profile, header.library) == ("ros2", "a library")
-            assert [(each.name, each.metadata) for each in reader.iter_metadata()] == [
-                ("who", {"robot": "rex"})
-            ]
+            assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("who", {"robot": "rex"})]
         assert summary is not None
         assert (len(summary.schemas), len(summary.channels)) == (2, 3)
 
@@ -231,7 +222,7 @@ class TestRecover:
                 recover(torn, name)
         assert torn.read_bytes() == before
 
-    def test_a_copy_that_cannot_be_written_leaves_nothing_behind(self, torn: Path) -> None:
+    def test_an_unreadable_or_unwritable_path_is_refused_and_leaves_nothing(self, torn: Path) -> None:
         with pytest.raises(UserError, match=r"cannot write .*absent/whole\.mcap: No such file"):
             recover(torn, torn.parent / "absent" / "whole.mcap")
         with pytest.raises(UserError, match="cannot read the log"):
@@ -271,7 +262,7 @@ def written(path: Path) -> dict[str, list[Any]]:
 
 
 class TestWritten:
-    def test_a_step_is_written_by_numbers(self, go1: Robot, log: McapLog, tmp_path: Path) -> None:
+    def test_each_number_of_a_step_is_in_its_field(self, go1: Robot, log: McapLog, tmp_path: Path) -> None:
         n = np.arange(12.0)
         command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
         upright = np.array([1.0, 0.1, 0.2, 0.3])
@@ -337,7 +328,7 @@ class TestWritten:
         kept = read_log(tmp_path / "b.mcap").metadata["contract"]
         assert Contract.from_json(json.dumps(kept), "log") == contract
 
-    def test_what_is_written_reaches_the_file_before_the_end(self, log: McapLog, tmp_path: Path) -> None:
+    def test_messages_reach_the_file_before_the_end(self, log: McapLog, tmp_path: Path) -> None:
         assert FLUSH_EVERY_S <= 0.1  # with as much again to write it, a killed run lacks 0.2 s at most
         for k in range(20):
             log.note(k, f"note {k}")
@@ -346,11 +337,8 @@ class TestWritten:
         while len(found) < 20 and time.monotonic() < deadline:
             time.sleep(FLUSH_EVERY_S)
             found = [entry.message.data for entry in read_log(tmp_path / "run.mcap", ["/notes"]).entries]
-        log.close()
-        assert found == [f"note {k}" for k in range(20)]
-
-    def test_a_log_is_closed_once(self, log: McapLog) -> None:
         assert log.close() == log.close() == ""
+        assert found == [f"note {k}" for k in range(20)]
 
 
 NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
@@ -363,9 +351,3 @@ def test_definitions_are_those_of_ros_2() -> None:
         found = get_types_from_msg(definition(kind), kind)
         ours.register(found)
         assert all(ours.hash_rihs01(each) == theirs.hash_rihs01(each) for each in found), kind
-
-
-def test_what_a_replay_needs_exactly_is_in_double_precision() -> None:
-    kinds = {topic: how.kind.rpartition("/")[2] for topic, how in TOPICS.items()}
-    assert kinds["/policy/inputs"] == kinds["/policy/command"] == "Float64MultiArray"
-    assert kinds["/policy/observation"] == kinds["/policy/action"] == "Float32MultiArray"

@@ -31,7 +31,7 @@ def driver() -> RobstrideDriver:
 
 
 class TestFrames:
-    def test_a_command_lies_where_the_manual_puts_it(self, driver: RobstrideDriver) -> None:
+    def test_a_command_is_encoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
         """No torque is the middle, 32767.5, to even 0x8000. 30 N m of 60 is 3/4 of 65535, 0xbfff."""
         values = np.array([[-TURNS, TURNS], [33.0, 0.0], [0.0, 5000.0], [5.0, 25.0], [0.0, 30.0]])
         assert hexed(driver.command(values)) == [
@@ -39,11 +39,7 @@ class TestFrames:
             ("01bfff07", "ffff 8000 ffff 4000"),
         ]
 
-    def test_switching_on_and_off(self, driver: RobstrideDriver) -> None:
-        assert hexed(driver.enable())[0] == ("0300fd07", "0000 0000 0000 0000")
-        assert hexed(driver.disable())[1] == ("0400fd07", "0000 0000 0000 0000")
-
-    def test_a_reply_lies_where_the_manual_puts_it(self, driver: RobstrideDriver) -> None:
+    def test_a_reply_is_decoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
         """Mode 2 in bits 22 and 23, motor 7 in bits 8 to 15, to host 0xfd; 40 degrees are 400, 0x0190."""
         replies = driver.replies(frame(0x028007FD, "ffff 0000 ffff 0190"))
         assert np.arange(2)[replies.motor].tolist() == [0]
@@ -51,26 +47,29 @@ class TestFrames:
         assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([40], [0])
 
     @pytest.mark.parametrize(
-        ("identifier", "says"),
+        ("identifiers", "says"),
         [
-            (0x028107FD, "under-voltage"),
-            (0x028407FD, "over-temperature"),
-            (0x02A207FD, "over-current and that it is not calibrated"),
+            ([0x028107FD], "under-voltage"),
+            ([0x028407FD], "over-temperature"),
+            ([0x02A207FD], "over-current and that it is not calibrated"),
+            ([0x028007FD, 0x020107FD], "under-voltage and that it is disabled"),  # it was on before
         ],
     )
-    def test_faults_are_bits_of_the_id(self, driver: RobstrideDriver, identifier: int, says: str) -> None:
-        (error,) = driver.replies(frame(identifier, "8000 8000 8000 0190")).error
-        assert driver.error_name(int(error)) == says
+    def test_faults_are_bits_of_the_id(
+        self, driver: RobstrideDriver, identifiers: list[int], says: str
+    ) -> None:
+        errors = [driver.replies(frame(each, "8000 8000 8000 0190")).error[0] for each in identifiers]
+        assert driver.error_name(int(errors[-1])) == says
 
-    def test_a_fault_of_a_motor_that_went_off_is_told_beside_that(self, driver: RobstrideDriver) -> None:
-        driver.replies(frame(0x028007FD, "8000 8000 8000 0190"))
-        (error,) = driver.replies(frame(0x020107FD, "8000 8000 8000 0190")).error
-        assert driver.error_name(int(error)) == "under-voltage and that it is disabled"
-
-    def test_clearing_faults_and_setting_a_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
-        """Byte 0 is 1 in both: of a stop (4), which then clears faults, and of type 6."""
-        assert hexed(driver.clear())[0] == ("0400fd07", "0100 0000 0000 0000")
-        assert hexed(driver.zero())[0] == ("0600fd07", "0100 0000 0000 0000")
+    def test_enable_disable_clear_and_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
+        """Byte 0 is 1 in the last two: of a stop (4), which then clears faults, and of type 6."""
+        for frames, identifier, first in (
+            (driver.enable(), "0300fd07", "0000"),
+            (driver.disable(), "0400fd07", "0000"),
+            (driver.clear(), "0400fd07", "0100"),
+            (driver.zero(), "0600fd07", "0100"),
+        ):
+            assert hexed(frames) == [(identifier, f"{first} 0000 0000 0000")] * 2
 
     @pytest.mark.parametrize(
         ("word", "says"),
@@ -90,34 +89,25 @@ class TestFrames:
         other = driver.replies(frame(0x028007FD, "8000 8000 8000 0190", channel=1))
         assert other.error.tolist() == [0]
 
-    @pytest.mark.parametrize("end", ["report", "clear"])
-    def test_it_lasts_until_the_motor_clears_it(self, driver: RobstrideDriver, end: str) -> None:
-        driver.replies(frame(0x150007FD, "0400 0000 0000 0000"))
+    @pytest.mark.parametrize("end", ["report", "clear", "warning"])
+    def test_a_fault_lasts_until_it_is_cleared_and_a_warning_is_none(
+        self, driver: RobstrideDriver, end: str
+    ) -> None:
+        word = "0000 0000 0100 0000" if end == "warning" else "0400 0000 0000 0000"
+        driver.replies(frame(0x150007FD, word))
         if end == "clear":
             driver.clear()
-        else:
+        elif end == "report":
             driver.replies(frame(0x150007FD, "0000 0000 0000 0000"))
         assert driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error.tolist() == [0]
 
-    def test_a_warning_is_no_fault(self, driver: RobstrideDriver) -> None:
-        driver.replies(frame(0x150007FD, "0000 0000 0100 0000"))
-        assert driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error.tolist() == [0]
-
-    @pytest.mark.parametrize(
-        ("identifier", "passes"),
-        [
-            (0x028007FD, True),
-            (0x110007FD, True),
-            (0x150007FD, True),
-            (0x150007FE, False),
-            (0x180007FD, False),
-        ],
-    )
-    def test_replies_pass_the_filters(self, driver: RobstrideDriver, identifier: int, passes: bool) -> None:
-        assert any(identifier & each["can_mask"] == each["can_id"] for each in driver.filters) == passes
+    def test_replies_pass_the_filters(self, driver: RobstrideDriver) -> None:
+        identifiers = (0x028007FD, 0x110007FD, 0x150007FD, 0x150007FE, 0x180007FD)
+        passes = [any(i & f["can_mask"] == f["can_id"] for f in driver.filters) for i in identifiers]
+        assert passes == [True] * 3 + [False] * 2
 
     @pytest.mark.parametrize("identifier", [0x028008FD, 0x02800701, 0x018007FD, 0x110007FD])
-    def test_frames_of_others_are_left_aside(self, driver: RobstrideDriver, identifier: int) -> None:
+    def test_frames_of_other_motors_are_ignored(self, driver: RobstrideDriver, identifier: int) -> None:
         assert not driver.replies(frame(identifier, "8000 8000 8000 0190")).values.size
 
 
@@ -128,7 +118,7 @@ class TestParameters:
         assert answer is not None
         assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
 
-    def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
+    def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
         driver = RobstrideDriver(TWO)
         for told in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
             driver.replies(frame(0x110007FD, told, channel=1))

@@ -1,7 +1,7 @@
 """Checks of joint readings: travel by positions and by velocities, torques asked for and reported."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
 class TestDrift:
     """A position against a velocity."""
 
-    def test_of_a_joint_that_swings_there_is_none(self, go1: Robot) -> None:
+    def test_a_swinging_joint_has_no_drift(self, go1: Robot) -> None:
         assert measured(go1, Drift).max() <= 0.0
 
     @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
@@ -125,7 +125,9 @@ class TestStuck:
     """A position or a velocity that is to the last digit the one before, where the other one moves."""
 
     @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
-    def test_less_is_noticed_than_of_others(self, go1: Robot, reading: tuple[float, float]) -> None:
+    def test_a_stuck_reading_is_noticed_earlier_than_a_wandering_one(
+        self, go1: Robot, reading: tuple[float, float]
+    ) -> None:
         """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
         position, velocity = reading
 
@@ -162,13 +164,8 @@ class TestTorqueStuck:
     def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
         """What is asked rises by the peak torque a second: 0.04 from each window to the next."""
         peak = float(robot.motor.peak_torque[0])
-        share = measured(
-            robot,
-            TorqueStuck,
-            torque=lambda t: (reported * peak, t * peak),
-            samples=samples,
-            stiffness=stiffness,
-        )
+        torque = lambda t: (reported * peak, t * peak)  # noqa: E731
+        share = measured(robot, TorqueStuck, torque=torque, samples=samples, stiffness=stiffness)
         assert (share[1:] == 0.0).all()
         return float(share[0])
 
@@ -185,37 +182,28 @@ class TestTorqueStuck:
         expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)
         assert self.stuck(go1, 0.3, 50, stiffness=500.0) == pytest.approx(expected, abs=1e-4)
 
-    @pytest.mark.parametrize("reported", [1.0, -0.95])
-    def test_may_be_all_that_a_motor_can_give(self, go1: Robot, reported: float) -> None:
-        assert self.stuck(go1, reported, 250) == 0.0
-
-    def test_may_be_rounded_to_a_fiftieth_of_the_peak(self, go1: Robot) -> None:
-        """Which is ten times what frames of 12 bits do."""
+    @pytest.mark.parametrize(
+        ("share", "samples"),
+        [
+            (lambda t: (1.0, t), [250]),  # all that the motor can give
+            (lambda t: (-0.95, t), [250]),
+            (lambda t: (0.02 * round(10.0 * math.sin(t)), 0.2 * math.sin(t)), range(10, 800, 50)),  # coarse
+            (lambda t: (0.3, 0.3 * (t > 0.041)), [60]),  # what the command has come to
+            (lambda t: (0.5 * (t > 0.424), 0.5 * (t > 0.399)), [110]),  # a leap, 25 ms late
+        ],
+        ids=["full", "nearly full", "coarse", "reached", "late"],
+    )
+    def test_does_not_count_of_a_sound_motor(
+        self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
+    ) -> None:
+        """Shares of the peak torque that are reported and asked for; frames are ten times less coarse."""
         peak = float(go1.motor.peak_torque[0])
 
-        def coarse(time_s: float) -> tuple[float, float]:
-            asked = 0.2 * math.sin(1.0 * time_s)
-            return 0.02 * round(asked / 0.02) * peak, asked * peak
+        def torque(time_s: float) -> tuple[float, float]:
+            reported, asked = share(time_s)
+            return reported * peak, asked * peak
 
-        assert all(measured(go1, TorqueStuck, torque=coarse, samples=n)[0] == 0.0 for n in range(10, 800, 50))
-
-    def test_may_be_what_the_command_has_come_to(self, go1: Robot) -> None:
-        """0.3 of the peak torque is asked for after the first window, and has been reported all along."""
-        peak = float(go1.motor.peak_torque[0])
-
-        def come(time_s: float) -> tuple[float, float]:
-            return 0.3 * peak, 0.3 * peak * (time_s > 0.041)
-
-        assert measured(go1, TorqueStuck, torque=come, samples=60)[0] == 0.0
-
-    def test_may_be_late(self, go1: Robot) -> None:
-        """A leap by half the peak torque just before a window ends, which a motor follows 25 ms later."""
-        peak = float(go1.motor.peak_torque[0])
-
-        def late(time_s: float) -> tuple[float, float]:
-            return 0.5 * peak * (time_s > 0.424), 0.5 * peak * (time_s > 0.399)
-
-        assert measured(go1, TorqueStuck, torque=late, samples=110)[0] == 0.0
+        assert all(measured(go1, TorqueStuck, torque=torque, samples=n)[0] == 0.0 for n in samples)
 
 
 class TestOpposing:
@@ -234,11 +222,11 @@ class TestOpposing:
     def test_is_compared_in_size_and_sign(self, go1: Robot, reported: float, opposing: float) -> None:
         assert self.asked(go1, reported) == pytest.approx(opposing, abs=0.01)
 
-    def test_may_lag(self, go1: Robot) -> None:
+    def test_a_lag_of_50_ms_passes(self, go1: Robot) -> None:
         """A radian is 100 ms here: half of that later it is not yet the other way."""
         assert self.asked(go1, 1.0, lag_s=0.05) < 0.0
 
-    def test_may_lag_behind_a_target_that_runs_away(self, go1: Robot) -> None:
+    def test_a_lag_behind_a_moving_target_passes(self, go1: Robot) -> None:
         """A stiff joint bears a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""
         stiffness, load = 200.0, 0.1 * float(go1.motor.peak_torque[0])
 
@@ -248,18 +236,17 @@ class TestOpposing:
         def torque(time_s: float) -> tuple[float, float]:
             return load + stiffness * target(time_s - 0.025), stiffness * target(time_s)
 
-        late = measured(
-            go1, Opposing, lambda _: (0.0, 0.0), torque, samples=112, stiffness=stiffness, target=target
-        )
+        more = {"samples": 112, "stiffness": stiffness, "target": target}
+        late = measured(go1, Opposing, lambda _: (0.0, 0.0), torque, **more)  # type: ignore[arg-type]
         assert late[0] < 0.5 * LIMITS.opposing
 
-    def test_of_a_still_joint_all_but_a_readings_rounding_counts(self, go1: Robot) -> None:
+    def test_a_still_joint_counts_but_for_a_readings_rounding(self, go1: Robot) -> None:
         """A fifth of the peak the other way; 100 N m/rad make 0.2 N m of 0.002 rad, which nothing expects."""
         fifth = 0.2 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
         assert found[0] == pytest.approx(fifth / (fifth - 0.2))
 
-    def test_of_a_motor_that_is_asked_for_little_it_does_not_count(self, go1: Robot) -> None:
+    def test_a_motor_that_is_asked_for_little_hardly_counts(self, go1: Robot) -> None:
         """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
         little = 0.01 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, torque=lambda _: (-little, little))
@@ -277,19 +264,13 @@ class TestLimp:
         found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
         assert found[0] == pytest.approx(limp_s, abs=1e-12)
 
-    def test_of_a_stiff_joint_what_a_readings_rounding_makes_does_not_count(self, go1: Robot) -> None:
+    def test_a_stiff_joints_rounding_does_not_count(self, go1: Robot) -> None:
         """2 mrad at a stiffness of 1500 N m/rad are 3 N m; a hundredth of the peak torque is 0.24."""
         peak = float(go1.motor.peak_torque[0])
         rounding = 1500.0 * LIMITS.reading_rad
         for expected, limp_s in ((rounding + 0.03 * peak, 0.0), (rounding + 0.06 * peak, 0.2)):
-            found = measured(
-                go1,
-                Limp,
-                lambda _: (0.0, 0.0),
-                lambda _, expected=expected: (0.0, expected),
-                samples=50,
-                stiffness=1500.0,
-            )
+            torque = lambda _, expected=expected: (0.0, expected)  # noqa: E731
+            found = measured(go1, Limp, lambda _: (0.0, 0.0), torque, samples=50, stiffness=1500.0)
             assert found[0] == pytest.approx(limp_s, abs=1e-12)
 
     def test_a_report_in_between_sets_a_limp_motors_time_back(self, go1: Robot) -> None:
@@ -313,16 +294,8 @@ class TestReplyRepeated:
         def torque(time_s: float) -> tuple[float, float]:
             return reported * peak, float(np.clip(self.STIFFNESS * target(time_s), -peak, peak))
 
-        found = measured(
-            robot,
-            ReplyRepeated,
-            lambda _: (0.0, 0.0),
-            torque,
-            samples=samples,
-            stiffness=self.STIFFNESS,
-            target=target,
-        )
-        return float(found[0])
+        more = {"samples": samples, "stiffness": self.STIFFNESS, "target": target}
+        return float(measured(robot, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0])  # type: ignore[arg-type]
 
     def test_counts_from_the_window_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
         """A leap may go out with a window's last tick: only what the next window expects of it counts."""

@@ -29,7 +29,7 @@ def refused(loop: ControlLoop, body: FrameRobot) -> tuple[str, ...]:
 
 @pytest.mark.parametrize("joint", [3, 10])
 @pytest.mark.parametrize("turns", ["+1 turn ", "-1 turn "])
-def test_a_joint_that_cannot_be_where_it_says_gets_no_stiffness(go1: Robot, joint: int, turns: str) -> None:
+def test_an_impossible_position_prevents_stiffness(go1: Robot, joint: int, turns: str) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.readings[0, joint] += math.copysign(math.tau, float(turns.split(maxsplit=1)[0]))
     (fault,) = refused(loop, body)
@@ -45,7 +45,7 @@ def test_a_joint_that_cannot_be_where_it_says_gets_no_stiffness(go1: Robot, join
         (30, 0.0, 1, "motor FR_hip_joint (can0, id 1) reports over-temperature"),
     ],
 )
-def test_a_motor_that_is_not_well_gets_no_stiffness(
+def test_a_faulty_motor_prevents_stiffness(
     go1: Robot, temperature_c: int, speed_rad_s: float, error: int, fault: str
 ) -> None:
     loop, body = loop_of(go1, Hold(go1))
@@ -61,7 +61,7 @@ def test_a_motor_that_is_not_well_gets_no_stiffness(
         (math.radians(15), (0.0, 0.0, 9.8), "26%"),  # askew: 2 sin(7.5 degrees)
     ],
 )
-def test_an_imu_whose_parts_disagree_on_gravity_keeps_a_still_robot_from_getting_stiffness(
+def test_an_imu_that_contradicts_gravity_prevents_stiffness(
     go1: Robot, lean_rad: float, acceleration: tuple[float, float, float], off: str
 ) -> None:
     loop, body = loop_of(go1, Hold(go1), still_s=0.05)
@@ -80,7 +80,7 @@ def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Rob
     assert refused(*loop_of(go1, Hold(go1), driver=driver)) == ("motor knee is not there yet",)
 
 
-def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(go1: Robot) -> None:
+def test_a_robot_at_rest_on_a_slope_stands_up_after_its_time(go1: Robot) -> None:
     """On a slope of 15 degrees the accelerometer leans as the quaternion does."""
     loop, body = loop_of(go1, Hold(go1), still_s=0.05)
     lean = math.radians(15)
@@ -91,7 +91,7 @@ def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(go1: Ro
 
 
 @pytest.mark.parametrize("place", ["the IMU's gyro", "FL_thigh_joint (can1, id 2)"])
-def test_a_robot_that_moves_waits_and_is_refused_in_the_end(go1: Robot, place: str) -> None:
+def test_a_robot_that_moves_is_refused_after_a_wait(go1: Robot, place: str) -> None:
     loop, body = loop_of(go1, Hold(go1), still_s=0.05)
     if place.startswith("FL"):
         body.readings[1, 4] = -0.5
@@ -115,13 +115,18 @@ def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
 
 
 @pytest.mark.parametrize("channel", [0, 3])
-def test_an_imu_on_a_bus_of_its_own_is_heard_there(go1: Robot, channel: int) -> None:
+def test_the_imu_may_be_on_any_bus(go1: Robot, channel: int) -> None:
     loop, _ = loop_of(go1, Hold(go1), wiring=replace(wire(go1), imu_channel=channel))
     loop.tick()
     assert loop.state.mode is Mode.STANDING
 
 
-def test_refused_frames_are_counted_over_the_run(go1: Robot) -> None:
+def test_the_first_of_two_errors_and_all_refused_frames_are_in_the_fault(go1: Robot) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    until(loop, Mode.WALKING)
+    body.error[[4, 9]] = 1, 2
+    loop.tick()
+    assert loop.state.faults == ("motor FL_thigh_joint (can1, id 2) reports over-temperature",)
     loop, body = loop_of(go1, Hold(go1))
     until(loop, Mode.WALKING)
     for body.refuses in (3, 0):
@@ -129,25 +134,14 @@ def test_refused_frames_are_counted_over_the_run(go1: Robot) -> None:
     assert loop.state.faults == ("bus overflow: 3 frames refused",)
 
 
-def test_of_two_motors_that_report_errors_the_first_is_named(go1: Robot) -> None:
-    loop, body = loop_of(go1, Hold(go1))
-    until(loop, Mode.WALKING)
-    body.error[[4, 9]] = 1, 2
-    loop.tick()
-    assert loop.state.faults == ("motor FL_thigh_joint (can1, id 2) reports over-temperature",)
-
-
 @pytest.mark.parametrize(
     ("times", "fault"),
     [
         ([*range(0, 150_000, TICK_US), *range(360_000, 380_000, TICK_US)], "the loop paused for 212 ms"),
-        (
-            [*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)],
-            "of the last second's ticks were skipped",
-        ),
+        ([*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)], "ticks were skipped"),
     ],
 )
-def test_ticks_that_are_left_out_are_a_fault(go1: Robot, times: list[int], fault: str) -> None:
+def test_skipped_ticks_are_a_fault(go1: Robot, times: list[int], fault: str) -> None:
     loop, body = loop_of(go1, Hold(go1), times)
     for _ in times[:76]:
         loop.tick()
@@ -159,7 +153,7 @@ def test_ticks_that_are_left_out_are_a_fault(go1: Robot, times: list[int], fault
     assert not body.command().kp.any()
 
 
-def test_a_few_ticks_that_are_left_out_are_forgiven(go1: Robot) -> None:
+def test_a_few_skipped_ticks_are_forgiven(go1: Robot) -> None:
     """One of six, and a pause of 60 ms."""
     times = [at for at in range(0, 1_500_000, TICK_US) if at % (6 * TICK_US)]
     times = [at for at in times if not 700_000 < at < 760_000]
@@ -169,14 +163,14 @@ def test_a_few_ticks_that_are_left_out_are_forgiven(go1: Robot) -> None:
     assert loop.state.faults == ()
 
 
-def test_ticks_that_are_left_out_count_less_and_less() -> None:
+def test_the_share_of_skipped_ticks_fades() -> None:
     """Of a pause of 60 ms 58 ms, of the last second; of 2 ms none; of two seconds one counts."""
     skipped = SkippedTicks(TICK_US)
     shares = [skipped.share(elapsed_us) for elapsed_us in (TICK_US, 60_000, TICK_US, 0, 2_000_000)]
     assert shares == pytest.approx([0.0, 0.058, 0.058 * 0.998, 0.058 * 0.998, 0.999])
 
 
-def test_a_bodys_contradiction_counts_also_at_a_tick_at_which_readings_are_added(go1: Robot) -> None:
+def test_a_contradiction_of_the_imu_is_found_at_every_tick_rate(go1: Robot) -> None:
     """Ticks of 4 ms add readings each time, and windows of 40 ms compare them."""
     loop, body = loop_of(go1, Hold(go1), joint_rate_hz=250.0, times_us=range(0, 2_000_000, 4000))
     until(loop, Mode.STANDING)

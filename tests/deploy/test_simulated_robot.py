@@ -70,7 +70,7 @@ class Bench:
 
 class TestMotors:
     @pytest.mark.parametrize("start", [{}, {"lying": True}, {"hanging": True}])
-    def test_it_keeps_still_until_its_motors_are_enabled(self, go1: Robot, start: dict[str, bool]) -> None:
+    def test_it_does_not_move_before_its_motors_are_enabled(self, go1: Robot, start: dict[str, bool]) -> None:
         """Off or on, standing, lying or hanging: somebody or something holds it. Then nobody does."""
         bench = Bench(go1, held=True, **start)
         before = bench.body.data.qpos.copy()
@@ -87,7 +87,7 @@ class TestMotors:
             bench.tick(bench.hold())
         assert np.abs(bench.body.data.qpos - before).max() > 0.05
 
-    def test_a_robot_that_is_switched_on_stands(self, go1: Robot) -> None:
+    def test_an_enabled_robot_stands(self, go1: Robot) -> None:
         bench = Bench(go1)
         bench.enter()
         for _ in range(250):
@@ -100,7 +100,7 @@ class TestMotors:
         assert truth.foot_force.sum() == pytest.approx(weight, rel=0.05)
 
     @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
-    def test_motors_wait_for_as_long_as_robot_yaml_says_of_each_unless_all_are_told_otherwise(
+    def test_motors_time_out_as_robot_yaml_or_the_option_says(
         self, go1: Robot, told: float | None, knees: float, others: float
     ) -> None:
         motors = go1.description.motors
@@ -126,35 +126,34 @@ class TestMotors:
         np.testing.assert_allclose(bench.position, 0.0, atol=1e-2)
 
 
-class TestDifferences:
-    def test_a_sample_for_another_body_count_is_refused(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match="drawn for 3 bodies, the plant has 13"):
-            Bench(go1, sample=Sample(link_mass=np.ones(3)))
-
-
 class TestFalls:
     @pytest.mark.parametrize(
-        ("degrees", "fallen"), [(69.0, False), (71.0, True), (-71.0, True), (150.0, True)]
+        ("axis", "degrees", "fallen"),
+        [
+            *(
+                (axis, degrees, abs(degrees) > 70.0)
+                for axis in (0, 1)
+                for degrees in (69.0, 71.0, -71.0, 150.0)
+            ),
+            (2, 180.0, False),  # about the vertical
+        ],
     )
-    @pytest.mark.parametrize("axis", [0, 1])
     def test_a_base_tilted_past_70_degrees_has_fallen(
-        self, go1: Robot, degrees: float, fallen: bool, axis: int
+        self, go1: Robot, axis: int, degrees: float, fallen: bool
     ) -> None:
         body = Bench(go1).body
         half = np.deg2rad(degrees) / 2
-        body.data.qpos[2] = 2.0
-        body.data.qpos[3:7] = np.cos(half), 0.0, 0.0, 0.0
+        body.data.qpos[2:7] = 2.0, np.cos(half), 0.0, 0.0, 0.0
         body.data.qpos[4 + axis] = np.sin(half)
         mujoco.mj_forward(body.model, body.data)
         reason = body.fall()
         assert (reason is not None) is fallen
         assert not fallen or reason == "the base tilted past 70 degrees"
 
-    def test_a_base_that_turns_about_the_vertical_has_not(self, go1: Robot) -> None:
-        body = Bench(go1).body
-        body.data.qpos[2:7] = 2.0, 0.0, 0.0, 0.0, 1.0
-        mujoco.mj_forward(body.model, body.data)
-        assert body.fall() is None
+
+def test_a_sample_for_another_body_count_is_refused(go1: Robot) -> None:
+    with pytest.raises(UserError, match="drawn for 3 bodies, the plant has 13"):
+        Bench(go1, sample=Sample(link_mass=np.ones(3)))
 
 
 def rewritten(robot: Robot, path: Path, *changes: tuple[str, str], extra: str = "") -> Path:
@@ -188,35 +187,29 @@ class TestPlants:
         assert planes.sum() == 1
         assert self.stands(bench)
 
+    @pytest.mark.parametrize(
+        ("changes", "stands"),
+        [
+            ([('name="trunk"', 'name="base_link"'), ('site name="imu"', 'site name="sensor"')], True),
+            ([('geom name="toe"', 'geom name="toe" contype="0" conaffinity="1"')], True),  # is only touched
+            ([('"FR_thigh" pos="0 -0.08 0">', '"FR_thigh" pos="0 -0.25 0">')], False),  # wider hips
+        ],
+        ids=["names", "passive", "wide"],
+    )
+    def test_with_other_names_its_feet_are_found(
+        self, go1: Robot, tmp_path: Path, changes: list[tuple[str, str]], stands: bool
+    ) -> None:
+        renamed = ('geom name="FR_foot"', 'geom name="toe"')
+        bench = Bench(go1, plant=rewritten(go1, tmp_path / "other.xml", renamed, *changes))
+        assert "FR_foot is toe of body FR_calf" in bench.body.notes[0]
+        if stands:
+            assert self.stands(bench)
+            assert bench.body.truth().foot_contact.all()
+
     def test_own_contact_bits_still_meet_the_added_floor(self, go1: Robot, tmp_path: Path) -> None:
-        plant = rewritten(
-            go1,
-            tmp_path / "bits.xml",
-            (
-                '<geom type="sphere" size="0.023"',
-                '<geom type="sphere" contype="0" conaffinity="4" size="0.023"',
-            ),
-        )
-        assert self.stands(Bench(go1, plant=plant))
-
-    def test_with_other_names_for_base_feet_and_imu(self, go1: Robot, tmp_path: Path) -> None:
-        plant = rewritten(
-            go1,
-            tmp_path / "names.xml",
-            ('body name="trunk"', 'body name="base_link"'),
-            ('site name="imu"', 'site name="sensor"'),
-            ('geom name="FR_foot"', 'geom name="toe"'),
-        )
-        bench = Bench(go1, plant=plant)
-        assert self.stands(bench)
-        assert "FR_foot is toe of body FR_calf" in bench.body.notes[0]
-        assert bench.body.truth().foot_contact.all()
-
-    def test_a_foot_that_only_lets_itself_be_touched_is_found(self, go1: Robot, tmp_path: Path) -> None:
-        passive = ('geom name="FR_foot"', 'geom name="toe" contype="0" conaffinity="1"')
-        bench = Bench(go1, plant=rewritten(go1, tmp_path / "passive.xml", passive))
-        assert "FR_foot is toe of body FR_calf" in bench.body.notes[0]
-        assert self.stands(bench)
+        sphere = '<geom type="sphere"'
+        bits = (f'{sphere} size="0.023"', f'{sphere} contype="0" conaffinity="4" size="0.023"')
+        assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "bits.xml", bits)))
 
     def test_of_another_maker_has_its_feet_found_by_body_and_place(self, go1: Robot, tmp_path: Path) -> None:
         """Nameless geoms: a mesh and a capsule along the shank, a foot on a body that is fixed to it."""
@@ -242,11 +235,6 @@ class TestPlants:
         toes = slippery.geom_friction[slippery.geom_bodyid == slippery.body("FR_end").id]
         assert toes[:, 0] == pytest.approx(0.2)
         assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep theirs
-
-    def test_of_other_proportions_has_its_feet_found_anew(self, go1: Robot, tmp_path: Path) -> None:
-        wider = ('<body name="FR_thigh" pos="0 -0.08 0">', '<body name="FR_thigh" pos="0 -0.25 0">')
-        plant = rewritten(go1, tmp_path / "wide.xml", wider, ('geom name="FR_foot"', 'geom name="toe"'))
-        assert "FR_foot is toe" in Bench(go1, plant=plant).body.notes[0]
 
     def test_without_shapes_at_its_feet_still_stands(self, go1: Robot, tmp_path: Path) -> None:
         """Shanks that end where the feet would be: no foot's motion is known, and nothing else suffers."""

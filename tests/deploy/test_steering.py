@@ -40,8 +40,8 @@ class Steps(Hold):
     def take_up(self, gait: str) -> None: ...
 
 
-class Asks:
-    """Asks for what a test wants."""
+class ScriptedSource:
+    """ScriptedSource for what a test wants."""
 
     def __init__(self) -> None:
         self.request = Request(FORWARD)
@@ -52,12 +52,12 @@ class Asks:
 
 
 @pytest.fixture
-def source() -> Asks:
-    return Asks()
+def source() -> ScriptedSource:
+    return ScriptedSource()
 
 
 @pytest.fixture
-def steering(go1: Robot, source: Asks) -> Steering:
+def steering(go1: Robot, source: ScriptedSource) -> Steering:
     other = Hold(go1)
     other.name = "b"
     return Steering(source, [Steps(go1), other])
@@ -68,7 +68,7 @@ def changes_of(steering: Steering) -> list[Change]:
     return steering.take_changes()
 
 
-def test_changes_are_made_once_within_their_ranges_with_a_note(steering: Steering, source: Asks) -> None:
+def test_changes_are_clipped_noted_and_made_once(steering: Steering, source: ScriptedSource) -> None:
     source.request = Request(FORWARD, gait="walk", settings={"step_height_m": 0.03, "body_height_m": 9.0})
     gait, settings = changes_of(steering)
     assert (gait.gait, settings.settings) == ("walk", {"step_height_m": 0.03, "body_height_m": 0.3})
@@ -87,7 +87,9 @@ def test_changes_are_made_once_within_their_ranges_with_a_note(steering: Steerin
         Request(FORWARD, settings={"step_height_m": math.nan}),
     ],
 )
-def test_what_the_run_lacks_is_refused(steering: Steering, source: Asks, request_: Request) -> None:
+def test_unknown_policies_gaits_and_settings_are_refused_with_a_note(
+    steering: Steering, source: ScriptedSource, request_: Request
+) -> None:
     source.request = request_
     assert changes_of(steering) == []
     assert len(steering.notes) == 1
@@ -95,7 +97,7 @@ def test_what_the_run_lacks_is_refused(steering: Steering, source: Asks, request
     np.testing.assert_array_equal(steering.command, FORWARD)
 
 
-def test_gait_and_settings_wait_for_the_policy_that_comes(steering: Steering, source: Asks) -> None:
+def test_gait_and_settings_wait_for_the_next_policy(steering: Steering, source: ScriptedSource) -> None:
     source.request = Request(FORWARD, policy="b", gait="walk")
     assert changes_of(steering) == [Change(policy="b")]
     steering.serve("b")
@@ -107,14 +109,14 @@ def test_gait_and_settings_wait_for_the_policy_that_comes(steering: Steering, so
     assert changes_of(steering) == [Change(gait="walk")]
 
 
-def test_a_wish_other_than_to_walk_means_a_zero_command(steering: Steering, source: Asks) -> None:
+def test_a_wish_other_than_to_walk_means_a_zero_command(steering: Steering, source: ScriptedSource) -> None:
     for wish, lies in ((Wish.STAND, False), (Wish.LIE_DOWN, True)):
         source.request = Request(FORWARD, wish=wish)
         steering.poll(0, RUN, follow=True)
         assert (steering.command.tolist(), steering.lie_down) == ([0.0, 0.0, 0.0], lies)
 
 
-def test_a_stop_is_latched_and_one_that_damps_outranks_it(steering: Steering, source: Asks) -> None:
+def test_a_stop_is_latched_and_a_damping_one_replaces_it(steering: Steering, source: ScriptedSource) -> None:
     assert steering.stop is None
     source.stopped = Stop("by hand")
     assert steering.stop == Stop("by hand")
@@ -124,7 +126,8 @@ def test_a_stop_is_latched_and_one_that_damps_outranks_it(steering: Steering, so
     assert steering.stop == Stop("again", damp=True)
 
 
-def test_orders_and_changes_carry_who_gave_them(steering: Steering, source: Asks) -> None:
+def test_orders_and_changes_carry_their_author(steering: Steering, source: ScriptedSource) -> None:
+    assert set(Wish) <= {kind.value for kind in OrderKind}  # every wish is an order
     source.request = Request(FORWARD, owner="page 1", gait="walk", settings={"step_height_m": 0.03})
     assert [change.by for change in changes_of(steering)] == ["page 1", "page 1"]
     source.request = source.request._replace(settings={"step_height_m": 0.02}, settings_by="page 2")
@@ -141,10 +144,6 @@ def test_orders_and_changes_carry_who_gave_them(steering: Steering, source: Asks
     ]
     assert steering.stop is not None
     assert steering.take_orders() == []
-
-
-def test_every_wish_is_an_order() -> None:
-    assert set(Wish) <= {kind.value for kind in OrderKind}
 
 
 def test_a_policy_that_lacks_a_part_of_its_live_settings_is_refused_by_name(go1: Robot) -> None:
