@@ -124,7 +124,7 @@ class SimulatedRobot:
             charge = battery_charge(sample, config.charge)
             self.battery = SimulatedBattery(robot, declared, self._motors, float(charge), step_s)
         feet = np.concatenate([np.empty(0, int), *plant.feet]).tolist()
-        self._engine = open_engine(config.engine, self.model, self.data, feet)
+        self._engine = open_engine(config.engine, self.model, self.data, feet, config.ground)
         self._ground_truth = GroundTruth(
             plant, self.data, self._engine, self._layout, robot.description.standing_height_m
         )
