@@ -132,8 +132,7 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     """Its state restarts with the episode, each robot has its own, and a program carries it on."""
     entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
     env = make_environment(ROBOT, replace(SMOKE, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
-    keys = jax.random.split(jax.random.PRNGKey(0), 3)
-    state, _ = jax.vmap(env.reset)(keys)
+    state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 3))
     high = state._replace(qpos=state.qpos.at[1, 2].set(2.0))  # the second robot is in the air
     step = jax.jit(lambda state: step_batch(env, state, jnp.zeros((3, 12))))
     for count in range(1, 5):

@@ -11,7 +11,7 @@ from scenario_file import FILE, OWN, OWN_NOISE, bare
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.scenarios import Scenario, ScenarioFile
-from footfall.evaluate.table import print_results, scenario_table, warnings
+from footfall.evaluate.table import print_results, warnings
 
 
 class TestComparison:
@@ -55,22 +55,13 @@ def test_brackets_in_a_name_are_no_markup() -> None:
     assert printed.count("[bold]mine") == 2  # over its column and in the verdict
 
 
-class TestTable:
-    def cells(self, *summaries: dict[str, Any]) -> dict[str, list[Any]]:
-        names = [f"p{k}" for k in range(len(summaries))]
-        table = scenario_table("nominal", names, list(summaries))
-        assert table.title == "nominal"
-        assert [str(column.header) for column in table.columns] == ["", *names]
-        rows = zip(*(column.cells for column in table.columns), strict=True)
-        return {str(label): list(cells) for label, *cells in rows}
-
-    def test_failed_episodes_are_told_by_policy_and_scenario_before_the_notes(self) -> None:
-        failed = bare("a") | {"failed_episodes": ["episode 3: no"], "notes": ["no floor"]}
-        results = {
-            "mine": {"scenarios": {"one": bare("x"), "two": failed}},
-            "trot": {"scenarios": {"one": failed}},
-        }
-        assert warnings(results) == [
-            "mine, two: 1 of 25 episodes failed: no (1)", "trot, one: 1 of 25 episodes failed: no (1)",
-            "no floor",
-        ]  # fmt: skip
+def test_failed_episodes_are_listed_by_policy_and_scenario_before_notes() -> None:
+    failed = bare("a") | {"failed_episodes": ["episode 3: no"], "notes": ["no floor"]}
+    results = {
+        "mine": {"scenarios": {"one": bare("x"), "two": failed}},
+        "trot": {"scenarios": {"one": failed}},
+    }
+    assert warnings(results) == [
+        "mine, two: 1 of 25 episodes failed: no (1)", "trot, one: 1 of 25 episodes failed: no (1)",
+        "no floor",
+    ]  # fmt: skip

@@ -288,14 +288,13 @@ class TestPlans:
         assert set(firsts) == {0.2, 0.4, 0.6}
 
 
-class TestCommandSchedule:
-    def test_a_command_holds_from_its_time_until_the_next(self) -> None:
-        schedule = CommandSchedule((0.0, 2.0), ((1.0, 0.0, 0.0), (0.0, 0.5, 0.0)))
-        assert np.array_equal(schedule(-0.5), [1.0, 0.0, 0.0])  # before it begins, the first
-        assert np.array_equal(schedule(0.0), [1.0, 0.0, 0.0])
-        assert np.array_equal(schedule(1.999), [1.0, 0.0, 0.0])
-        assert np.array_equal(schedule(2.0), [0.0, 0.5, 0.0])
-        assert np.array_equal(schedule(99.0), [0.0, 0.5, 0.0])
+def test_a_command_holds_from_its_time_until_the_next() -> None:
+    schedule = CommandSchedule((0.0, 2.0), ((1.0, 0.0, 0.0), (0.0, 0.5, 0.0)))
+    assert np.array_equal(schedule(-0.5), [1.0, 0.0, 0.0])  # before it begins, the first
+    assert np.array_equal(schedule(0.0), [1.0, 0.0, 0.0])
+    assert np.array_equal(schedule(1.999), [1.0, 0.0, 0.0])
+    assert np.array_equal(schedule(2.0), [0.0, 0.5, 0.0])
+    assert np.array_equal(schedule(99.0), [0.0, 0.5, 0.0])
 
 
 class TestSamples:

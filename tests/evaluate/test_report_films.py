@@ -166,16 +166,15 @@ class TestFilms:
         assert [len(arrows(task, index, 0.4)) for index in (99, 100, 140, 141)] == [2, 3, 3, 2]
 
 
-class TestScene:
-    def test_a_plant_without_a_floor_is_given_one(self, go1: Robot, tmp_path: Path) -> None:
-        plant = tmp_path / "bare.xml"
-        plant.write_text(
-            '<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/><geom size=".1"/></body>'
-            "</worldbody></mujoco>"
-        )
-        model = scene.scene_model(go1, plant, 64, 64)
-        assert model.geom_type[model.geom(scene.FLOOR).id] == mujoco.mjtGeom.mjGEOM_PLANE
-        assert model.nq == 7
+def test_a_plant_without_a_floor_is_given_one(go1: Robot, tmp_path: Path) -> None:
+    plant = tmp_path / "bare.xml"
+    plant.write_text(
+        '<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/><geom size=".1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    model = scene.scene_model(go1, plant, 64, 64)
+    assert model.geom_type[model.geom(scene.FLOOR).id] == mujoco.mjtGeom.mjGEOM_PLANE
+    assert model.nq == 7
 
 
 class TestCaption:
@@ -203,15 +202,14 @@ class TestCaption:
         assert len({line.tobytes() for line in lines}) == 5
 
 
-class TestStills:
-    def test_a_row_for_each_walk_or_a_reason(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        rows = [TaskResult(np.full((20, 100, 3), shade, np.uint8)) for shade in (0, 90)]
-        monkeypatch.setattr(stills, "render_apart", lambda *_: rows)
-        walks = [stills.Walk(name, "", walked(1.0)) for name in ("a", "b")]
-        path = tmp_path / "walks.jpg"
-        assert stills.draw_walks(tmp_path, walks, path) == ""
-        picture = np.asarray(Image.open(path))
-        assert picture.shape[:2] == (2 * (20 + stills.TEXT_HEIGHT + 2 * stills.MARGIN), 100)
-        monkeypatch.setattr(stills, "render_apart", lambda *_: [TaskResult(None, "no driver")] * 2)
-        assert stills.draw_walks(tmp_path, walks, path) == "no driver"
-        assert stills.draw_walks(tmp_path, [], path)
+def test_a_row_for_each_walk_or_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [TaskResult(np.full((20, 100, 3), shade, np.uint8)) for shade in (0, 90)]
+    monkeypatch.setattr(stills, "render_apart", lambda *_: rows)
+    walks = [stills.Walk(name, "", walked(1.0)) for name in ("a", "b")]
+    path = tmp_path / "walks.jpg"
+    assert stills.draw_walks(tmp_path, walks, path) == ""
+    picture = np.asarray(Image.open(path))
+    assert picture.shape[:2] == (2 * (20 + stills.TEXT_HEIGHT + 2 * stills.MARGIN), 100)
+    monkeypatch.setattr(stills, "render_apart", lambda *_: [TaskResult(None, "no driver")] * 2)
+    assert stills.draw_walks(tmp_path, walks, path) == "no driver"
+    assert stills.draw_walks(tmp_path, [], path)

@@ -1,11 +1,9 @@
 """The page of the report."""
 
-import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from markupsafe import Markup
@@ -29,6 +27,14 @@ def page(go1: Robot) -> str:
     return page_of(go1, good, result("trot", "trot", 0.3, 9, 1.0, walked(5.0, fell=True)))
 
 
+@pytest.fixture
+def quick_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three plots that are made in no time, the last of which is empty."""
+    panel = Markup("<b>panel</b>")
+    plots = [svg.Plot(f"Plot {k}", f"caption {k}", [panel] * (2 - k), [1]) for k in (0, 1, 2)]
+    monkeypatch.setattr(page_module, "plots", lambda _: plots)
+
+
 class TestPage:
     def test_opens_with_the_verdict(self, page: str) -> None:
         words = Page(page).words
@@ -45,7 +51,7 @@ class TestPage:
         words = Page(page).words
         assert "11 of 24" in words[words.index("Falls in each scenario") :][:600]
 
-    def test_stars_go_to_intervals_that_lie_apart(self, page: str, go1: Robot) -> None:
+    def test_stars_go_to_intervals_that_lie_apart(self, page: str, go1: Robot, quick_plots: None) -> None:
         assert page.count("★</span>") == 7  # falls, error and push, falls again, and all below
         alike = [result(name, name, 0.1, 4, 2.0, walked(1.0)) for name in ("a", "b")]
         assert "★</span>" not in page_of(go1, *alike)
@@ -78,7 +84,7 @@ class TestPage:
         assert all(" ".join(name.split()) in words for name in names)
         assert names[1] not in text
 
-    def test_all_its_episodes_failed_is_said_and_no_figure_is_invented(self, go1: Robot) -> None:
+    def test_a_policy_whose_episodes_all_failed_has_no_figures(self, go1: Robot, quick_plots: None) -> None:
         dead = result("dead", "dead", 0.1, 0, 2.0, None)
         failed = {"episodes": 0, "failed_episodes": ["episode 0: its process died"]}
         dead = replace(dead, result={"scenarios": {"nominal": failed, "push": failed}})
@@ -86,56 +92,33 @@ class TestPage:
         assert "1 of 1 episode failed: its process died (1)" in text
 
 
-def readings(panel: str) -> list[list[Any]]:
-    """The points with numbers of a panel."""
-    attribute = re.search(r'data-readings="([^"]*)"', panel)
-    assert attribute is not None
-    return list(json.loads(attribute.group(1).replace("&#34;", '"').replace("&#39;", "'"))["points"])
+def test_a_walk_keeps_its_place_after_others(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its place a policy has its colour in all plots."""
+    given: list[course_plots.Walk] = []
+    for name in ("tracking", "gait", "torque_speed", "timing"):
+        note = lambda walks, *_: given.extend(walks) or svg.Plot("", "", [])  # noqa: E731
+        monkeypatch.setattr(course_plots, name, note)
+    traces = {"a": None, "b": walked(2.0), "c": walked(1.0)}
+    of = comparison(go1, *(result(name, name, 0.1, 0, 2.0, trace) for name, trace in traces.items()))
+    page_module.plots(of)
+    assert [(walk.place, walk.policy) for walk in given] == [(1, "b"), (2, "c")] * 4
+    assert [walk.trace for walk in given[:2]] == [traces["b"], traces["c"]]
 
 
-class TestPlots:
-    def test_points_lie_where_they_are_drawn(self) -> None:
-        with svg.Panel("p") as panel:
-            panel.axes.plot([0.0, 10.0], [0.0, 1.0], color="#123456")
-            panel.axes.set(xlim=(0.0, 10.0), ylim=(0.0, 1.0))
-            drawn = panel.svg("a line", [svg.Reading(0.0, 0.0, "low"), svg.Reading(10.0, 1.0, "high")])
-        (left, bottom, _), (right, top, _) = readings(drawn)
-        path = re.search(r'd="M ([\d.]+) ([\d.]+) \s*L ([\d.]+) ([\d.]+) \s*"[^>]*#123456', drawn)
-        assert path is not None
-        ends = [float(each) for each in path.groups()]
-        assert [left, bottom, right, top] == pytest.approx(ends, abs=0.06)
-
-    def test_a_walk_keeps_its_place_after_others(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-        """By its place a policy has its colour in all plots."""
-        given: list[course_plots.Walk] = []
-        for name in ("tracking", "gait", "torque_speed", "timing"):
-            note = lambda walks, *_: given.extend(walks) or svg.Plot("", "", [])  # noqa: E731
-            monkeypatch.setattr(course_plots, name, note)
-        traces = {"a": None, "b": walked(2.0), "c": walked(1.0)}
-        of = comparison(go1, *(result(name, name, 0.1, 0, 2.0, trace) for name, trace in traces.items()))
-        page_module.plots(of)
-        assert [(walk.place, walk.policy) for walk in given] == [(1, "b"), (2, "c")] * 4
-        assert [walk.trace for walk in given[:2]] == [traces["b"], traces["c"]]
+def test_long_curves_are_means_of_stretches() -> None:
+    rows = [{"step": float(i), "a": float(i), "b": float("nan")} for i in range(960)]
+    points = learning_curves.curve(rows, "a")
+    assert points[0] == pytest.approx([1.5, 1.5])
+    assert points.shape == (learning_curves.POINTS, 2)
+    assert len(learning_curves.curve(rows, "b")) == 0
 
 
-class TestLearning:
-    def test_long_curves_are_means_of_stretches(self) -> None:
-        rows = [{"step": float(i), "a": float(i), "b": float("nan")} for i in range(960)]
-        points = learning_curves.curve(rows, "a")
-        assert points[0] == pytest.approx([1.5, 1.5])
-        assert points.shape == (learning_curves.POINTS, 2)
-        assert len(learning_curves.curve(rows, "b")) == 0
-
-
-class TestFilm:
-    def test_all_films_are_as_long_and_a_fall_holds_its_last_picture(self) -> None:
-        whole, fallen = (
-            FilmTask("go1", None, trace, (), 12.0) for trace in (walked(), walked(5.0, fell=True))
-        )
-        assert frame_times(whole)[[0, 1, -1]] == pytest.approx([0.0, 0.04, 11.96])
-        assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300
-        assert frame_indices(whole)[[0, 1, 299]].tolist() == [0, 4, 1196]
-        assert frame_indices(fallen)[[124, 125, 299]].tolist() == [496, 499, 499]
+def test_all_films_are_as_long_and_a_fall_holds_its_last_picture() -> None:
+    whole, fallen = (FilmTask("go1", None, trace, (), 12.0) for trace in (walked(), walked(5.0, fell=True)))
+    assert frame_times(whole)[[0, 1, -1]] == pytest.approx([0.0, 0.04, 11.96])
+    assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300
+    assert frame_indices(whole)[[0, 1, 299]].tolist() == [0, 4, 1196]
+    assert frame_indices(fallen)[[124, 125, 299]].tolist() == [496, 499, 499]
 
 
 @pytest.fixture
@@ -148,11 +131,8 @@ def two(go1: Robot) -> Comparison:
 
 class TestOrder:
     @pytest.fixture
-    def read(self, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-        """The words of a page with plots that are quick to make."""
-        panel = Markup("<b>panel</b>")
-        plots = [svg.Plot(f"Plot {k}", f"caption {k}", [panel] * (2 - k), [1]) for k in (0, 1, 2)]
-        monkeypatch.setattr(page_module, "plots", lambda _: plots)
+    def read(self, quick_plots: None) -> Callable[..., str]:
+        """The words of a page."""
 
         def words(of: Comparison, **seen: Film) -> str:
             shown = {policy.name: TaskResult(seen.get(policy.name), "no light") for policy in of.policies}
@@ -173,7 +153,7 @@ class TestOrder:
         words = read(comparison(go1, fell, other), mine=Film(b"f", b"p"), trot=Film(b"f", b"p"))
         assert "mine fell after 5.0 s trot reached the end" in words
 
-    def test_films_on_a_ground_follow_those_of_the_course(self, go1: Robot) -> None:
+    def test_films_on_a_ground_follow_those_of_the_course(self, go1: Robot, quick_plots: None) -> None:
         plan = replace(COURSE, levels={"step_m": 0.2})
         both = [
             replace(

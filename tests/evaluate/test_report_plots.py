@@ -2,6 +2,7 @@
 
 import html
 import json
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from traces import walk
@@ -38,10 +38,7 @@ PLAN = EpisodePlan(
 class Drawn:
     """A panel as it was when its drawing ended."""
 
-    identity: str
     axes: Axes
-    label: str
-    readings: list[Reading]
 
     def lines(self, colour: str | None = None) -> list[Line2D]:
         return [each for each in self.axes.lines if colour in (None, each.get_color())]
@@ -65,8 +62,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
     """The panels of a plot, in the order in which they were drawn; none is made an SVG of."""
     panels: list[Drawn] = []
 
-    def keep(panel: Panel, label: str, readings: Any = ()) -> Markup:
-        panels.append(Drawn(panel._identity, panel.axes, label, list(readings)))
+    def keep(panel: Panel, *_: Any) -> Markup:
+        panels.append(Drawn(panel.axes))
         return Markup(f"<panel {len(panels)}>")
 
     monkeypatch.setattr(Panel, "svg", keep)
@@ -86,17 +83,13 @@ class TestSurvival:
 
     def test_the_share_that_stood_is_drawn_between_its_edges(self, drawn: list[Drawn]) -> None:
         scenario_plots.survival({"none": {"episodes": 0}, "a": self.summary(1.8, [1.5, None])})
-        (panel,) = drawn  # of the second policy, in its own colour and with its own mark
-        own = svg.colour(1)
+        (panel,) = drawn  # of the second policy
         (bar,) = panel.axes.containers
         measured, _, (edges,) = bar
         assert measured.get_xydata().tolist() == [[1.0, 0.875], [2.5, 0.25]]
-        assert (measured.get_color(), measured.get_marker()) == (own, svg.marker(1))
         np.testing.assert_allclose(
             [segment[:, 1] for segment in edges.get_segments()], [[0.6, 0.95], [0.1, 0.5]]
         )
-        assert panel.identity == "survival-1"
-        assert (panel.axes.get_xlim(), panel.axes.get_ylim()) == ((0.0, 3.12), (-0.04, 1.04))
 
     def test_the_fit_goes_down_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
         scenario_plots.survival(
@@ -110,7 +103,6 @@ class TestSurvival:
         np.testing.assert_allclose(y, 1.0 / (1.0 + np.exp((x - 1.8) / 0.25)), atol=1e-9)
         assert np.asarray(bar.get_xydata()).tolist() == [[1.5, 0.5], [1.05 * strongest, 0.5]]
         assert np.asarray(median.get_xydata()).tolist() == [[1.8, 0.5]]
-        assert fit.get_color() == bar.get_color() == median.get_markeredgecolor() == svg.colour(0)
 
 
 class TestConditions:
@@ -129,19 +121,13 @@ class TestConditions:
                 ("kp", {"none": rows("kp", 0.5), "a": rows("kp", 0.25, 0.75)}),
             ]
         )
-        assert [panel.identity for panel in drawn] == [
-            "condition-0-0", "condition-0-1", "condition-2-0", "condition-2-1",
-        ]  # fmt: skip
         assert list(plot.legend) == [0, 1]
         error, falls, _, other_falls = drawn
         x, y = error.points(svg.colour(1))
         np.testing.assert_allclose(x, [0.2, 0.4, 0.6])
         np.testing.assert_array_equal(y, [0.3, 0.1, np.nan])
-        assert error.lines(svg.colour(1))[0].get_marker() == svg.marker(1)
         assert falls.points(svg.colour(1))[1] == [0.0, 12.5, 25.0]
         assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
-        assert error.axes.get_ylim()[0] == 0.0
-        assert falls.axes.get_ylim() == (-5.0, 105.0)
 
     def test_on_uneven_ground_successes_are_shown_too(self, drawn: list[Drawn]) -> None:
         shares = {0.1: (1.0, (0.68, 1.0)), 0.2: (0.5, (0.22, 0.78))}
@@ -182,7 +168,6 @@ class TestSweep:
         scenario_plots.sweep({"a": {"rows": list(self.ROWS)}, "b": {"rows": worse}})
         one, other = (panel.axes.images[0].norm.vmax for panel in drawn)
         assert one == other == pytest.approx(2.0)
-        assert [panel.identity for panel in drawn] == ["sweep-0", "sweep-1"]
 
 
 def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
@@ -213,7 +198,6 @@ class TestTracking:
         assert list(plot.legend) == [1, 2]
         for axis, panel in enumerate(drawn):
             command = panel.lines(svg.INK)[0]
-            assert command.get_drawstyle() == "steps-post"
             x, y = np.asarray(command.get_xydata()).T
             np.testing.assert_allclose(x, np.arange(60) / 10)
             assert [y[k] for k in (0, 19, 20, 49, 50)] == [
@@ -224,7 +208,6 @@ class TestTracking:
                 assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
                 assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
             assert panel.places(svg.INK)[1:] == [1.5, 4.25]  # pushes
-            assert panel.axes.get_xlim() == (0.0, 6.0)
 
     def test_lines_are_averaged_over_a_fifth_of_a_second_about_each_sample(self) -> None:
         trace = walk(2.0)
@@ -251,7 +234,6 @@ class TestGait:
         ]
         assert len(panel.axes.collections) == 4
         for foot, bars in enumerate(panel.axes.collections):
-            assert to_hex(np.asarray(bars.get_facecolor())[0]) == svg.colour(2)
             boxes = [path.get_extents() for path in bars.get_paths()]
             assert all((box.y0, box.y1) == pytest.approx((foot - 0.36, foot + 0.36)) for box in boxes)
             begin = (3.5, 3.375, 3.25, 3.125)[foot]  # of the stance that lies wholly within the window
@@ -298,14 +280,11 @@ class TestTiming:
         ]
         course_plots.timing(walks)
         one, other = drawn  # who took no step has no panel
-        assert [panel.identity for panel in drawn] == ["timing-1", "timing-3"]
         bars = [(bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in one.bars]
         heights = {ms: [h for low, high, h in bars if low <= ms < high] for ms in (0.1, 0.4, 2.0)}
         assert heights == {0.1: [50.0], 0.4: [25.0], 2.0: [25.0]}
         assert sum(height for _, _, height in bars) == pytest.approx(100.0)
-        assert (bars[0][0], bars[-1][1]) == pytest.approx((0.09, 78.0))
-        assert (other.bars[0].get_x(), len(bars)) == (pytest.approx(0.09), 59)
-        assert to_hex(one.bars[0].get_facecolor()) == svg.colour(1)
+        assert [bar.get_x() for bar in one.bars] == [bar.get_x() for bar in other.bars]
         p50, p99 = np.percentile([0.1, 0.1, 0.4, 2.0], [50, 99])
         assert one.places(svg.INK) == pytest.approx([p50, p99, 5.0])
 
@@ -320,7 +299,6 @@ class TestLearning:
         (tmp_path / "metrics.jsonl").write_text("\n".join(lines))
         plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
         reward, length = drawn  # of the error there is nothing to show
-        assert [panel.identity for panel in drawn] == ["learning-0", "learning-2"]
         assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
         assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
         assert list(plot.legend) == [1]
@@ -345,18 +323,15 @@ def test_where_there_is_nothing_to_draw_there_is_no_panel(go1: Robot) -> None:
     assert not any(plot.panels for plot in plots)
 
 
-class TestPanel:
-    def test_readings_lie_in_the_box_of_the_axes(self) -> None:
-        with Panel("p", height=120.0) as panel:
-            panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))
-            drawing = panel.svg(
-                "x", [Reading(0.0, -1.0, "a"), Reading(4.0, 1.0, "b"), Reading(2.0, None, "c")]
-            )
-        placed = json.loads(html.unescape(drawing.split('data-readings="')[1].split('"')[0]))
-        left, top, right, bottom = placed["box"]
-        assert 0 < left < right < 340
-        assert 0 < top < bottom < 120
-        low, high, anywhere = placed["points"]
-        assert low == [left, bottom, "a"]
-        assert high == [right, top, "b"]
-        assert anywhere == [pytest.approx((left + right) / 2, abs=0.1), None, "c"]
+def test_readings_lie_where_their_points_are_drawn() -> None:
+    with Panel("p", height=120.0) as panel:
+        panel.axes.plot([0.0, 4.0], [-1.0, 1.0], color="#123456")
+        panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))
+        drawing = panel.svg("x", [Reading(0.0, -1.0, "a"), Reading(4.0, 1.0, "b"), Reading(2.0, None, "c")])
+    placed = json.loads(html.unescape(drawing.split('data-readings="')[1].split('"')[0]))
+    left, top, right, bottom = placed["box"]
+    middle = pytest.approx((left + right) / 2, abs=0.1)
+    assert placed["points"] == [[left, bottom, "a"], [right, top, "b"], [middle, None, "c"]]
+    path = re.search(r'd="M ([\d.]+) ([\d.]+) \s*L ([\d.]+) ([\d.]+) \s*"[^>]*#123456', drawing)
+    assert path is not None
+    assert [left, bottom, right, top] == pytest.approx([float(each) for each in path.groups()], abs=0.06)

@@ -47,15 +47,12 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
-class TestDirections:
-    """What a reader is told is better, and of whom."""
-
-    def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
-        assert {key for key, figure in figures().items() if figure.upright} == {
-            *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
-            *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
-            "legs_touch_share",
-        }
+def test_figures_that_favour_a_fallen_robot_count_only_upright_ones() -> None:
+    assert {key for key, figure in figures().items() if figure.upright} == {
+        *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
+        *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
+        "legs_touch_share",
+    }
 
 
 class TestBest:
@@ -269,16 +266,15 @@ class TestWarnings:
         ]
 
 
-class TestFailures:
-    @pytest.mark.parametrize(
-        ("failed", "line"),
-        [
-            ([], ""),
-            (["episode 1: ValueError: no: never"], "1 of 25 episodes failed: ValueError: no: never (1)"),
-            (["episode 0: b", "episode 1: a", "episode 2: a"], "3 of 27 episodes failed: a (2); b (1)"),
-            ([f"episode {i}: {i}" for i in range(5)], "0 (1); 1 (1); 2 (1); 2 more reasons"),
-        ],
-    )
-    def test_are_counted_by_reason(self, failed: list[str], line: str) -> None:
-        assert failures([{"episodes": 24, "failed_episodes": failed}]).endswith(line)
-        assert bool(line) == bool(failures([{"episodes": 24, "failed_episodes": failed}]))
+@pytest.mark.parametrize(
+    ("failed", "line"),
+    [
+        ([], ""),
+        (["episode 1: ValueError: no: never"], "1 of 25 episodes failed: ValueError: no: never (1)"),
+        (["episode 0: b", "episode 1: a", "episode 2: a"], "3 of 27 episodes failed: a (2); b (1)"),
+        ([f"episode {i}: {i}" for i in range(5)], "0 (1); 1 (1); 2 (1); 2 more reasons"),
+    ],
+)
+def test_failures_are_counted_by_reason(failed: list[str], line: str) -> None:
+    assert failures([{"episodes": 24, "failed_episodes": failed}]).endswith(line)
+    assert bool(line) == bool(failures([{"episodes": 24, "failed_episodes": failed}]))

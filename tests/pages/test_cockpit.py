@@ -204,15 +204,14 @@ def asked(inbox: Inbox) -> np.ndarray:
     return inbox.poll(STANDING).velocity
 
 
-class TestFreshness:
-    def test_a_command_that_was_on_its_way_for_long_is_refused(self) -> None:
-        now = SimpleNamespace(s=10.0)
-        fresh = Freshness(lambda: now.s)
-        challenge = fresh.challenge()
-        now.s += 0.9 * LATEST_S
-        assert fresh.refusal(1, challenge) == ""
-        assert "old" in fresh.refusal(1, challenge)  # comes twice
-        now.s += 0.2 * LATEST_S
-        assert "old" in fresh.refusal(2, challenge)  # on its way for too long
-        assert fresh.refusal(2, fresh.challenge()) == ""
-        assert fresh.round_trip_s == 0.0
+def test_a_command_that_was_on_its_way_for_long_is_refused() -> None:
+    now = SimpleNamespace(s=10.0)
+    fresh = Freshness(lambda: now.s)
+    challenge = fresh.challenge()
+    now.s += 0.9 * LATEST_S
+    assert fresh.refusal(1, challenge) == ""
+    assert "old" in fresh.refusal(1, challenge)  # comes twice
+    now.s += 0.2 * LATEST_S
+    assert "old" in fresh.refusal(2, challenge)  # on its way for too long
+    assert fresh.refusal(2, fresh.challenge()) == ""
+    assert fresh.round_trip_s == 0.0

@@ -21,56 +21,34 @@ from footfall.train.runs import checkpoint
 PATIENCE_S = 420
 
 
-def start(folder: Path, process: int, *options: str) -> subprocess.Popen[str]:
-    arguments = ["train", *options, "--no-evaluate", "--processes", "2", "--process", str(process)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "footfall", *arguments],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
-def both(folder: Path, *options: str) -> list[tuple[int, str]]:
-    """Exit status and output of each process."""
+def test_two_processes_train_one_run_that_goes_on_in_one(
+    six_iterations: str, kept_programs: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with socket.socket() as free:
         free.bind(("localhost", 0))
         coordinator = f"localhost:{free.getsockname()[1]}"
-    started = [start(folder, process, "--coordinator", coordinator, *options) for process in (0, 1)]
+    options = ("--preset", six_iterations, "--steps", "1024", "--out", "run", "--no-evaluate")
+    command = (sys.executable, "-m", "footfall", "train", *options, "--coordinator", coordinator)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    started = [
+        subprocess.Popen((*command, "--processes", "2", "--process", index), cwd=tmp_path, **pipes)
+        for index in "01"
+    ]
     try:
-        outputs = [process.communicate(timeout=PATIENCE_S)[0] for process in started]
+        first, second = (process.communicate(timeout=PATIENCE_S)[0] for process in started)
     finally:
         for process in started:
             process.kill()
-    return [(process.returncode, output) for process, output in zip(started, outputs, strict=True)]
+    assert [process.returncode for process in started] == [0, 0], first + second
+    assert "exported" in first
+    assert "exported" not in second
 
-
-@pytest.fixture(scope="module")
-def run(six_iterations: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int, str]]]:
-    folder = tmp_path_factory.mktemp("cluster")
-    return folder / "run", both(folder, "--preset", six_iterations, "--steps", "1024", "--out", "run")
-
-
-def test_both_processes_end_well_and_the_first_one_speaks(run: tuple[Path, list[tuple[int, str]]]) -> None:
-    _, ((status, said), (other_status, other_said)) = run
-    assert (status, other_status) == (0, 0), said + other_said
-    assert "exported" in said
-    assert "exported" not in other_said
-
-
-def test_the_run_is_one_whole_run(run: tuple[Path, list[tuple[int, str]]]) -> None:
-    folder, _ = run
-    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
-    assert [line["step"] for line in lines] == [256, 512, 768, 1024]
+    folder = tmp_path / "run"
+    lines = (folder / "metrics.jsonl").read_text().splitlines()
+    assert [json.loads(line)["step"] for line in lines] == [256, 512, 768, 1024]
     assert (folder / "policy.onnx").is_file()
-    assert [path.name for path in sorted((folder / "checkpoints").iterdir())][-1] == "00000004.ckpt"
+    assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000004.ckpt"
 
-
-def test_it_goes_on_in_one_process_as_well(
-    run: tuple[Path, list[tuple[int, str]]], kept_programs: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder, _ = run
     config = folder / "config.yaml"  # as long as the preset, whose program others have compiled
     config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 1536"))
     api.resume(folder)
@@ -78,18 +56,28 @@ def test_it_goes_on_in_one_process_as_well(
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000006.ckpt"
 
 
-def test_all_end_where_the_first_one_fails(run: tuple[Path, list[tuple[int, str]]]) -> None:
-    folder, _ = run
-    (status, said), (other_status, other_said) = both(folder.parent, "--preset", "smoke", "--out", "run")
-    assert (status, other_status) == (2, 2), said + other_said
-    assert "run holds a run already" in said
-    assert "process 0 failed: see its output" in other_said
+@pytest.mark.parametrize(("process", "reason"), [(0, "holds a run already"), (1, "process 0 failed")])
+def test_no_process_trains_where_the_first_one_cannot_make_the_folder(
+    whole_run: Path, monkeypatch: pytest.MonkeyPatch, process: int, reason: str
+) -> None:
+    told: list[bool] = []
+
+    def gathered(failed_here: np.ndarray) -> np.ndarray:
+        told.append(bool(failed_here))
+        return np.array([True, False])
+
+    monkeypatch.setattr(jax, "process_count", lambda: 2)
+    monkeypatch.setattr(jax, "process_index", lambda: process)
+    monkeypatch.setattr(cluster.multihost_utils, "process_allgather", gathered)
+    with pytest.raises(UserError, match=reason):
+        api.begin(api.TrainRequest(preset="smoke", out=whole_run))
+    assert told == [process == 0]
 
 
 def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
-    run: tuple[Path, list[tuple[int, str]]], monkeypatch: pytest.MonkeyPatch
+    whole_run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    opened = api.open_run(run[0])
+    opened = api.open_run(whole_run)
     monkeypatch.setattr(cluster, "processes", lambda: 2)
     oldest = min(opened.checkpoints.iterdir())  # this process sees newer ones
     monkeypatch.setattr(cluster, "broadcast", lambda _: (int(oldest.stem),))

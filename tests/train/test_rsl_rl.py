@@ -1,24 +1,25 @@
 """The rsl_rl back end: the same environment without a copy, the same run folder, the same artifact."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 pytest.importorskip("jax")
-pytest.importorskip("torch")
-pytest.importorskip("rsl_rl")
 
 import jax
 import jax.numpy as jnp
 import onnxruntime
-import torch
 from brax.training.acme import running_statistics
 from number_environment import counting_config
 
@@ -32,13 +33,19 @@ from footfall.train import api, export
 from footfall.train.brax import networks
 from footfall.train.config import load_preset
 from footfall.train.loop import learn
-from footfall.train.rsl_rl.environment import TorchEnvironment
-from footfall.train.rsl_rl.ppo import LimitedPpo
-from footfall.train.rsl_rl.settings import runner_settings
-from footfall.train.rsl_rl.symmetry import make_augmentation
-from footfall.train.rsl_rl.trainer import RslRlTrainer, trained_actor
 from footfall.train.runs import checkpoint
 from footfall.train.runs.display import Display
+
+if TYPE_CHECKING:
+    import torch
+
+    from footfall.train.rsl_rl.environment import TorchEnvironment
+    from footfall.train.rsl_rl.trainer import RslRlTrainer
+
+pytestmark = [
+    pytest.mark.skipif(find_spec("rsl_rl") is None, reason="needs rsl_rl"),
+    pytest.mark.usefixtures("torch_imported"),
+]
 
 PRESET = load_preset("smoke")
 SMOKE = replace(PRESET, env=replace(PRESET.env, physics="c"))  # compiled faster than MJX
@@ -49,6 +56,24 @@ PPO = replace(
     final_learning_rate=2e-4,
     symmetry=True,
 )
+
+
+@pytest.fixture(scope="module")
+def torch_imported() -> Iterator[None]:
+    """Where these tests run: every worker reads this file, and torch takes seconds to import.
+
+    All of them train in one environment, whose step is compiled once.
+    """
+    global torch, RslRlTrainer  # noqa: PLW0603
+    import torch
+
+    from footfall.train.rsl_rl import environment
+    from footfall.train.rsl_rl.trainer import RslRlTrainer
+
+    make_step, made = environment._make_step, {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(environment, "_make_step", lambda env: made.setdefault("step", make_step(env)))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +89,7 @@ def request(preset: str, out: Path) -> api.TrainRequest:
 
 
 @pytest.fixture(scope="module")
-def run(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run as a user makes it."""
     folder = tmp_path_factory.mktemp("runs") / "rsl_rl"
     arguments = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
@@ -73,7 +98,9 @@ def run(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def shared(preset: str, tmp_path_factory: pytest.TempPathFactory, go1: Robot) -> RslRlTrainer:
+def shared(
+    torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory, go1: Robot
+) -> RslRlTrainer:
     """A trainer that several tests use, since it is slow to make."""
     return RslRlTrainer(api.open_run(api.begin(request(preset, tmp_path_factory.mktemp("shared")))), go1)
 
@@ -163,6 +190,8 @@ def test_an_adaptive_rate_stays_below(trainer: RslRlTrainer, monkeypatch: pytest
 
 
 def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -> None:
+    from footfall.train.rsl_rl.symmetry import make_augmentation
+
     mirror = make_environment(go1, SMOKE.env).mirror()
     augment = make_augmentation(mirror, torch.device("cpu"))
     actions, seen = some_actions(), trainer.environment.get_observations()
@@ -360,6 +389,9 @@ def test_a_bad_checkpoint_is_named(trainer: RslRlTrainer, run: Path, tmp_path: P
 
 
 def test_every_setting_reaches_upstream() -> None:
+    from footfall.train.rsl_rl.ppo import LimitedPpo
+    from footfall.train.rsl_rl.settings import runner_settings
+
     config = replace(
         counting_config(),
         max_grad_norm=0.7,
@@ -404,6 +436,8 @@ def test_a_training_starts_from_the_networks_of_a_checkpoint(trainer: RslRlTrain
 
 def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: Path) -> None:
     """Its actions are those of the policy: the normaliser's scale and the layers are right."""
+    from footfall.train.rsl_rl.trainer import trained_actor
+
     policy = trainer.runner.alg.get_policy()
     seen = np.random.default_rng(0).normal(size=(5, trainer._seen.shape[1])).astype(np.float32)
     before = trained_actor(policy).act(seen)
