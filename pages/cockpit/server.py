@@ -100,7 +100,7 @@ class Cockpit:
         finally:
             sender.cancel()
             del self._visitors[name]
-            # The state here may be older than the control: whether the visitor has it is for the inbox to say.
+            # Whether the visitor has control, the inbox knows: the state here may be older.
             self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
 
     async def _send_states(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
