@@ -1,7 +1,7 @@
 """Fits position servos that move a pendulum, evaluates on held-out gains or motions, compares with published
 fits.
 
-    pip install "footfall[train,report,sweep]"
+    pip install "footfall[train,report]"
     python benchmarks/servos.py xl330 --data FOLDER --workers 2 --plot xl330.png
 
 FOLDER holds JSON files of github.com/Rhoban/bam (Apache-2.0): xl330 of commit af22604, sts3250 of b53408c.
@@ -9,8 +9,7 @@ The servo is the joint law's voltage-driven motor: duty from the position error,
 rises with the duty, Coulomb, Stribeck, load and viscous friction, and a delay. Windows of 1 s are simulated
 from their own initial states, which are refined under a prior. xl330: each gain is held out in turn. sts3250
 has one gain: each of the four recordings is held out; a prediction is refused if the other three do not
-support it. Least squares come first, then CMA-ES on the mean absolute error, because a sticking servo has no
-gradient.
+support it. The fit is least squares with little weight for outliers.
 """
 
 import argparse
@@ -20,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recordings.search import search
 from recordings.servo_logs import MODELS, SERVOS, folds, logs, makers_problem, problem
 from recordings.tables import interval, plot_windows, table
 from resumable_runs import add_options, run_resumable
@@ -32,24 +30,19 @@ SUPPORTED = 0.5  # largest half-width of an interval, relative to the value, of 
 PREDICTED = 3.0  # largest ratio of held-out to fitted error of a supported prediction
 AT_BOUND = 0.01  # largest distance from a bound, in scales, of a figure that counts as at its bound
 LONG_S = 5.9  # windows long enough to show drift
-Task = tuple[
-    str, str, str, str, int, int
-]  # folder, servo, model; "all", "without" or "draw"; index; generations
+Task = tuple[str, str, str, str, int]  # folder, servo, model; "all", "without" or "draw"; index
 
 
 def run(task: Task) -> dict[str, Any]:
     """Run one fit."""
-    folder, servo, model, kind, which, generations = task
+    folder, servo, model, kind, which = task
     windows = problem(folder, servo, model)
     used = windows.recordings
     if kind == "without":
         used = np.setdiff1d(used, folds(folder, servo)[which][1])
     if kind == "draw":
         used = np.random.default_rng(which).choice(used, len(used))
-    fitted = windows.of(used).fit()
-    if generations and kind != "draw":
-        fitted = search(windows.of(used), fitted, generations, seed=0)
-    return {"numbers": fitted.tolist()}
+    return {"numbers": windows.of(used).fit().tolist()}
 
 
 def mean_error_mrad(windows: Shooting, numbers: np.ndarray, places: Sequence[int]) -> float:
@@ -65,18 +58,17 @@ def main() -> None:
     parser.add_argument("servo", choices=SERVOS)
     parser.add_argument("--data", type=Path, required=True, help="folder of the JSON files")
     parser.add_argument("--draws", type=int, default=40, help="draws of recordings, for intervals")
-    parser.add_argument("--generations", type=int, default=60, help="generations of CMA-ES in each round")
     parser.add_argument("--plot", type=Path, help="PNG of held-out windows")
     add_options(parser)
     options = parser.parse_args()
     folder, servo = str(options.data.resolve()), options.servo
     parts = range(len(folds(folder, servo)))
     tasks: list[Task] = [
-        (folder, servo, model, kind, which, options.generations)
+        (folder, servo, model, kind, which)
         for model in MODELS
         for kind, which in (("all", 0), *(("without", part) for part in parts))
     ]
-    tasks += [(folder, servo, "joint law", "draw", seed, 0) for seed in range(options.draws)]
+    tasks += [(folder, servo, "joint law", "draw", seed) for seed in range(options.draws)]
     done, failed = run_resumable(run, tasks, options.out, options.workers, options.time_limit)
     if failed:
         sys.exit("\n".join(failed))

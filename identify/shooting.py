@@ -137,10 +137,7 @@ class Shooting:
         return self.unscaled(x)
 
     def linearised(self, numbers: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Residuals (K, W, m) of scaled candidates (p, K) near `numbers`, with the starts taken out.
-
-        For optimisers that need no slopes, such as an evolution strategy.
-        """
+        """Residuals (K, W, m) of scaled candidates (p, K) near `numbers`, with the starts taken out."""
         x, now = self.scaled(numbers), self
         for _ in range(START_ROUNDS):
             now, project = now._with_best_starts(x, self.start)

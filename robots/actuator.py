@@ -203,10 +203,14 @@ def _driven(asked: Array, velocity: Array, motor: Motor) -> Array:
 
 
 def _conductance(duty: Array, motor: Motor) -> Array | float:
-    """Conductance of a voltage-driven motor over that at rest: 1 / (1 + r duty^2), duty from -1 to 1."""
+    """Conductance of a voltage-driven motor over that at rest: 1 / (1 + r |duty|), duty from -1 to 1.
+
+    A real servo's torque at full duty follows from recordings at smaller duties only with |duty|. With its
+    square, the predicted torque is too small (docs/measurements.yaml, recordings-xl330).
+    """
     if motor.duty_resistance is None:
         return 1.0
-    return 1.0 / (1.0 + motor.duty_resistance * duty * duty)
+    return 1.0 / (1.0 + motor.duty_resistance * library(duty).abs(duty))
 
 
 def _through_gear(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:

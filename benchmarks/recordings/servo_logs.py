@@ -70,10 +70,6 @@ MODELS: dict[str, tuple[tuple[str, ...], Accelerate]] = {
     "joint law": (LAW, accelerate),
     "joint law, load of both sides": (LAW, accelerate_both_sides),
 }
-Task = tuple[
-    str, str, str, str, int, int
-]  # folder, servo, model; "all", "without" or "draw"; index; generations
-LONG_S = 5.9  # windows long enough to show drift
 
 
 class Log(NamedTuple):
