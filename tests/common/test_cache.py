@@ -1,14 +1,11 @@
-"""Where compiled programs are kept."""
+"""The folder of compiled programs, and the processor's kind in its name."""
 
 from pathlib import Path
 
 import pytest
 
 from footfall.common import cache
-from footfall.common.cache import compilation_cache, processor_kind
-
-# As Linux writes it: a tab before the colon.
-CORE = "processor\t: {core}\nmodel name\t: {model}\ncpu MHz\t\t: {clock}\nflags\t\t: {flags}\n\n"
+from footfall.common.cache import compilation_cache
 
 
 @pytest.fixture
@@ -16,21 +13,6 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return tmp_path
-
-
-def kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **said: str) -> str:
-    info = tmp_path / "cpuinfo"
-    text = {"model": "A", "flags": "sse avx2", "clock": "1000.0"} | said
-    info.write_text(CORE.format(core=0, **text) + CORE.format(core=1, **(text | {"clock": "9"})))
-    monkeypatch.setattr(cache, "CPU_INFO", info)
-    return processor_kind()
-
-
-def test_a_kind_is_its_model_and_features_not_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = kind(tmp_path, monkeypatch)
-    assert kind(tmp_path, monkeypatch, clock="2000.0") == first
-    assert kind(tmp_path, monkeypatch, model="B") != first
-    assert kind(tmp_path, monkeypatch, flags="sse") != first
 
 
 def test_a_folder_that_the_user_names_is_taken_as_it_is(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +32,10 @@ class TestCache:
             info.write_text(text)
             return cache.processor_kind()
 
-        first = kind("model name\t: A\nflags\t\t: x y\n\nmodel name: B\n")
+        first = kind("model name\t: A\nflags\t\t: x y\n\nmodel name: B\n")  # as Linux writes it
+        assert kind("model name\t: A\nflags\t\t: x y\ncpu MHz\t\t: 9.0\n\nmodel name: C\n") == first
+        for other_core in ("model name\t: B\nflags\t\t: x y\n\n", "model name\t: A\nflags\t\t: x\n\n"):
+            assert kind(other_core) != first
         assert kind("flags\t\t: x y\nbogomips: 9\nmodel name\t: A\n\n") == first
         for line in ("CPU implementer", "CPU part", "Features"):
             assert kind(f"model name\t: A\nflags\t\t: x y\n{line}: 0x41\n\n") != first

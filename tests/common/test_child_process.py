@@ -1,4 +1,4 @@
-"""The end of a child process."""
+"""A child process ends when its input is closed, or is killed."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""The garbage collector, paused."""
+"""A pause of the garbage collector."""
 
 import gc
 

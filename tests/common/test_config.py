@@ -80,7 +80,7 @@ def read(**changes: Any) -> Cart:
         ([1], "expected a mapping of settings, found list"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_place(data: Any, says: str) -> None:
+def test_a_wrong_value_is_refused_with_its_place(data: Any, says: str) -> None:
     with pytest.raises(UserError) as caught:
         structure(data, Cart, "here")
     assert str(caught.value) == f"here: {says}"
@@ -151,7 +151,7 @@ def test_values_out_of_range_are_named_with_the_rule(settings: dict, reason: str
     [b"when: 2026-13-45", b"x: " + 5000 * b"1", 5000 * b"[", b"\xff\xfe\xff", b"a: [", b"? [a]\n: 1"],
     ids=["no such date", "a number of 5000 digits", "nested", "no text", "cut short", "a list for a name"],
 )
-def test_what_is_no_yaml_is_told_in_one_line(tmp_path: Path, content: bytes) -> None:
+def test_invalid_yaml_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "cart.yaml"
     path.write_bytes(content)
     with pytest.raises(UserError, match=r"cart\.yaml is not valid YAML: [^\n]+$"):
@@ -175,14 +175,14 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
         (BOMB, "its aliases repeat more than 262,144 values"),
     ],
 )
-def test_what_would_be_read_otherwise_than_meant_is_refused(tmp_path: Path, content: str, why: str) -> None:
+def test_ambiguous_yaml_is_refused(tmp_path: Path, content: str, why: str) -> None:
     (tmp_path / "cart.yaml").write_text(content)
     refused = rf"cart\.yaml is not valid YAML: {re.escape(why)} \(line \d+, column \d+\)$"
     with pytest.raises(UserError, match=refused):
         read_yaml(tmp_path / "cart.yaml")
 
 
-def test_what_is_merged_in_gives_way_to_a_key_of_its_own(tmp_path: Path) -> None:
+def test_own_keys_override_merged_keys(tmp_path: Path) -> None:
     (tmp_path / "cart.yaml").write_text("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
     assert read_yaml(tmp_path / "cart.yaml") == {
         "a": {"x": 1, "y": 2},

@@ -1,4 +1,4 @@
-"""Locks on what one process at a time may use."""
+"""Locks on resources that one process at a time may use."""
 
 import os
 import re

@@ -1,11 +1,11 @@
-"""Acts that may block for ever."""
+"""Calls with a time limit."""
 
 import threading
 
 from footfall.common.in_time import in_time
 
 
-def test_an_act_that_ends_gives_nothing_or_its_error() -> None:
+def test_an_act_that_ends_returns_none_or_its_error() -> None:
     wrong = OSError("full")
 
     def fail() -> None:
@@ -15,7 +15,7 @@ def test_an_act_that_ends_gives_nothing_or_its_error() -> None:
     assert in_time(fail) is wrong
 
 
-def test_one_that_does_not_end_is_a_timeout() -> None:
+def test_an_act_that_does_not_end_is_a_timeout() -> None:
     began, ended = threading.Event(), threading.Event()
     caller: list[threading.Thread] = []
 

@@ -1,4 +1,4 @@
-"""What is installed and what is lacking."""
+"""Install commands for missing packages and extras."""
 
 import re
 import shlex
@@ -62,7 +62,7 @@ PIP = f"{shlex.quote(sys.executable)} -m pip install"
         ("footfall-0.1.0-py3-none-any.whl", '"archive_info": {}', "'{at}[gym,watch]'"),
     ],
 )
-def test_from_where_it_was_installed(
+def test_extras_are_installed_from_the_same_source(
     installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, about: str, wanted: str
 ) -> None:
     at = tmp_path if name == "." else tmp_path / name
@@ -74,7 +74,9 @@ def test_from_where_it_was_installed(
 
 
 @pytest.mark.parametrize("url", [None, "file:///nowhere/footfall-0.1.0-py3-none-any.whl", "https://x/y.whl"])
-def test_from_what_is_not_here_any_more(installed, url: str | None) -> None:
+def test_extras_of_a_missing_or_remote_source_are_named_package_by_package(
+    installed, url: str | None
+) -> None:
     installed(url, '"archive_info": {}')
     assert install_extras("sweep") == f"{PIP} 'nosuchpackage[cpu]<2,>=1' 'numpy>=1'"
 
@@ -195,7 +197,7 @@ class TestRequirements:
         assert names("all") == ["jax", "av>=10"]
         assert installation.extras() == ["all", "train"]
 
-    def test_what_is_missing_is_absent_or_of_another_version(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_missing_packages_are_absent_or_of_another_version(self, monkeypatch: pytest.MonkeyPatch) -> None:
         there = {"numpy": "1.25", "jax": "0.4", "av": "11.0rc1"}
 
         def find(name: str) -> str:

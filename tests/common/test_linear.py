@@ -15,7 +15,7 @@ def test_it_is_numpys_own_solution(seed: int, count: int, unknowns: int, sides: 
     np.testing.assert_array_equal(solve(matrices, right), np.linalg.solve(matrices, right))
 
 
-def test_what_is_singular_spoils_nothing_but_itself() -> None:
+def test_a_singular_matrix_gives_nan_for_itself_only() -> None:
     matrices = np.array([np.zeros((3, 3)), 2.0 * np.eye(3)])
     x = solve(matrices, np.ones((2, 3, 1)))
     assert np.isnan(x[0]).all()

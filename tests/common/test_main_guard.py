@@ -1,4 +1,4 @@
-"""Scripts that start processes."""
+"""Scripts that start processes need a main guard."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ def score():
 
 
 @pytest.mark.parametrize("guarded", [False, True])
-def test_a_script_without_a_guard_is_told_to_have_one(tmp_path: Path, guarded: bool) -> None:
+def test_a_script_without_a_main_guard_is_refused_with_advice(tmp_path: Path, guarded: bool) -> None:
     script = tmp_path / "mine.py"
     script.write_text(CALL + ("if __name__ == '__main__':\n    score()\n" if guarded else "score()\n"))
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=False)

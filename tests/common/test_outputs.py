@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from footfall.common.config import read_yaml
-from footfall.common.errors import CannotWriteError, UserError
+from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 
@@ -19,7 +19,7 @@ def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_can_be_no_file_is_named_and_an_older_file_is_left_alone(tmp_path: Path) -> None:
+def test_an_unwritable_path_is_named_and_an_older_file_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("old")
     for path, complaint in (
@@ -69,22 +69,17 @@ def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path
         check_outputs(Path(f"/dev/fd/{writer}"))
 
 
-def test_readers_see_the_old_content_meanwhile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "old.json"
-    path.write_text("old")
-
+def test_a_full_disk_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(UserError, match="No space left"):
-        write_text(path, "new")
-    assert path.read_text() == "old"
-    assert os.listdir(tmp_path) == ["old.json"]
+        write_text(tmp_path / "a.json", "new")
 
 
 class TestOutputs:
-    def test_content_is_plain_whatever_it_was(self, tmp_path: Path) -> None:
+    def test_arrays_paths_and_numbers_become_plain_json(self, tmp_path: Path) -> None:
         content = {
             1: (1, 2.5),
             "array": np.array([[1.5, np.nan]]),
@@ -140,11 +135,10 @@ class TestOutputs:
     def test_a_file_has_the_mode_that_it_is_given(self, tmp_path: Path) -> None:
         write_atomically(tmp_path / "a", b"x", mode=0o604)
         assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o604
-        mask = os.umask(0o077)
+        mask = os.umask(0o027)
         try:
             write_atomically(tmp_path / "b", b"y")
-            assert os.umask(0o077) == 0o077  # it is left as it was
+            assert os.umask(0o027) == 0o027  # it is left as it was
         finally:
             os.umask(mask)
-        assert stat.S_IMODE((tmp_path / "b").stat().st_mode) == 0o600
-        assert issubclass(CannotWriteError, UserError)
+        assert stat.S_IMODE((tmp_path / "b").stat().st_mode) == 0o640

@@ -1,4 +1,4 @@
-"""Files that no other user may have written."""
+"""Files and folders that no other user can write to."""
 
 import os
 from pathlib import Path
@@ -15,30 +15,39 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_what_was_written_is_read_again(file: Path) -> None:
+def test_a_private_file_is_read_as_written(file: Path) -> None:
     assert read_private(file) == b"code"
     assert file.stat().st_mode & 0o777 == 0o600
     assert file.parent.stat().st_mode & 0o777 == 0o700
 
 
-@pytest.mark.parametrize("mode", [0o620, 0o602])
-def test_a_file_that_others_may_write_is_refused(file: Path, mode: int) -> None:
-    file.chmod(mode)
+@pytest.mark.parametrize("mode", [0o020, 0o002])
+def test_neither_group_nor_others_may_write_to_a_file_or_its_folder(file: Path, mode: int) -> None:
+    file.chmod(0o600 | mode)
     with pytest.raises(NotPrivateError, match=r"others may write to .*one"):
         read_private(file)
+    file.chmod(0o600)
+    file.parent.chmod(0o700 | mode)
+    for act in (lambda: read_private(file), lambda: write_private(file, b"")):
+        with pytest.raises(NotPrivateError, match=f"others may write to {file.parent}"):
+            act()
 
 
-def test_what_belongs_to_another_user_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "getuid", lambda: 12345)
-    with pytest.raises(NotPrivateError, match="another user"):
-        read_private(file)
-
-
-def test_a_link_to_a_file_of_ones_own_is_refused(file: Path) -> None:
+def test_links_to_a_file_or_a_folder_of_ones_own_are_refused(file: Path, tmp_path: Path) -> None:
     link = file.with_name("link")
     link.symlink_to(file)
     with pytest.raises(OSError, match="symbolic links"):
         read_private(link)
+    (tmp_path / "link").symlink_to(file.parent)
+    for act in (read_private, lambda path: write_private(path, b"")):
+        with pytest.raises(NotPrivateError, match="link is a symbolic link"):
+            act(tmp_path / "link" / file.name)
+
+
+def test_a_file_of_another_user_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(NotPrivateError, match="another user"):
+        read_private(file)
 
 
 def test_a_private_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
@@ -67,22 +76,3 @@ def test_others_may_not_write_into_it(tmp_path: Path, monkeypatch: pytest.Monkey
         folder.symlink_to(tmp_path / "elsewhere")
     with pytest.raises(NotPrivateError, match=r"cache"):
         make_private_folder(folder)
-
-
-class TestPrivateFiles:
-    @pytest.mark.parametrize("mode", [0o720, 0o702])
-    def test_neither_group_nor_others_may_write_to_its_folder(self, tmp_path: Path, mode: int) -> None:
-        path = tmp_path / "folder" / "file"
-        write_private(path, b"")
-        path.parent.chmod(mode)
-        for act in (lambda: read_private(path), lambda: write_private(path, b"")):
-            with pytest.raises(NotPrivateError, match=f"others may write to {path.parent}"):
-                act()
-
-    def test_a_folder_that_is_a_link_is_refused(self, tmp_path: Path) -> None:
-        write_private(tmp_path / "real" / "file", b"")
-        (tmp_path / "link").symlink_to(tmp_path / "real")
-        with pytest.raises(NotPrivateError, match="link is a symbolic link"):
-            read_private(tmp_path / "link" / "file")
-        with pytest.raises(NotPrivateError, match="link is a symbolic link"):
-            write_private(tmp_path / "link" / "file", b"")

@@ -1,4 +1,4 @@
-"""The declaration: what YAML may say, what a draw is, the same for NumPy and JAX."""
+"""The declaration of randomised quantities: YAML, draws, NumPy and JAX."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_line_alone_changes_nothing_else(uniforms: np.ndarray, name: str) -> None:
+def test_a_quantity_alone_is_drawn_as_among_all_others(uniforms: np.ndarray, name: str) -> None:
     """Nor does it change what another line would draw from the same numbers."""
     whole = everything()
     alone = Randomisation(**{name: getattr(whole, name)})
@@ -91,14 +91,14 @@ def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
     assert lopsided.quantile(np.array([0.0, 0.25, 0.75, 1.0])) == pytest.approx([0.5, 1.0, 4.0, 8.0])
 
 
-def test_what_is_read_is_what_stands_in_the_file(tmp_path: Path) -> None:
+def test_a_file_sets_exactly_its_quantities(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("friction: {low: 0.25, high: 1, shape: log_uniform}\nkp: {low: 0.9, high: 1.1}")
     read = load_randomisation(path)
     assert read == Randomisation(friction=Distribution(0.25, 1.0, "log_uniform"), kp=Distribution(0.9, 1.1))
 
 
-def test_numbers_are_asked_for_once_and_all_of_them() -> None:
+def test_all_random_numbers_are_drawn_in_one_call() -> None:
     asked: list[int] = []
 
     def uniform(count: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""One declaration is enough: a made-up reading, quantity and critic's term, each added in one place."""
+"""A reading, a quantity and a critic term each need one declaration."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -72,7 +72,7 @@ class TestReading:
         with pytest.raises(UserError, match="joint_torque"):
             structure({"joint_torque": "much"}, WithTorque, "x.yaml")
 
-    def test_training_and_the_robot_see_it_alike(self) -> None:
+    def test_training_and_robot_observe_it_alike(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
         assert term_size(Term("joint_torque"), env.contract) == 12
         state, seen = env.reset(jax.random.PRNGKey(0))

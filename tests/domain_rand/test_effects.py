@@ -56,7 +56,7 @@ class TestBody:
         for place in ("ximat", "geom_xpos", "geom_xmat", "site_xpos", "site_xmat"):
             np.testing.assert_allclose(getattr(after, place), getattr(before, place), atol=1e-12)
 
-    def test_friction_is_that_of_whatever_the_robot_walks_on(self, go1: Robot) -> None:
+    def test_friction_is_set_on_all_geoms_of_the_ground(self, go1: Robot) -> None:
         model = read_plant(go1, change=replaced_by(load_ground("blocks"))).model
         changed = randomised_fields(model, Sample(friction=np.array(0.3)), body_map(model, go1))
         ground = model.geom_bodyid == 0
@@ -97,7 +97,7 @@ LEVEL = {
 class TestEveryField:
     """Each effect on values that all differ, worked out with plain NumPy."""
 
-    def test_of_the_model(self, go1: Robot) -> None:
+    def test_the_model(self, go1: Robot) -> None:
         model, rng = plant_model(go1), np.random.default_rng(1)
         sample = Sample(
             friction=0.37, payload_kg=2.5, com_offset_m=np.array([0.01, -0.02, 0.03]),
@@ -132,7 +132,7 @@ class TestEveryField:
         changed = effect.change(np.arange(1.0, 9.0), np.array([10.0, 100.0, 1000.0]), where)
         np.testing.assert_allclose(changed, [1, 2, 300, 4, 50, 6, 7, 8000])
 
-    def test_of_the_motors_and_commands(self, go1: Robot) -> None:
+    def test_motors_and_commands(self, go1: Robot) -> None:
         rng = np.random.default_rng(2)
         names = ("joint_friction", "joint_damping", "motor_strength", "kp", "kd")
         sample = {name: rng.uniform(0.5, 1.5, 12) for name in names} | {"battery": np.array(0.8)}
@@ -152,7 +152,7 @@ class TestEveryField:
         for untouched in ("position", "velocity", "torque"):
             np.testing.assert_array_equal(getattr(obeyed, untouched), getattr(command, untouched))
 
-    def test_of_the_readings(self) -> None:
+    def test_readings(self) -> None:
         rng = np.random.default_rng(3)
         readings = {name: rng.normal(size=value.shape) for name, value in LEVEL.items()}
         readings["gravity"] /= np.linalg.norm(readings["gravity"])
@@ -180,7 +180,7 @@ class TestEveryField:
         assert sensor_bias(Sample(encoder_bias=one), "gyro") is None
 
 
-def test_what_is_added_to_the_base_is_added_to_it_wherever_it_stands() -> None:
+def test_an_addition_to_the_base_acts_on_its_own_body() -> None:
     where = BodyMap(base=2, contact_geoms=(), dofs=())
     mass = adds_to_base("body_mass").change(np.array([0.0, 7.0, 5.0, 1.0]), 1.5, where)
     np.testing.assert_array_equal(mass, [0.0, 7.0, 6.5, 1.0])

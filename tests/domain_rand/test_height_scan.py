@@ -46,7 +46,7 @@ def test_an_offset_moves_all_heights_and_drifts() -> None:
     assert 0.035 < max(offsets) <= 0.04
 
 
-def test_so_many_points_are_missing() -> None:
+def test_up_to_the_declared_share_of_points_is_missing() -> None:
     errors = HeightScanErrors(missing_share=0.4)
     shares = [np.isnan(delivered(errors, u)).mean() for u in episodes(2)]
     assert min(shares) < 0.05
@@ -54,7 +54,7 @@ def test_so_many_points_are_missing() -> None:
     assert np.mean(shares) == pytest.approx(0.2, abs=0.03)
 
 
-def test_in_so_many_episodes_scans_cease() -> None:
+def test_scans_cease_in_the_declared_share_of_episodes() -> None:
     errors = HeightScanErrors(lost_share=0.5, lost_before_s=4.0)
     gone = {
         at_s: np.mean([np.isnan(delivered(errors, u, at_s)).all() for u in episodes(3)])
@@ -65,7 +65,7 @@ def test_in_so_many_episodes_scans_cease() -> None:
     assert gone[0.0] < gone[2.0] < gone[4.0]
 
 
-def test_a_useless_scan_has_nothing_to_do_with_the_ground() -> None:
+def test_a_useless_scan_does_not_correlate_with_the_ground() -> None:
     errors = HeightScanErrors(useless_share=1.0, useless_m=0.2)
     found = delivered(errors, np.full(NUMBERS, 0.5))
     assert abs(np.corrcoef(found, HEIGHTS)[0, 1]) < 0.15

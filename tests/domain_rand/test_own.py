@@ -1,4 +1,4 @@
-"""What a robot's own randomisation.yaml says otherwise than domain_rand/default.yaml, and who takes it."""
+"""A robot's own randomisation.yaml, and the presets and scenarios that use it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,7 @@ def randomised_plan(robot: Robot) -> EpisodePlan:
     return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
 
 
-def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None:
+def test_it_replaces_the_quantities_that_it_names(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     payload, offset = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
     assert randomisation_of(robot) == replace(load_randomisation(), payload_kg=payload, com_offset_m=offset)
@@ -57,7 +57,7 @@ def test_a_quantity_may_be_left_nominal_and_an_empty_file_changes_nothing(
         ("- 1", "mapping"),
     ],
 )
-def test_a_malformed_one_is_refused_in_one_line(own_folder: Path, text: str, wanted: str) -> None:
+def test_a_malformed_file_is_refused_in_one_line(own_folder: Path, text: str, wanted: str) -> None:
     robot = own_robot(own_folder, text)
     for read in (randomisation_of, lambda robot: load_preset("cpu", robot)):
         with pytest.raises(UserError, match=rf"randomisation\.yaml over .*{wanted}") as caught:
@@ -78,7 +78,7 @@ def test_the_scenario_draws_from_it_with_the_same_numbers(own_folder: Path, text
     assert sample["payload_kg"] == pytest.approx(low + (high - low) * numbers[14])
 
 
-def test_presets_take_it_for_what_they_randomise(own_folder: Path) -> None:
+def test_presets_take_its_ranges_for_quantities_that_they_randomise(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     trained, shipped = load_preset("cpu", robot).env.randomisation, load_preset("cpu").env.randomisation
     assert trained == replace(shipped, payload_kg=Distribution(-0.1, 0.3))
@@ -86,7 +86,7 @@ def test_presets_take_it_for_what_they_randomise(own_folder: Path) -> None:
     assert load_preset("smoke", robot) == load_preset("smoke")
 
 
-def test_presets_take_what_only_this_robot_has(own_folder: Path) -> None:
+def test_presets_take_quantities_that_only_this_robot_declares(own_folder: Path) -> None:
     """As `footfall identify fit` finds it; what no policy reads stays with the simulated robot."""
     lag, jitter = Distribution(0.002, 0.004), Distribution(0.0, 0.001)
     text = "torque_lag_s: {low: 0.002, high: 0.004}\naction_jitter_s: {low: 0.0, high: 0.001}\n"

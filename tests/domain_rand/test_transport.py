@@ -136,7 +136,7 @@ class TestPlant:
         assert Losses({"lost_commands": np.array(0.3)}, "readings", seed=3).pass_on(frames) is frames
 
 
-def test_quantities_of_one_way_add_up_in_their_own_parts() -> None:
+def test_transport_of_one_direction_collects_its_quantities() -> None:
     sample = {name: np.array(value) for name, value in WHOLE.items()}
     assert transport_of(sample, "actions") == (0.004, 0.01, 0.006, 0.3)
     assert not transport_of(sample, "readings").varies

@@ -1,4 +1,4 @@
-"""What explains a misfit."""
+"""The effect that explains a misfit."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Planted truths: what a fit finds of a simulated robot whose parameters it does not know."""
+"""Fits recover the parameters of a simulated robot."""
 
 import re
 from dataclasses import replace

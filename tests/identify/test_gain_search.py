@@ -78,7 +78,7 @@ def test_own_gains_that_ring_are_lowered() -> None:
     assert tuned.proposed.kp == pytest.approx(0.512)
 
 
-def test_where_nothing_rings_own_gains_stay() -> None:
+def test_without_ringing_the_own_gains_stay() -> None:
     tuned, tried = searched(lambda gains: False)
     assert (tuned.kp_rings, tuned.kd_rings, tuned.proposed) == (None, None, Gains())
     assert max(gains.kp for gains in tried) <= CONFIG.most

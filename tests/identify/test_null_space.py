@@ -1,4 +1,4 @@
-"""What data cannot tell."""
+"""Directions of parameters that the data do not determine."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ def test_two_parameters_that_do_the_same_are_named_together() -> None:
     assert "delay" in found.text
 
 
-def test_the_noise_decides_what_is_told_and_too_few_rows_tell_little() -> None:
+def test_noise_and_too_few_rows_leave_directions_undetermined() -> None:
     slope = np.diag([10.0, 10.0, 1.0])
     assert null_directions(slope, NAMES, noise=0.1) == ()
     assert [each.parts for each in null_directions(slope, NAMES, noise=1.0)] == [{"friction": 1.0}]
     assert len(null_directions(slope[:1], NAMES)) == 2
 
 
-def test_a_profile_shows_what_a_parameter_trades_for() -> None:
+def test_a_profile_shows_how_other_parameters_make_up_for_one() -> None:
     """misfit of a + d = 3 with d held: all values fit alike; a second equation 0.1 d = 0.1 bounds it."""
 
     def fit_at(delay: float) -> tuple[float, np.ndarray]:

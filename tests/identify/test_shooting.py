@@ -47,7 +47,7 @@ def test_a_fit_finds_the_truth_although_starts_are_wrong_and_readings_jump() -> 
     assert np.nanmedian(np.abs(windows.errors(windows.guess))) > 0.01
 
 
-def test_recordings_count_alike_and_windows_held_out_do_not_count() -> None:
+def test_recordings_have_equal_weight_and_held_out_windows_none() -> None:
     windows = recorded()
     weight = windows.of([0, 1, 1]).weight
     assert weight[windows.recording == 1].sum() == pytest.approx(2 * weight[windows.recording == 0].sum())

@@ -1,4 +1,4 @@
-"""`footfall identify` on the command line: what it refuses."""
+"""`footfall identify` on the command line: refusals and exit status."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""How a recording is cut into windows."""
+"""Recordings are cut into windows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Controllers and estimator on robots that nobody built: other numbers of legs, hinges and soles."""
+"""Controllers and estimator on made-up robots: other numbers of legs, hinges and soles."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ class TestAnyRobot:
         assert np.all(moved[left] > 1e-4)  # rolled to the right, its left feet come up
         assert np.all(moved[~left] < -1e-4)
 
-    def test_the_estimator_sees_a_robot_that_stands_stand(self, robots: dict[str, Robot], kind: str) -> None:
+    def test_the_estimator_finds_a_standing_robot_at_rest(self, robots: dict[str, Robot], kind: str) -> None:
         robot = robots[kind]
         estimator = BaseEstimator(robot)
         estimator.reset(at_rest(robot))
@@ -71,7 +71,7 @@ class TestAnyRobot:
         np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
         assert height == pytest.approx(-robot.legs.default_foot[:, 2].mean(), abs=1e-3)
 
-    def test_the_estimator_has_the_legs_speed(self, robots: dict[str, Robot], kind: str) -> None:
+    def test_the_estimator_finds_the_speed_of_the_legs(self, robots: dict[str, Robot], kind: str) -> None:
         """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
         robot = robots[kind]
         legs, wanted, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002

@@ -1,4 +1,4 @@
-"""A biped finds out where its centre of mass is while it stands."""
+"""A biped estimates its centre of mass while it stands."""
 
 import numpy as np
 
@@ -47,7 +47,7 @@ def test_a_body_that_gathers_speed_is_not_at_rest_over_its_feet() -> None:
     np.testing.assert_allclose(found.value, 0.0, atol=1e-4)
 
 
-def test_unknown_torques_tell_nothing() -> None:
+def test_unknown_torques_give_no_centre_of_pressure() -> None:
     dynamics, torque = at_rest(np.zeros(2))
     assert centre_of_pressure(dynamics, np.full_like(torque, np.nan)) is None
 

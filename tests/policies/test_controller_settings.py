@@ -1,6 +1,7 @@
-"""A controller with other settings than the robot's: what a user may type for it, and what comes of it."""
+"""Settings of controllers on the command line: overrides, files, refusals."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,11 @@ from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.stand import StandConfig
-from footfall.policies.registry import (
-    CONTROLLERS,
-    controllers_of,
-    lasting_spec,
-    load_policy,
-    load_settings,
-)
+from footfall.policies.registry import CONTROLLERS, controllers_of, lasting_spec, load_policy, load_settings
 from footfall.policies.spec import add_settings
 from footfall.robots.description import Robot, available_robots, load_robot
+
+Refusal = Callable[[str, Robot], str]
 
 
 @pytest.fixture
@@ -26,13 +23,6 @@ def mine(tmp_path: Path) -> Path:
     file = tmp_path / "mine.yaml"
     file.write_text("gait: {period_s: 0.5}\nweights: {force: 1e-4}\n")
     return file
-
-
-def refusal(spec: str, robot: Robot) -> str:
-    with pytest.raises(UserError) as caught:
-        load_policy(spec, robot)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 class TestWhatIsTyped:
@@ -57,30 +47,21 @@ class TestWhatIsTyped:
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
         assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
         assert (changed.gait.name, changed.weights.attitude) == (own.gait.name, own.weights.attitude)
-
-    def test_a_file_may_be_of_the_form_of_the_robots_own(self, go1: Robot, tmp_path: Path) -> None:
-        file = tmp_path / "two.yaml"
-        file.write_text("trot: {kp: 3.0}\nstand: {kp: 61.0}\n")
-        assert load_settings(f"stand@{file}", go1).kp == 61.0
-
-    def test_settings_that_follow_a_file_win(self, go1: Robot, mine: Path) -> None:
-        changed = load_settings(f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1)
+        changed = load_settings(f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1)  # what follows it wins
         assert (changed.gait.period_s, changed.contact.friction) == (0.41, 0.55)
         assert changed.weights.force == 1e-4
 
-    def test_a_folder_may_have_an_at_in_its_name(self, go1: Robot, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("text", ["kp: 62.0", "trot: {kp: 3.0}\nstand: {kp: 62.0}"])
+    def test_a_file_may_have_the_form_of_the_robots_own_and_lie_anywhere(
+        self, go1: Robot, tmp_path: Path, text: str
+    ) -> None:
+        """Also in a folder with an @ in its name."""
         folder = tmp_path / "me@home"
         folder.mkdir()
-        (folder / "s.yaml").write_text("kp: 62.0")
-        assert load_settings(f"stand@{folder / 's.yaml'}@kd=2.5", go1) == StandConfig(
-            rate_hz=500.0,
-            kp=62.0,
-            kd=2.5,
-            tilt_gain=0.3,
-            tilt_rate_gain_s=0.02,
-            most_tilt_rad=0.2,
-            settle_s=0.5,
-        )
+        (folder / "s.yaml").write_text(text)
+        settings = load_settings(f"stand@{folder / 's.yaml'}@kd=2.5", go1)
+        assert isinstance(settings, StandConfig)
+        assert settings == replace(load_settings("stand", go1), kp=62.0, kd=2.5)  # type: ignore[type-var]
 
     def test_the_controller_runs_with_them_and_is_called_by_them(self, go1: Robot, mine: Path) -> None:
         assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
@@ -118,14 +99,20 @@ class TestRefusals:
             ("go1-flat@kp=1", "no policy 'go1-flat@kp=1': give one of stand,"),
         ],
     )
-    def test_each_says_what_is_wrong(self, go1: Robot, spec: str, complaint: str) -> None:
+    def test_a_wrong_setting_is_refused_with_its_reason(
+        self, go1: Robot, refusal: Refusal, spec: str, complaint: str
+    ) -> None:
         assert complaint in refusal(spec, go1)
 
-    def test_a_file_that_is_none(self, go1: Robot, tmp_path: Path) -> None:
-        (tmp_path / "list.yaml").write_text("[1, 2]")
-        assert "list.yaml: expected a mapping of settings" in refusal(f"stand@{tmp_path / 'list.yaml'}", go1)
-        (tmp_path / "bad.yaml").write_text("a: b: c")
-        assert "bad.yaml is not valid YAML" in refusal(f"stand@{tmp_path / 'bad.yaml'}", go1)
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [("[1, 2]", "bad.yaml: expected a mapping of settings"), ("a: b: c", "bad.yaml is not valid YAML")],
+    )
+    def test_a_file_without_settings(
+        self, go1: Robot, refusal: Refusal, tmp_path: Path, text: str, complaint: str
+    ) -> None:
+        (tmp_path / "bad.yaml").write_text(text)
+        assert complaint in refusal(f"stand@{tmp_path / 'bad.yaml'}", go1)
 
 
 class TestSettingsGivenApart:
@@ -145,7 +132,7 @@ class TestSettingsGivenApart:
             ("trot.kp=1", "'trot' is not among the policies mpc, stand"),
         ],
     )
-    def test_what_cannot_be_meant_is_refused(self, setting: str, complaint: str) -> None:
+    def test_a_setting_of_no_given_controller_is_refused(self, setting: str, complaint: str) -> None:
         with pytest.raises(UserError, match=f"--set {setting}: .*{complaint}"):
             add_settings(["mpc", "stand"], [setting])
 
@@ -202,7 +189,7 @@ def numbers(settings: dict[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 class TestNumbersThatCannotWork:
-    def test_none_but_a_place_is_below_zero_and_what_divides_is_not_zero(self) -> None:
+    def test_only_offsets_may_be_negative_and_divisors_must_be_above_zero(self, refusal: Refusal) -> None:
         checked = set()
         for controller, robot in one_of_each_kind().items():
             for key in numbers(unstructure(load_settings(controller, robot))):
@@ -216,7 +203,7 @@ class TestNumbersThatCannotWork:
                 checked.add(name)
         assert checked >= ABOVE_ZERO | MAY_BE_NEGATIVE | MIXED
 
-    def test_ranges_shares_and_weights(self) -> None:
+    def test_ranges_shares_and_weights(self, refusal: Refusal) -> None:
         for robot, key, complaint in (
             *(
                 ("go1", f"mpc@weights.{task}=[1, 0, -1]", f"{task} must be 0 or above")

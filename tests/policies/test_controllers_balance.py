@@ -1,4 +1,4 @@
-"""What balancing wants of the whole body in single moments, worked out by hand."""
+"""Targets of `Balance` at single times, calculated by hand."""
 
 import math
 from dataclasses import replace
@@ -139,7 +139,7 @@ class TestAct:
             assert most[body.foot_of_point == foot].sum() == pytest.approx(1.2 * 9.81 * body.total_mass)
         assert np.ptp(most[body.foot_of_point == 0]) == 0.0
 
-    def test_both_feet_stand_and_nothing_of_a_run_is_left_after_a_reset(self, policy: Balance) -> None:
+    def test_both_feet_stand_and_a_reset_clears_the_counters(self, policy: Balance) -> None:
         stance = policy.stance()
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]

@@ -1,4 +1,4 @@
-"""What the MPC commands in single moments."""
+"""Commands and plans of the MPC at single times."""
 
 from typing import Any, NamedTuple
 
@@ -201,7 +201,9 @@ class TestPlan:
         for state, _, _, feet, *_ in planned:
             np.testing.assert_allclose(feet[:, :, 2], -state.pose[5], atol=1e-12)
 
-    def test_it_knows_who_stands_now_and_who_will(self, policy: Mpc, planned: list[Planned]) -> None:
+    def test_a_plan_contains_present_and_scheduled_contacts(
+        self, policy: Mpc, planned: list[Planned]
+    ) -> None:
         """The first step is now, the others are the clock's at their middle."""
         policy.reset(standing())
         gait, horizon = CONFIG.gait, CONFIG.horizon
@@ -266,14 +268,7 @@ class TestLegs:
         swing[:, 1], swing[:, 2] = swing_velocity, swing_acceleration
         pose = LEGS.pose(ROBOT.default_pose)
         return legs.command(
-            ROBOT.default_pose,
-            pose,
-            self.FORCE,
-            np.array(velocity),
-            yaw_rate * UP,
-            UP,
-            [1, 2],
-            swing,
+            ROBOT.default_pose, pose, self.FORCE, np.array(velocity), yaw_rate * UP, UP, [1, 2], swing
         )
 
     def test_standing_legs_are_sources_of_force_and_swinging_legs_follow(self) -> None:
@@ -312,7 +307,7 @@ class TestLegs:
         assert np.all(np.abs(speed) > LEGS.gather(ROBOT.motor.friction_speed)[1])
         np.testing.assert_allclose(torque, expected)
 
-    def test_no_joint_is_asked_to_turn_faster_than_its_motor_can(self) -> None:
+    def test_joint_velocities_stay_within_the_no_load_speed(self) -> None:
         speed = LEGS.gather(self.command(swing_velocity=(30.0, 10.0, 30.0)).velocity)[1]
         most = LEGS.gather(ROBOT.motor.no_load_speed)[1]
         assert np.all(np.abs(speed) <= most)

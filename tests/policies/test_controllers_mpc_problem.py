@@ -1,4 +1,4 @@
-"""The parts of the MPC, against brute force."""
+"""The quadratic program of the MPC and its solvers, against brute force."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -108,7 +108,7 @@ class TestProblem:
             expected = cost(plan) - cost(plans[0])
             assert condensed(plan) - condensed(plans[0]) == pytest.approx(expected, rel=1e-6)
 
-    def test_a_large_cost_of_changes_keeps_what_was_before(self) -> None:
+    def test_a_large_cost_of_changes_keeps_the_previous_forces(self) -> None:
         """Of feet that stand all the time; they cannot do otherwise than before."""
         problems = ForceProblems(BODY, HORIZON, replace(WEIGHTS, force_change=1e6), CONTACT)
         situation = random_situation(3, standing=True)
@@ -143,17 +143,17 @@ class TestSolver:
         first = np.abs((fallback - exact).reshape(3, n)[:, now])
         assert first.max() < 1.0
 
-    def test_a_problem_that_is_no_problem_gives_none_and_no_crash(self) -> None:
+    def test_a_problem_with_nan_has_no_solution_and_does_not_crash(self) -> None:
         problem = PROBLEMS.build(*random_situation(0))
         broken = problem._replace(gradient=np.full_like(problem.gradient, np.nan))
         assert BoundedSolver().solve(broken) is None
 
-    def test_where_it_is_stopped_its_last_numbers_serve_only_if_they_may(self) -> None:
+    def test_an_unfinished_solution_is_returned_only_if_allowed(self) -> None:
         problem = PROBLEMS.build(*random_situation(1))
         assert BoundedSolver(0, 1).solve(problem) is not None
         assert BoundedSolver(0, 1, unfinished=False).solve(problem) is None
 
-    def test_no_foot_on_the_ground_leaves_nothing_to_solve(self) -> None:
+    def test_without_contacts_the_forces_are_zero(self) -> None:
         state, reference, contacts, feet, before = random_situation(0)
         problem = PROBLEMS.build(state, reference, np.zeros_like(contacts), feet, before)
         solution = BoundedSolver().solve(problem)

@@ -20,14 +20,8 @@ from footfall.policies.controllers.stance import nominal_feet
 from footfall.robots.rigid_body import nominal_body
 
 BODY = nominal_body(ROBOT)
-
-
 LEGS = ROBOT.legs
-
-
 RNG = np.random.default_rng(12)
-
-
 TILTED = Rotation.from_euler("ZYX", [1.1, -0.15, 0.1])
 
 
@@ -201,7 +195,7 @@ class TestMpc:
             assert wrap_angle(mpc.reference.yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
         assert mpc.reference.height == pytest.approx(stance.height_m)
 
-    def test_what_upsets_a_standing_robot_keeps_it_stepping_until_it_has_been_calm(self) -> None:
+    def test_a_disturbed_robot_steps_until_it_has_been_calm(self) -> None:
         restart = CONFIG.restart
 
         def base(speed: float = 0.0, roll: float = 0.0, pitch: float = 0.0) -> Base:
@@ -235,7 +229,7 @@ class TestMpc:
         assert standing == [False, True]
         assert not Disturbance(restart).present(slow, True, offsets[1], 0.1)
 
-    def test_swinging_feet_are_seen_from_a_base_that_moves_and_turns(self, mpc: Mpc) -> None:
+    def test_swinging_feet_move_relative_to_the_moving_base(self, mpc: Mpc) -> None:
         """Their velocity is the change of their place in the base's axes."""
         base = base_of()
         spin = TILTED.apply(base.gyro)
@@ -282,7 +276,7 @@ class TestMpc:
         assert in_plane(mpc.swing_feet.target[2]) == pytest.approx(expected)
         assert not mpc.swing_feet.target[[0, 1, 3]].any()
 
-    def test_forces_are_planned_as_often_as_asked_and_whenever_a_foot_changes(self, mpc: Mpc) -> None:
+    def test_forces_are_planned_at_the_solver_rate_and_at_each_contact_change(self, mpc: Mpc) -> None:
         ticks, changed, solved = [], [], 0
         mpc.reset(observed(TILTED))
         for k in range(200):

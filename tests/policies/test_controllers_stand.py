@@ -1,71 +1,56 @@
 """Standing, levelled by the IMU."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from moments import UP, policy_input
+from moments import UP
 from scipy.spatial.transform import Rotation
 from tilted_robot import ROBOT, observed
 
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
-from footfall.policies.policy import PolicyInput
 
 LEGS = ROBOT.legs
+CONFIG = StandConfig(
+    rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
+)
 
 
-def seen(time_s: float = 0.0, roll: float = 0.0, pitch: float = 0.0, **more: Any) -> PolicyInput:
-    """Tilted about one axis, legs in the default pose unless said otherwise."""
-    return policy_input(
-        ROBOT, time_s, turn=Rotation.from_rotvec([roll, pitch, 0.0]), base_height=0.28, **more
+def test_it_goes_from_where_it_was_reset_to_a_level_default_pose() -> None:
+    policy = Stand(ROBOT, CONFIG)
+    begun = observed(Rotation.identity(), time_s=0.0)
+    policy.reset(begun)
+    start = begun.sensed.joint_position.copy()
+    begun.sensed.joint_position[:] = 99.0
+    np.testing.assert_allclose(
+        policy.act(begun._replace(time_s=0.5)).position, 0.75 * start + 0.25 * ROBOT.default_pose, atol=1e-9
     )
+    for time_s in (2.0, 7.0):
+        settled = policy.act(observed(Rotation.identity(), time_s=time_s))
+        np.testing.assert_allclose(settled.position, ROBOT.default_pose, atol=1e-9)
+    assert settled.kp.tolist() == [33.0] * 12
+    assert settled.kd.tolist() == [1.5] * 12
+    assert not np.any([settled.velocity, settled.torque])
+    assert policy.rate_hz == 100.0
+    again = observed(Rotation.identity(), time_s=0.0)
+    policy.reset(again)
+    np.testing.assert_allclose(policy.act(again).position, again.sensed.joint_position)
+    stance = policy.stance()
+    assert stance is not None
+    assert stance.tolist() == [1.0] * 4
 
 
-class TestStand:
-    CONFIG = StandConfig(
-        rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
-    )
-
-    def test_it_goes_from_where_it_was_reset_to_a_level_default_pose(self) -> None:
-        policy = Stand(ROBOT, self.CONFIG)
-        begun = observed(Rotation.identity(), time_s=0.0)
-        policy.reset(begun)
-        start = begun.sensed.joint_position.copy()
-        begun.sensed.joint_position[:] = 99.0
-        np.testing.assert_allclose(
-            policy.act(begun._replace(time_s=0.5)).position,
-            0.75 * start + 0.25 * ROBOT.default_pose,
-            atol=1e-9,
-        )
-        for time_s in (2.0, 7.0):
-            settled = policy.act(observed(Rotation.identity(), time_s=time_s))
-            np.testing.assert_allclose(settled.position, ROBOT.default_pose, atol=1e-9)
-        assert settled.kp.tolist() == [33.0] * 12
-        assert settled.kd.tolist() == [1.5] * 12
-        assert not np.any([settled.velocity, settled.torque])
-        assert policy.rate_hz == 100.0
-        again = observed(Rotation.identity(), time_s=0.0)
-        policy.reset(again)
-        np.testing.assert_allclose(policy.act(again).position, again.sensed.joint_position)
-        stance = policy.stance()
-        assert stance is not None
-        assert stance.tolist() == [1.0] * 4
-
-    def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them(self) -> None:
-        policy = Stand(ROBOT, self.CONFIG)
-        seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
-        policy.reset(seen)
-        feet = LEGS.pose(policy.act(seen).position).foot
-        roll, pitch = 0.8 * 0.09 + 0.05 * 0.2, 0.8 * -0.06 + 0.05 * 0.3
-        default = LEGS.default_foot
-        rise = roll * default[:, 1] - pitch * default[:, 0]
-        np.testing.assert_allclose(feet - default, np.outer(rise, UP), atol=1.5e-3)
-        assert np.abs(rise).max() > 0.012
-
-
-RNG = np.random.default_rng(12)
+def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them() -> None:
+    policy = Stand(ROBOT, CONFIG)
+    seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
+    policy.reset(seen)
+    feet = LEGS.pose(policy.act(seen).position).foot
+    roll, pitch = 0.8 * 0.09 + 0.05 * 0.2, 0.8 * -0.06 + 0.05 * 0.3
+    default = LEGS.default_foot
+    rise = roll * default[:, 1] - pitch * default[:, 0]
+    np.testing.assert_allclose(feet - default, np.outer(rise, UP), atol=1.5e-3)
+    assert np.abs(rise).max() > 0.012
 
 
 def test_feet_stand_out_forward_and_below_as_asked() -> None:
@@ -90,7 +75,7 @@ def test_the_measured_tilt_is_roll_and_pitch_at_any_heading(roll: float, pitch: 
 
 def test_feet_of_a_turned_plane_move_along_z_as_its_points_do() -> None:
     roll, pitch = 2e-4, -3e-4
-    feet = RNG.uniform(-0.3, 0.3, (4, 3))
+    feet = np.random.default_rng(12).uniform(-0.3, 0.3, (4, 3))
     flat = feet * [1.0, 1.0, 0.0]
     turned = Rotation.from_euler("xyz", [roll, pitch, 0.0]).apply(flat)
     moved = level_feet(feet, np.array([roll, pitch]))

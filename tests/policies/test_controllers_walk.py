@@ -39,6 +39,23 @@ def go(
     )
 
 
+def tilted(
+    policy: Generator,
+    command: tuple[float, float, float],
+    duration_s: float,
+    change: Callable[[int], None] = lambda _: None,
+) -> tuple[Walk, float]:
+    """A walk by the true base velocity, and the largest tilt, rad; `change` is called with each tick."""
+    tilts: list[float] = []
+
+    def look(time_s: float, plant: DirectPlant) -> None:
+        tilts.append(float(tilt(plant.data.qpos[3:7])))
+        change(round(time_s * 500))
+
+    result = walk(policy, DirectPlant(ROBOT), lambda _: np.array(command), duration_s, frame=look)
+    return result, max(tilts)
+
+
 def drift(result: Walk, after_s: float = 1.0) -> float:
     """Distance walked after a time, m."""
     return float(np.linalg.norm(result.position[-1] - result.position[int(after_s * 500)]))
@@ -51,9 +68,8 @@ class TestAll:
         assert not result.fell
         assert drift(result) < 0.02
 
-    @pytest.mark.parametrize("make", CONTROLLERS)
-    def test_a_second_episode_repeats_the_first_to_the_bit(self, make: Callable[..., Policy]) -> None:
-        policy = make(ROBOT)
+    def test_a_second_episode_repeats_the_first_to_the_bit(self) -> None:
+        policy = Mpc(ROBOT)
         first, again = (go(policy, (0.4, 0.0, 0.3), 0.8) for _ in range(2))
         np.testing.assert_array_equal(first.position, again.position)
 
@@ -66,22 +82,17 @@ class TestAll:
 
 class TestGaits:
     @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.5)])
-    def test_it_goes_where_it_is_told(self, command: tuple[float, float, float]) -> None:
+    def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
         result = go(Trot(ROBOT), command, 3.0)
         assert not result.fell
         np.testing.assert_allclose(result.mean_velocity(1.4), command, atol=0.05)
 
     @pytest.mark.parametrize("gait", ["walk", "bound"])
-    def test_every_gait_holds_the_body_and_goes_where_it_is_told(self, gait: str) -> None:
-        plant, tilts = DirectPlant(ROBOT), []
-
-        def look(time_s: float, plant: DirectPlant) -> None:
-            tilts.append(float(tilt(plant.data.qpos[3:7])))
-
-        result = walk(Generator(ROBOT, gait), plant, lambda _: np.array([0.4, 0.1, 0.2]), 3.0, frame=look)
+    def test_every_gait_follows_the_command_with_a_level_body(self, gait: str) -> None:
+        result, most = tilted(Generator(ROBOT, gait), (0.4, 0.1, 0.2), 3.0)
         assert not result.fell
         np.testing.assert_allclose(result.mean_velocity(1.5), (0.4, 0.1, 0.2), atol=0.07)
-        assert max(tilts) < 0.12
+        assert most < 0.12
 
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
         """At 2 s a cycle the body would tip onto the foot in the air if it did not sway over the others.
@@ -90,14 +101,9 @@ class TestGaits:
         """
         config = controller_settings(ROBOT, "walk", WalkConfig)
         policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))
-        tilts = []
-
-        def look(time_s: float, plant: DirectPlant) -> None:
-            tilts.append(float(tilt(plant.data.qpos[3:7])))
-
-        result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([-0.15, 0.0, 0.0]), 6.5, frame=look)
+        result, most = tilted(policy, (-0.15, 0.0, 0.0), 6.5)
         assert not result.fell
-        assert max(tilts) < 0.15
+        assert most < 0.15
         np.testing.assert_allclose(result.mean_velocity(4.5), (-0.15, 0.0, 0.0), atol=0.035)  # over a cycle
         assert policy.notes == []
 
@@ -121,16 +127,11 @@ class TestGaits:
             2022: (GaitConfig("gallop", 0.25, 0.75), step),
             2531: (GaitConfig("trot", 0.4, 0.6), replace(step, height_m=0.08)),
         }
-        tilts = []
-
-        def change(time_s: float, plant: DirectPlant) -> None:
-            tilts.append(float(tilt(plant.data.qpos[3:7])))
-            gait, steps = others.get(round(time_s * 500), (None, None))
-            policy.change(gait, steps)
-
-        result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([0.4, 0.0, 0.0]), 6.0, frame=change)
+        result, most = tilted(
+            policy, (0.4, 0.0, 0.0), 6.0, lambda tick: policy.change(*others.get(tick, (None, None)))
+        )
         assert not result.fell
-        assert max(tilts) < 0.2
+        assert most < 0.2
         speed = np.array(result.velocity)[600:, 0].reshape(-1, 300).mean(axis=1)
         assert speed.min() > 0.25
         np.testing.assert_allclose(result.mean_velocity(5.5)[0], 0.4, atol=0.05)
@@ -139,23 +140,20 @@ class TestGaits:
 class TestMpc:
     @pytest.mark.parametrize("command", [(-0.6, 0.5, 0.0), (0.6, 0.3, 1.0)])
     def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
-        result = go(Mpc(ROBOT), command, 4.0)
+        result = go(Mpc(ROBOT), command, 3.0)
         assert not result.fell
         velocity, yaw_rate = result.errors(settle_s=1.5)
         assert velocity < 0.12
         assert yaw_rate < 0.15
         assert np.std(result.height[750:]) < 0.01
 
-    @pytest.mark.parametrize(("direction", "forward"), [(0, 0.0), (1, 0.5)])
-    def test_it_survives_a_push(self, direction: int, forward: float) -> None:
-        angle, command = direction * np.pi / 2 + 0.3, (forward, 0.0, 0.0)
-        push = (1.5, 0.8 * np.array([np.cos(angle), np.sin(angle), 0.0]))
-        result = go(Mpc(ROBOT), command, 3.5, push=push)
+    def test_it_walks_on_after_a_push(self) -> None:
+        push = (1.0, 0.8 * np.array([np.cos(np.pi / 2 + 0.3), np.sin(np.pi / 2 + 0.3), 0.0]))
+        result = go(Mpc(ROBOT), (0.5, 0.0, 0.0), 3.0, push=push)
         assert not result.fell
-        np.testing.assert_allclose(result.velocity[-1][:2], command[:2], atol=0.2)
+        np.testing.assert_allclose(result.velocity[-1][:2], (0.5, 0.0), atol=0.2)
 
     def test_it_stands_again_after_a_push(self) -> None:
-        policy = Mpc(ROBOT)
-        result = go(policy, (0.0, 0.0, 0.0), 4.5, push=(1.0, np.array([0.0, 0.8, 0.0])))
+        result = go(Mpc(ROBOT), (0.0, 0.0, 0.0), 4.0, push=(0.5, np.array([0.2, 0.8, 0.0])))
         assert not result.fell
-        assert drift(result, after_s=4.0) < 0.01
+        assert drift(result, after_s=3.5) < 0.01

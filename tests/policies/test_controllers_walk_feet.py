@@ -1,4 +1,4 @@
-"""The gait generator's feet and limits in single moments, by hand."""
+"""Feet and limits of the gait generator at single times, calculated by hand."""
 
 from types import SimpleNamespace
 from typing import ClassVar
@@ -82,11 +82,11 @@ class TestRolling:
         np.testing.assert_allclose(ends.mean(axis=0), PLACES, atol=1e-12)
         np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
 
-    def test_it_passes_over_a_foot_at_v_plus_w_x_r_times_what_rolling_leaves(self) -> None:
+    def test_a_rolling_foot_passes_at_its_share_of_v_plus_w_x_r(self) -> None:
         half = Footing(PLACES, np.tile(0.5 * np.eye(2), (2, 1, 1)))
         np.testing.assert_allclose(half.passing(VELOCITY, PLACES[:, :2]), 0.5 * PASSING[:, :2])
 
-    def test_one_foot_goes_as_all_of_them_together(self) -> None:
+    def test_foot_and_footing_agree_on_the_motion(self) -> None:
         """Foot and Footing have the same formula, one in plain numbers."""
         askew = Footing(PLACES, np.array([[[0.9, 0.1], [0.2, 0.8]], [[1.0, -0.1], [0.0, 0.7]]]))
         cycle = FootCycle(askew, TIMING, OFFSETS)
@@ -167,7 +167,7 @@ class TestCycle:
         cycle.change_gait(timing, offsets, velocity)
         assert cycle.clock == np.argmin(worst) / 24
 
-    def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:
+    def test_only_standing_feet_are_lowered_and_only_to_the_limit(self, cycle: FootCycle) -> None:
         cycle.lower([True, False], 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.004, 0.0])
         for _ in range(3):
@@ -190,7 +190,7 @@ class TestCycle:
         cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.002, stands_m], atol=1e-12)
 
-    def test_with_no_foot_standing_one_that_touches_down_stays_where_it_is(self, cycle: FootCycle) -> None:
+    def test_a_touch_down_without_standing_feet_keeps_its_height(self, cycle: FootCycle) -> None:
         lift_feet(cycle, 0, 1)
         cycle.each_foot[1].z = 0.02
         cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))

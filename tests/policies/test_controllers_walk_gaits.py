@@ -1,4 +1,4 @@
-"""The gait generator: feet in the course of a gait, limits that it keeps to, changes while it walks."""
+"""The gait generator through whole gaits: continuity, limits, changes while walking."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ class TestFeet:
         assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
         assert np.abs(np.diff(places, axis=0)).max() < 0.002
 
-    def test_told_to_stop_feet_in_the_air_land_and_none_lifts_off(self, gait: str) -> None:
+    def test_a_stopped_cycle_lands_its_feet_and_lifts_none(self, gait: str) -> None:
         feet = cycle(gait)
         course(feet, 1.9)
         flew = feet.swings.copy()
@@ -114,18 +114,16 @@ class TestLimits:
     )
     def test_targets_move_within_joint_speed(self, gait: str, command: tuple[float, float, float]) -> None:
         policy = Walk(ROBOT, gait)
-        targets = Trial(policy).walk(command, 6.0)
+        targets = Trial(policy).walk(command, 4.0)
         assert rates(targets, policy).max() < FASTEST + 1e-9
         assert rates(targets, policy).max() > 0.75 * FASTEST  # and no slower than need be
 
-    def test_it_says_once_what_it_slowed_down(self) -> None:
+    def test_it_notes_once_what_it_slowed_down(self) -> None:
         trial = Trial(Walk(ROBOT, "ripple"))
-        trial.walk((0.2, 0.0, 0.0), 3.0)
-        assert len(trial.policy.notes) == 1
+        trial.walk((0.2, 0.0, 0.0), 2.5)
         (note,) = trial.policy.notes
         assert note.startswith("ripple: the gait is slowed to a period of ")
-        assert "2.9 are allowed" in note or "2.8 are allowed" in note
-        trial.walk((-0.1, 0.0, 0.3), 3.0)
+        trial.walk((-0.1, 0.0, 0.3), 2.5)
         assert trial.policy.notes == [note]
 
 
@@ -209,17 +207,12 @@ def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(name: str, changes
             assert np.hypot(*away.T).max() < longest + 0.02
 
 
-class TestChanges:
-    def test_a_gait_for_other_feet_is_refused_and_the_walk_goes_on(self) -> None:
-        policy = Walk(ROBOT, "tripod")
-        with pytest.raises(UserError, match="no gait 'trot'"):
-            policy.change(GaitConfig("trot", 1.0))
-        told = Trial(policy).walk((0.1, 0.0, 0.0), 1.0)
-        np.testing.assert_array_equal(told, Trial(Walk(ROBOT, "tripod")).walk((0.1, 0.0, 0.0), 1.0))
-
-    def test_a_new_episode_begins_with_the_settings(self) -> None:
-        policy = Walk(ROBOT, "tripod")
-        first = Trial(policy).walk((0.1, 0.0, 0.0), 2.0)
-        policy.change(GaitConfig("wave", 2.0))
-        Trial(policy).walk((0.1, 0.0, 0.0), 0.1)
-        np.testing.assert_array_equal(Trial(policy).walk((0.1, 0.0, 0.0), 2.0), first)
+def test_a_gait_for_other_feet_is_refused_and_a_new_episode_begins_with_the_settings() -> None:
+    policy = Walk(ROBOT, "tripod")
+    with pytest.raises(UserError, match="no gait 'trot'"):
+        policy.change(GaitConfig("trot", 1.0))
+    first = Trial(policy).walk((0.1, 0.0, 0.0), 1.5)
+    np.testing.assert_array_equal(first, Trial(Walk(ROBOT, "tripod")).walk((0.1, 0.0, 0.0), 1.5))
+    policy.change(GaitConfig("wave", 2.0))
+    Trial(policy).walk((0.1, 0.0, 0.0), 0.1)
+    np.testing.assert_array_equal(Trial(policy).walk((0.1, 0.0, 0.0), 1.5), first)

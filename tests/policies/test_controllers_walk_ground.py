@@ -1,4 +1,4 @@
-"""What tells a walk's feet that they stand: the ground's force, out of the motors' torques."""
+"""Contact of a walk's feet from the motors' torques."""
 
 import numpy as np
 import pytest
@@ -60,12 +60,12 @@ def test_a_foot_feels_its_share_of_the_weight() -> None:
     np.testing.assert_allclose(shares, [1.0, 0.0, 0.0, 0.0, 0.0, 2.0], atol=0.01)
 
 
-def test_gearboxes_that_turn_do_not_feel_like_ground() -> None:
+def test_gearbox_friction_is_not_mistaken_for_ground() -> None:
     """Their friction at 2 rad/s is 0.13 N m: a fifth of a share at the foot and more."""
     np.testing.assert_allclose(felt(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)
 
 
-def test_legs_thrown_down_do_not_feel_like_ground_and_what_they_hit_does() -> None:
+def test_accelerated_legs_feel_the_ground_only_where_they_touch() -> None:
     """Such a throw takes three shares of force at the foot."""
     np.testing.assert_allclose(felt(feet(), acceleration=LOWERING), 0.0, atol=0.05)
     shares = felt(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
@@ -83,7 +83,7 @@ def test_legs_that_brake_are_not_doubted() -> None:
     np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
 
 
-def test_it_knows_a_landing_within_two_time_constants() -> None:
+def test_a_landing_is_felt_within_two_time_constants() -> None:
     ground = GroundForce(ROBOT, BODY, FILTER_S, 0.0)
     ground.reset(readings(feet(), NOTHING, NOTHING, 1.0))
     landed = readings(feet(LF=2 * EVEN_N), NOTHING, NOTHING, 1.0)

@@ -1,4 +1,4 @@
-"""How the body of a walk sways, by hand: feet at the corners of a rectangle, one in the air at a time."""
+"""Sway of a walking body, by hand: feet at the corners of a rectangle, one in the air at a time."""
 
 import math
 
@@ -23,7 +23,7 @@ def timing(period_s: float, duty: float = DUTY) -> GaitTiming:
     return GaitTiming(period_s, duty)
 
 
-def test_the_weight_goes_to_the_side_whose_feet_both_stand() -> None:
+def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
     """The middle of three corners is a third of its half away: a square wave. Its sine is 4 / pi of it."""
     pressure = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
     most = 4 / math.pi * ASIDE / 3
@@ -41,7 +41,7 @@ def test_the_faster_the_gait_the_less_the_body_has_to_move(period_s: float, part
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.25])
-def test_one_sways_by_a_share_of_it(share: float) -> None:
+def test_the_sway_scales_with_its_share(share: float) -> None:
     whole = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
     some = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, share)
     np.testing.assert_allclose(some.body, share * whole.body, atol=1e-12)
@@ -91,7 +91,7 @@ def test_while_no_foot_stands_the_pressure_is_wanted_in_the_middle() -> None:
 class TestSway:
     GOAL = np.array([0.0, 0.05 + 0.0j])
 
-    def test_it_is_there_after_a_quarter_of_a_cycle_without_a_jump(self) -> None:
+    def test_the_sway_is_approached_within_a_quarter_cycle_without_a_jump(self) -> None:
         sway, way = Sway(), [0.0]
         for _ in range(250):
             sway.approach(self.GOAL, 0.001)
@@ -101,7 +101,7 @@ class TestSway:
         assert sway.misses(self.GOAL) == pytest.approx(0.05 - way[-1])
 
     @pytest.mark.parametrize("cycles", [1 / 16, 1.0])
-    def test_however_long_a_tick_it_goes_no_farther_than_its_goal(self, cycles: float) -> None:
+    def test_a_long_tick_does_not_overshoot_the_sway(self, cycles: float) -> None:
         """And is then where the plan's sine is at any time of the clock."""
         sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
         sway.approach(goal, cycles)
@@ -111,7 +111,7 @@ class TestSway:
         angle = 2 * math.pi * 0.2
         assert sway.at(0.2)[1] == pytest.approx(-0.01 * math.cos(angle) - 0.04 * math.sin(angle))
 
-    def test_a_new_episode_has_none(self) -> None:
+    def test_a_reset_sets_the_sway_to_zero(self) -> None:
         sway = Sway()
         sway.approach(self.GOAL, 0.1)
         sway.reset()

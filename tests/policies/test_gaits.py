@@ -160,7 +160,7 @@ def test_a_place_in_the_cycle_is_within_it(side: str, place: float) -> None:
         GaitEntry(0.5, **{side: (0.2, place)})
 
 
-def test_feet_of_which_no_robot_has_so_many_have_no_gaits(go1: Robot) -> None:
+def test_seven_feet_have_no_gaits(go1: Robot) -> None:
     seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
     with pytest.raises(UserError, match="no gait 'trot' for 7 feet of robot 'go1': there are none"):
         find_gait("trot", seven)
@@ -175,7 +175,7 @@ class TestPlannedLift:
     def test_a_half_sine_over_the_swing(self, clock: float, lift: float) -> None:
         np.testing.assert_allclose(planned_lift(np.array([clock]), np.zeros(1), 0.75), [lift], atol=1e-12)
 
-    def test_of_a_duty_of_one_half_it_is_the_clocks_own_sine(self) -> None:
+    def test_a_duty_of_one_half_is_the_sine_of_the_clock(self) -> None:
         clock = np.linspace(0.0, 3.0, 101)[:, None]
         offsets = np.array([0.0, 0.3])
         sine = np.maximum(np.sin(2 * np.pi * (clock + offsets)), 0.0)

@@ -1,4 +1,4 @@
-"""The height scan: where its points lie, and what a policy reads of it."""
+"""The height scan: its points and the values that a policy observes."""
 
 from dataclasses import replace
 

@@ -42,12 +42,12 @@ class Landings:
         self.touched.append(touches)
 
 
-@pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.14), ("wave", 0.05)])
+@pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.1), ("wave", 0.03)])
 def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str, least_m: float) -> None:
     policy = load_policy(gait, ROBOT)
     assert isinstance(policy, Walk)
     landings = Landings(policy)
-    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.12, 0.0, 0.0]), 3.0), watch=landings)
+    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.12, 0.0, 0.0]), 2.4), watch=landings)
     walked = trace.base_position[-1] - trace.base_position[0]
     assert not trace.fell
     assert trace.faults == ()
@@ -88,18 +88,18 @@ def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> Non
 def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
     """These walk 0.094 m/s at most, by the generator's own check."""
     policy = load_policy(f"tripod@{ROBOT.folder / 'fast.yaml'}", ROBOT)
-    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.25, 0.0, 0.0]), 3.0))
+    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.25, 0.0, 0.0]), 2.4))
     assert not trace.fell
     assert trace.faults == ()
-    late = trace.time_s > 2.0
+    late = trace.time_s > 1.4
     assert trace.base_velocity[late, 0].mean() > 0.19
     assert abs(trace.base_velocity[late, 1].mean()) < 0.02
     assert trace.base_position[:, 2].min() > 0.18
 
 
 def test_mpc_walks_on_six_feet() -> None:
-    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), Episode(lambda _: np.array([0.15, 0.0, 0.0]), 2.5))
+    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), Episode(lambda _: np.array([0.15, 0.0, 0.0]), 2.0))
     assert not trace.fell
     assert trace.faults == ()
-    assert trace.base_velocity[100:, 0].mean() == pytest.approx(0.15, abs=0.04)
+    assert trace.base_velocity[trace.time_s > 1.2, 0].mean() == pytest.approx(0.15, abs=0.04)
     assert trace.base_position[:, 2].min() > 0.18

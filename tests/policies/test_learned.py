@@ -1,4 +1,4 @@
-"""A learned policy from readings to joint targets, with a network that answers to everything it sees."""
+"""A learned policy from readings to joint targets, with a network that depends on every input."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -61,6 +61,15 @@ def test_history_begins_with_the_first_reading(policy: LearnedPolicy, contract: 
     policy.act(seen)
     gyro = contract.observation[0].scale * seen.sensed.gyro
     np.testing.assert_allclose(policy.observed[:6], [*gyro, *gyro], rtol=1e-6)
+
+
+def test_the_last_action_is_observed(policy: LearnedPolicy) -> None:
+    seen = observations(1)
+    policy.reset(seen[0])
+    policy.act(seen[0])
+    taken = policy.action.copy()
+    policy.act(seen[1])
+    np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)
 
 
 def test_the_clock_starts_at_zero_and_runs_at_the_gaits_frequency(policy: LearnedPolicy) -> None:
@@ -131,24 +140,30 @@ def write_graph(
     contract: Contract,
     inputs: Sequence[tuple[str, int]],
     outputs: Sequence[tuple[str, int]],
-    **properties: str,
+    takes: str = "FLOAT",
+    answers: str = "FLOAT",
 ) -> Path:
-    """A network whose outputs are zero, with as many inputs and outputs, by name and size, as wanted."""
-    helper, number = onnx.helper, onnx.TensorProto.FLOAT
+    """A network whose outputs are zero, with these inputs and outputs, by name and size, and their types."""
+    helper, given, found = onnx.helper, getattr(onnx.TensorProto, takes), getattr(onnx.TensorProto, answers)
     first, size = inputs[0]
+    number = np.float64 if takes == "DOUBLE" else np.float32
+    nodes, weights = [], []
+    for name, count in outputs:
+        nodes += [
+            helper.make_node("MatMul", [first, f"to_{name}"], [f"raw_{name}"]),
+            helper.make_node("Cast", [f"raw_{name}"], [name], to=found),
+        ]
+        weights.append(onnx.numpy_helper.from_array(np.zeros((size, count), number), f"to_{name}"))
     graph = helper.make_graph(
-        [helper.make_node("MatMul", [first, f"to_{name}"], [name]) for name, _ in outputs],
+        nodes,
         "zeros",
-        [helper.make_tensor_value_info(name, number, ["batch", count]) for name, count in inputs],
-        [helper.make_tensor_value_info(name, number, ["batch", count]) for name, count in outputs],
-        [
-            onnx.numpy_helper.from_array(np.zeros((size, count), np.float32), f"to_{name}")
-            for name, count in outputs
-        ],
+        [helper.make_tensor_value_info(name, given, ["batch", count]) for name, count in inputs],
+        [helper.make_tensor_value_info(name, found, ["batch", count]) for name, count in outputs],
+        weights,
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 8
-    helper.set_model_props(model, {CONTRACT_KEY: contract.to_json(), **properties})
+    helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
     onnx.save(model, path)
     return path
 
@@ -203,26 +218,16 @@ class TestFile:
     def test_a_network_of_other_numbers_is_refused(
         self, tmp_path: Path, contract: Contract, go1: Robot, takes: str, answers: str, expected: str
     ) -> None:
-        helper, size = onnx.helper, observation_size(contract)
-        given, found = getattr(onnx.TensorProto, takes), getattr(onnx.TensorProto, answers)
-        number = np.float64 if takes == "DOUBLE" else np.float32
-        graph = helper.make_graph(
-            [helper.make_node("MatMul", ["x", "w"], ["z"]), helper.make_node("Cast", ["z"], ["y"], to=found)],
-            "other_numbers",
-            [helper.make_tensor_value_info("x", given, ["batch", size])],
-            [helper.make_tensor_value_info("y", found, ["batch", 12])],
-            [onnx.numpy_helper.from_array(np.zeros((size, 12), number), "w")],
-        )
-        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
-        model.ir_version = 8
-        helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
-        onnx.save(model, tmp_path / "p.onnx")
+        size = observation_size(contract)
+        path = write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)], takes, answers)
         with pytest.raises(UserError, match=rf"p.onnx: its network {expected}") as caught:
-            LearnedPolicy(tmp_path / "p.onnx", go1)
+            LearnedPolicy(path, go1)
         assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("number", [np.nan, np.inf])
-    def test_one_bad_number(self, tmp_path: Path, contract: Contract, go1: Robot, number: float) -> None:
+    def test_a_network_that_returns_nan_or_infinity_is_refused(
+        self, tmp_path: Path, contract: Contract, go1: Robot, number: float
+    ) -> None:
         weights = np.zeros((observation_size(contract), 12), np.float32)
         weights[5, 7] = number
         with pytest.raises(UserError, match=r"p.onnx: its network returns NaN or infinity"):
@@ -235,12 +240,3 @@ class TestFile:
         assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
         assert options.log_severity_level == 4
         assert policy._session.get_providers() == ["CPUExecutionProvider"]
-
-
-def test_it_sees_the_action_that_it_took_last(policy: LearnedPolicy, contract: Contract) -> None:
-    seen = observations(1)
-    policy.reset(seen[0])
-    policy.act(seen[0])
-    taken = policy.action.copy()
-    policy.act(seen[1])
-    np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)

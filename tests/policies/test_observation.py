@@ -48,7 +48,7 @@ def history(inputs: list[Inputs], contract: Contract, xp) -> object:
 
 
 @pytest.mark.parametrize("shape", [(), BATCH])
-def test_numpy_and_jax_agree_with_history(contract: Contract, shape: tuple[int, ...]) -> None:
+def test_numpy_and_jax_agree_on_observation_and_target(contract: Contract, shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)
     inputs = [random_inputs(rng, shape) for _ in range(STEPS)]
     ours = history(inputs, contract, np)
@@ -56,6 +56,10 @@ def test_numpy_and_jax_agree_with_history(contract: Contract, shape: tuple[int, 
     assert ours.dtype == np.float32
     assert ours.shape == (*shape, observation_size(contract))
     np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=2e-7)
+    action, phase, command = (rng.normal(size=(*shape, k)).astype(np.float32) for k in (12, 1, 3))
+    ours = joint_target(action, phase, command, contract)
+    theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
+    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -67,53 +71,32 @@ def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str
     np.testing.assert_array_equal(scaled, 2.0 * plain)
 
 
-def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contract) -> None:
-    seen = replace(contract, observation=(Term("joint_position"),))
-    inputs = random_inputs(np.random.default_rng(5))
-    at_rest = inputs._replace(
-        readings=inputs.readings | {"joint_position": np.array(contract.default_pose_rad)}
-    )
-    np.testing.assert_array_equal(step_values(at_rest, seen), np.zeros(12))
-
-
-def test_sizes_add_up(contract: Contract) -> None:
+def test_sizes_and_values_of_terms(contract: Contract) -> None:
+    """Joint positions are relative to the default pose."""
     assert size_per_step(contract) == 3 + 3 + 3 + 12 + 12 + 12 + 2
     assert observation_size(contract) == 2 * 3 + 3 + 3 + 3 * 12 + 3 * 12 + 2 * 12 + 2
     assert history_length(contract) == 3
-
-
-def test_unknown_term_is_refused_with_the_known_ones(contract: Contract) -> None:
+    inputs = random_inputs(np.random.default_rng(5))
+    readings = inputs.readings | {"joint_position": np.array(contract.default_pose_rad)}
+    seen = replace(contract, observation=(Term("joint_position"),))
+    np.testing.assert_array_equal(step_values(inputs._replace(readings=readings), seen), np.zeros(12))
     with pytest.raises(UserError, match=r"base_velocity.*gyro"):
         term_size(Term("base_velocity"), contract)
 
 
-def test_joint_target_agrees_between_libraries(contract: Contract) -> None:
-    rng = np.random.default_rng(7)
-    action, phase, command = (rng.normal(size=(4, k)).astype(np.float32) for k in (12, 1, 3))
-    ours = joint_target(action, phase, command, contract)
-    theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
-    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
-
-
 RNG = np.random.default_rng(12)
+COMMAND = np.array([0.3, -0.2, 0.1])
 
 
 class TestObservation:
-    def inputs(self, contract: Contract, scale: float) -> Inputs:
-        rng = np.random.default_rng(int(scale * 10))
-        names = {"gyro": 3, "gravity": 3, "joint_position": 12, "joint_velocity": 12}
-        return Inputs(
-            {name: rng.normal(size=size) for name, size in names.items()},
-            rng.normal(size=12),
-            np.array([0.3, -0.2, 0.1]) * scale,
-            np.array([0.15 * scale]),
-        )
-
     def test_three_frames_by_hand(self, contract: Contract) -> None:
         """Unequal scales and histories; the clock where sine and cosine differ."""
         terms = (Term("joint_velocity", 0.05, 2), Term("clock", 3.0, 1), Term("command", -2.0, 3))
         contract = replace(contract, observation=terms)
-        moments = [self.inputs(contract, scale) for scale in (1.0, 2.0, 3.0)]
+        moments = [
+            random_inputs(RNG)._replace(command=scale * COMMAND, phase=np.array([0.15 * scale]))
+            for scale in (1.0, 2.0, 3.0)
+        ]
         frames = np.zeros((history_length(contract), 12 + 2 + 3))
         for moment in moments:
             frames = push_history(frames, step_values(moment, contract))
@@ -126,11 +109,11 @@ class TestObservation:
                 *(-2.0 * moment.command for moment in moments),
             ]
         )
-        np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-12)
+        np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-6)
 
     def test_a_clock_shows_nothing_while_the_command_is_to_stand(self, contract: Contract) -> None:
         contract = replace(contract, observation=(Term("clock"),))
-        moment = self.inputs(contract, 2.0)
+        moment = random_inputs(RNG)._replace(command=COMMAND, phase=np.array([0.3]))
         angle = 2 * np.pi * 0.3
         np.testing.assert_allclose(step_values(moment, contract), [np.sin(angle), np.cos(angle)])
         still = moment._replace(command=np.array([0.0, 0.05, 0.0]))

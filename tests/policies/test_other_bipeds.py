@@ -1,4 +1,4 @@
-"""Bipeds that nobody built, from contract to bus: one without ankles, one of six hinges a leg and no arms."""
+"""Made-up bipeds from contract to bus: one without ankles, one with six hinges a leg and no arms."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -88,9 +88,7 @@ def test_without_ankles_it_cannot_stand_on_two_balls_and_falls_safely(robots: di
     assert_falls_safely(robot, Stand(robot, replace(config, kp=150.0)))
 
 
-def test_six_hinges_walk_over_the_bus_with_the_settings_of_g1(
-    robots: dict[str, Robot],
-) -> None:
+def test_six_hinges_walk_over_the_bus_with_the_settings_of_g1(robots: dict[str, Robot]) -> None:
     robot = robots["six hinges"]
     policy = Step(robot, controller_settings(load_robot("g1"), "step", StepConfig))
     trace, motors_on = run(robot, policy, (0.2, 0.0, 0.0), 2.7)

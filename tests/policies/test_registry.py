@@ -1,8 +1,8 @@
-"""From a name to a policy, and what a robot has."""
+"""Policies by name, and the controllers and zoo policies of a robot."""
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.machinery import PathFinder
 from pathlib import Path
 
@@ -23,12 +23,7 @@ from footfall.policies.registry import (
 )
 from footfall.robots.description import Robot, available_robots, load_robot
 
-
-def refusal(spec: str, robot: Robot) -> str:
-    with pytest.raises(UserError) as caught:
-        load_policy(spec, robot)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+Refusal = Callable[[str, Robot], str]
 
 
 class TestControllers:
@@ -61,7 +56,7 @@ class TestControllers:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == "[]"
 
-    def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path) -> None:
+    def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path, refusal: Refusal) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
         sections = {name: sections[name] for name in ("stand", "trot")}
@@ -74,19 +69,19 @@ class TestControllers:
         )
         assert "give one of stand, trot, go1-flat," in refusal("dance", robot)
 
-    def test_settings_of_no_controller_are_refused_by_name(self, own_folder: Path) -> None:
-        (own_folder / "controllers.yaml").write_text("tort: {kp: 1.0}")
-        with pytest.raises(UserError, match=r"no controller 'tort': there are stand, mpc"):
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [
+            ("tort: {kp: 1.0}", "no controller 'tort': there are stand, mpc"),
+            ("[stand, trot]", r"controllers\.yaml: expected a section for each controller"),
+        ],
+    )
+    def test_settings_of_no_controller_are_refused(self, own_folder: Path, text: str, complaint: str) -> None:
+        (own_folder / "controllers.yaml").write_text(text)
+        with pytest.raises(UserError, match=complaint):
             controllers_of(load_robot(own_folder))
 
-    def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
-        settings = own_folder / "controllers.yaml"
-        settings.write_text("[stand, trot]")
-        assert (
-            refusal("stand", load_robot(own_folder)) == f"{settings}: expected a section for each controller"
-        )
-
-    def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
+    def test_one_gait_stands_for_all_in_comparisons(self, go1: Robot) -> None:
         assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
         assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod", "mpc"]
 
@@ -139,7 +134,9 @@ class TestOwn:
             ("typo:Sway", "importing 'typo': SyntaxError: invalid syntax (typo.py, line 1)"),
         ],
     )
-    def test_no_policy_is_one_line(self, go1: Robot, tmp_path: Path, spec: str, words: str) -> None:
+    def test_a_class_that_is_no_policy_is_refused_in_one_line(
+        self, go1: Robot, tmp_path: Path, spec: str, words: str, refusal: Refusal
+    ) -> None:
         assert words.format(folder=tmp_path) in refusal(spec, go1)
 
 
@@ -154,39 +151,30 @@ class TestLearned:
         write_policy(onnx, folder / "policy.onnx", go1.folder)
         return folder
 
-    def test_a_run_goes_by_its_name(self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_run_goes_by_its_name_and_a_file_by_its_stem(
+        self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         assert load_policy(str(run), go1).name == "tuesday"
         assert load_policy(f"{run}/", go1).name == "tuesday"
         monkeypatch.chdir(run)
         assert load_policy(".", go1).name == "tuesday"
-
-    def test_a_file_is_a_policy_whatever_it_is_called(self, run: Path, go1: Robot) -> None:
         renamed = (run / "policy.onnx").rename(run / "gentle.bin")
         assert load_policy(str(renamed), go1).name == "gentle"
 
-    def test_one_of_another_robots_zoo_does_not_fit(self, go1: Robot) -> None:
+    def test_a_zoo_policy_of_another_robot_is_refused(self, go1: Robot, refusal: Refusal) -> None:
         assert "does not fit robot 'go1': robot: policy has hexapod" in refusal("hexapod-flat", go1)
 
 
-class TestWhatIsNoPolicy:
-    def test_nothing_named(self, go1: Robot) -> None:
-        assert refusal("", go1).startswith("the policy's name is empty: give one of stand, trot, ")
-
-    def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
-        assert refusal(str(tmp_path), go1) == (
-            f"no policy in {tmp_path}: it is not a run folder of 'footfall train'"
-        )
-
-    def test_a_run_without_a_checkpoint_goes_on(self, go1: Robot, tmp_path: Path) -> None:
-        (tmp_path / "run.yaml").touch()
-        (tmp_path / "checkpoints").mkdir()
-        assert f"continue it with 'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
-
-    def test_a_run_with_a_checkpoint_can_be_exported(self, go1: Robot, tmp_path: Path) -> None:
-        (tmp_path / "run.yaml").touch()
-        (tmp_path / "checkpoints").mkdir()
-        (tmp_path / "checkpoints" / "00000010.ckpt").touch()
-        assert f"make it with 'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
+def test_a_folder_without_a_policy_is_refused_with_what_makes_one(
+    go1: Robot, tmp_path: Path, refusal: Refusal
+) -> None:
+    assert "give one of stand, trot, " in refusal("", go1)
+    assert f"no policy in {tmp_path}" in refusal(str(tmp_path), go1)
+    (tmp_path / "run.yaml").touch()
+    (tmp_path / "checkpoints").mkdir()
+    assert f"'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
+    (tmp_path / "checkpoints" / "00000010.ckpt").touch()
+    assert f"'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
 
 
 def test_a_robots_whole_name_counts(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

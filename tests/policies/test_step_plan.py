@@ -75,13 +75,13 @@ class TestNextStep:
         end = self.nominal.place + self.nominal.offset
         return end * math.exp(-RATE * (STEP_S - elapsed_s))
 
-    def test_undisturbed_it_is_the_nominal_one(self) -> None:
+    def test_an_undisturbed_step_is_the_nominal_one(self) -> None:
         step = self.decide(self.steady(0.2), pressure=(0.0, 0.0))
         np.testing.assert_allclose(step.place, self.nominal.place, atol=1e-6)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2, abs=1e-6)
 
     @pytest.mark.parametrize("push", [(0.03, 0.0), (-0.04, 0.01), (0.0, -0.02), (0.02, 0.015)])
-    def test_disturbed_it_is_the_best_of_all(self, push: tuple[float, float]) -> None:
+    def test_a_disturbed_step_minimises_the_cost(self, push: tuple[float, float]) -> None:
         capture = self.steady(0.2) + np.array(push)
         step = self.decide(capture)
         away = capture - np.array([0.01, 0.0])
@@ -115,13 +115,13 @@ class TestNextStep:
     def test_the_right_foot_lands_as_far_out_or_in_as_it_can(self, push: float, left: float) -> None:
         assert self.decide(self.steady(0.2) + np.array([0.0, push])).place[1] == pytest.approx(left)
 
-    def test_a_foot_far_from_its_place_takes_the_time_that_its_way_takes(self) -> None:
+    def test_a_foot_far_from_its_foothold_takes_longer(self) -> None:
         hurried = self.steady(0.2) + np.array([0.25, 0.0])
         assert self.decide(hurried).remaining_s == pytest.approx(0.2)
         assert self.decide(hurried, way_m=0.45).remaining_s == pytest.approx(0.3)
         assert self.decide(hurried, elapsed_s=0.6, way_m=0.0).remaining_s == pytest.approx(0.05)
 
-    def test_numbers_that_are_none_leave_the_nominal_step(self) -> None:
+    def test_nan_leaves_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))
         assert isinstance(self.nominal, NominalStep)
         np.testing.assert_array_equal(step.place, self.nominal.place)
@@ -137,7 +137,7 @@ class TestSwing:
             [swing.advance(goals[k * len(goals) // ticks], 0.5 - k * 0.002, 0.002) for k in range(ticks)]
         )
 
-    def test_it_lands_at_rest_where_it_shall(self) -> None:
+    def test_a_swing_lands_at_rest_at_its_goal(self) -> None:
         goal = np.array([0.25, 0.15, -0.2])
         flight = self.fly([goal])
         np.testing.assert_allclose(flight[-1, 0, [0, 1, 3]], goal, atol=2e-3)

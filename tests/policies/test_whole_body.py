@@ -122,7 +122,7 @@ class TestDynamics:
         )
 
     @pytest.mark.parametrize("name", ROBOTS)
-    def test_points_accelerate_as_jacobian_and_drift_say(self, name: str) -> None:
+    def test_points_accelerate_by_jacobian_and_drift(self, name: str) -> None:
         """Against differences of where the same points of the links are, in the world."""
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
         dynamics = BODIES[name].update(motion)
@@ -187,12 +187,12 @@ class TestBaseTilt:
     def tilt(self, base: Rotation, *headings: float) -> np.ndarray:
         return base_tilt(base.as_quat(scalar_first=True), self.feet(*headings))
 
-    def test_its_yaw_is_counted_from_the_feet_wherever_they_head(self) -> None:
+    def test_its_yaw_is_relative_to_the_feet(self) -> None:
         """A base at 1.3 rad on feet at 1.0 rad, toes out by 0.2 rad, has turned left by 0.3 rad."""
         base = Rotation.from_rotvec([0.0, 0.0, 1.3])
         np.testing.assert_allclose(self.tilt(base, 1.2, 0.8), [0.0, 0.0, 0.3], atol=1e-12)
 
-    def test_roll_and_pitch_are_the_bodys_wherever_it_heads(self) -> None:
+    def test_its_roll_and_pitch_are_in_the_body_frame(self) -> None:
         """sin 0.1 of roll, in axes that head to the left of the world's by 2 rad, as the feet do."""
         base = Rotation.from_euler("ZYX", [2.0, 0.0, 0.1])
         np.testing.assert_allclose(self.tilt(base, 2.0, 2.0), [np.sin(0.1), 0.0, 0.0], atol=1e-12)
@@ -235,7 +235,7 @@ class TestStanding:
         np.testing.assert_allclose(left[:6], 0.0, atol=1e-6)
         np.testing.assert_allclose(left[6:], torque, atol=1e-6)
 
-    def test_a_foot_that_may_not_press_bears_nothing(self) -> None:
+    def test_a_foot_with_a_force_limit_of_zero_bears_nothing(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
         force, acceleration, _ = solved(G1, dynamics, STILL["g1"], most_force=most)
@@ -340,7 +340,7 @@ class TestJoints:
     def control(self, **joints: float) -> WholeBodyControl:
         return WholeBodyControl(G1, replace(CONFIG, joints=replace(CONFIG.joints, **joints)), dt_s=0.004)
 
-    def test_a_command_is_one_of_its_own_gains_and_references(self) -> None:
+    def test_a_command_carries_the_configured_gains_and_the_references(self) -> None:
         control = self.control(kp=7.0, kd=2.0)
         told = control.command(
             standing(BODIES["g1"], G1), G1.default_pose, np.zeros(12), STILL["g1"], np.full(8, 300.0)
@@ -380,7 +380,7 @@ class TestTicksWithoutSolution:
         return control.command(self.dynamics, G1.default_pose, np.zeros(12), wanted, np.full(8, 300.0))
 
     @pytest.mark.parametrize("why", SPOILED)
-    def test_without_a_solution_the_torques_fade_into_damping_and_the_run_is_told(self, why: str) -> None:
+    def test_without_a_solution_the_torques_fade_into_damping_with_a_note(self, why: str) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
         good = self.command(control)
         assert np.abs(good.torque).max() > 3.0
@@ -397,7 +397,7 @@ class TestTicksWithoutSolution:
         with pytest.raises(NoSolutionError, match=r"0\.02 s"):
             self.command(control)
 
-    def test_one_solution_between_lapses_begins_them_anew(self) -> None:
+    def test_one_solution_resets_the_count_of_unsolved_ticks(self) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
         sound, unsolvable = control.solver, contradicting(BoundedSolver())
         for solver in [unsolvable] * 4 + [sound] + [unsolvable] * 4:

@@ -25,7 +25,7 @@ def test_the_memory_does_not_depend_on_the_length_of_steps() -> None:
     np.testing.assert_allclose(memory, once, rtol=1e-12)
 
 
-def test_both_directions_are_alike_and_rest_stays_rest() -> None:
+def test_the_net_is_odd_in_its_inputs_and_zero_at_rest() -> None:
     one, other = (learned_torque(NET, sign * INPUT, sign * MEMORY, 0.001).torque for sign in (1.0, -1.0))
     np.testing.assert_allclose(one, -other)
     assert (np.abs(one) <= NET.limit).all()

@@ -81,5 +81,5 @@ def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> No
         {"anchor": np.zeros((4, 3)), "axis": np.array([[1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0]])},
     ],
 )
-def test_limbs_of_another_kind_have_none(change: dict) -> None:
+def test_limbs_of_another_kind_have_no_closed_form(change: dict) -> None:
     assert closed_form(limb()._replace(**change), limb().tip) is None

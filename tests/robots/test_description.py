@@ -1,4 +1,4 @@
-"""What load_robot refuses, in one line each, and what follows from a description."""
+"""Refusals of load_robot in one line each, and figures derived from a description."""
 
 from pathlib import Path
 
@@ -177,7 +177,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
     assert robot.digest != go1.digest
 
 
-def test_each_joint_has_its_own_figures_whatever_else_the_file_moves(own_folder: Path, go1: Robot) -> None:
+def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder: Path, go1: Robot) -> None:
     """Joints listed backwards, a tail between the legs that no motor moves, no two joints alike."""
     xml, declaration = own_folder / "robot.xml", own_folder / "robot.yaml"
     tail = '<body name="tail"><joint name="tail" range="-9 9" frictionloss="8" damping="7" armature="6"/>'

@@ -1,4 +1,4 @@
-"""What a robot's digest counts: how it moves, whichever files say so, and nothing else."""
+"""The digest changes with a robot's physics and with nothing else."""
 
 import re
 from pathlib import Path
@@ -88,7 +88,7 @@ COUNTED = (
 )
 
 
-def test_what_counts(own_folder: Path) -> None:
+def test_the_digest_counts_physics_and_ignores_names_and_looks(own_folder: Path) -> None:
     assert [row for row in NOT_COUNTED if changes(own_folder, *row)] == []
     assert [row for row in COUNTED if not changes(own_folder, *row)] == []
 
@@ -218,7 +218,7 @@ def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) 
         assert changes(own_folder, "robot.xml", old, new), new
 
 
-def test_whose_part_a_body_is_counts(own_folder: Path) -> None:
+def test_the_digest_counts_the_parent_of_a_body(own_folder: Path) -> None:
     """The second part of a tail, at the same place on the first one as it was on the tail."""
     edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
     before = load_robot(own_folder).digest

@@ -1,4 +1,4 @@
-"""Which geoms of another maker's model are the feet."""
+"""Geoms of another maker's model that are the feet."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -48,7 +48,7 @@ def test_a_foot_without_a_name_is_found_among_the_others(go1: Robot) -> None:
     assert model.geom_type[feet[REAR_RIGHT]] == SPHERE
 
 
-def test_what_cannot_touch_anything_is_no_foot_however_near(go1: Robot) -> None:
+def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
     """A drawn cap at the very place where the foot should be; the foot itself is 1 cm off."""
 
     def cap(foot: mujoco.MjsGeom) -> None:
@@ -60,7 +60,7 @@ def test_what_cannot_touch_anything_is_no_foot_however_near(go1: Robot) -> None:
     assert model.geom_contype[found] or model.geom_conaffinity[found]
 
 
-def test_what_is_a_quarter_of_the_shank_away_is_no_foot(go1: Robot) -> None:
+def test_a_geom_a_quarter_of_a_shank_away_is_no_foot(go1: Robot) -> None:
     """It is 0.213 m long: 0.05 m are near enough, 0.06 m are not."""
     for away_m, found in ((0.05, 1), (0.06, 0)):
 

@@ -1,4 +1,4 @@
-"""The gaits of the hexapod: their mirror images, and why its tripods are what they are."""
+"""The gaits of the hexapod: mirror images and stability."""
 
 from itertools import combinations
 

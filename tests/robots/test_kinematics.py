@@ -1,4 +1,4 @@
-"""Leg kinematics of shipped robots against MuJoCo; tests/robots/test_limb.py holds what any limb must do."""
+"""Leg kinematics of shipped robots against MuJoCo; test_limb.py tests limbs of any kind."""
 
 import re
 from pathlib import Path
@@ -88,7 +88,7 @@ class TestLoad:
         assert np.abs(slope).max() > 0.1
         np.testing.assert_allclose(legs.holding_torque(pose, felt), legs.gather(slope), atol=1e-5)
 
-    def test_it_is_of_the_pose_that_is_asked_about(self) -> None:
+    def test_turns_and_torques_belong_to_the_given_pose_despite_caches(self) -> None:
         """Whatever was worked out in between, also by the way back that goes by MuJoCo."""
         robot = load_robot("g1")
         legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
@@ -124,7 +124,7 @@ class TestRolling:
                 expected = np.cross(pose.axes[leg, :, joint], -LEGS.foot_radius[leg] * up)
                 np.testing.assert_allclose(offset[leg, :, joint], expected, atol=1e-12)
 
-    def test_the_answer_that_is_kept_is_that_of_these_axes_and_this_vertical(self) -> None:
+    def test_a_cached_rolling_offset_belongs_to_its_arguments(self) -> None:
         level, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
         axes = LEGS.pose(ROBOT.default_pose).axes
         once = LEGS.rolling_offset(axes, level).copy()

@@ -1,4 +1,4 @@
-"""Which leg each body belongs to."""
+"""The leg that each body belongs to."""
 
 import mujoco
 import numpy as np
@@ -20,7 +20,7 @@ BODIES = """
 </body></worldbody></mujoco>"""
 
 
-def test_a_leg_is_what_its_own_joints_move() -> None:
+def test_a_leg_consists_of_the_bodies_that_only_its_joints_move() -> None:
     model = mujoco.MjModel.from_xml_string(BODIES)
     legs = leg_of_bodies(model, [("twist", "left_hip", "knee"), ("twist", "right_hip")])
     by_name = {model.body(body).name: leg for body, leg in enumerate(legs.tolist())}

@@ -1,4 +1,4 @@
-"""Legs that meet in training: which pairs the shipped robots declare, and when they touch."""
+"""Pairs of legs that collide in training, of the shipped robots."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Limbs of any kind: both forms agree, there and back, within limits, finite out of reach."""
+"""Limbs of any kind: inverse against forward kinematics, limits, places out of reach."""
 
 from pathlib import Path
 
@@ -65,7 +65,9 @@ class TestBothForms:
 class TestAnyLimb:
     @settings(max_examples=25)
     @given(data=st.data())
-    def test_there_and_back(self, robots: dict[str, Robot], kind: str, data: st.DataObject) -> None:
+    def test_inverse_kinematics_inverts_forward_kinematics(
+        self, robots: dict[str, Robot], kind: str, data: st.DataObject
+    ) -> None:
         """Another pose may come back where hinges are more than needed; the place is the same."""
         robot = robots[kind]
         legs = robot.legs
@@ -77,7 +79,9 @@ class TestAnyLimb:
 
     @settings(max_examples=25)
     @given(data=st.data())
-    def test_any_place_has_a_pose(self, robots: dict[str, Robot], kind: str, data: st.DataObject) -> None:
+    def test_any_place_gives_finite_angles_within_the_limits(
+        self, robots: dict[str, Robot], kind: str, data: st.DataObject
+    ) -> None:
         robot = robots[kind]
         places = data.draw(arrays(float, (robot.legs.count, 3), elements=st.floats(-2.0, 2.0)))
         angles = robot.legs.scatter(robot.legs.solve(places), robot.default_pose)
@@ -198,7 +202,7 @@ def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path
     np.testing.assert_allclose(moved[1, :, 0], [0.1, 0.0, 0.3], atol=1e-3)
 
 
-def test_one_limb_of_a_kind_beside_another_leaves_both_as_they_are(tmp_path: Path) -> None:
+def test_a_limb_is_solved_alike_with_and_without_other_limbs(tmp_path: Path) -> None:
     """A limb's solution does not depend on which others the robot has."""
     alone: list[Leg] = [four_hinge_leg("e", -0.02, 0.14)]
     one = write_robot(tmp_path / "one", alone).legs

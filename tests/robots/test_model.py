@@ -1,4 +1,4 @@
-"""The models derived from the one MJCF: what training leaves out, what the plant keeps."""
+"""Models derived from the one MJCF, for training and for the plant."""
 
 import re
 from dataclasses import replace
@@ -171,7 +171,7 @@ def laden(own_folder: Path) -> Robot:
     return load_robot(own_folder)
 
 
-def test_training_needs_nothing_of_what_a_file_may_hold(laden: Robot) -> None:
+def test_a_training_model_drops_actuators_sensors_and_options(laden: Robot) -> None:
     model = training_model(laden, timestep_s=0.004)
     assert (model.nu, model.nsensor, model.nkey, model.ngeom) == (0, 0, 0, 9)
     options, kinds = model.opt, mujoco
@@ -314,7 +314,7 @@ def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Pat
     assert [found[model.geom(foot.geoms[0]).id] for foot in robot.description.feet] == pytest.approx(expected)
 
 
-def test_feet_that_a_plant_lacks_or_names_otherwise_are_told_of(go1: Robot, tmp_path: Path) -> None:
+def test_feet_that_a_plant_lacks_or_renames_are_noted(go1: Robot, tmp_path: Path) -> None:
     foot = '<geom name="{}_foot" class="foot"/>'
     changes = [
         (foot.format("FR"), ""),
@@ -341,7 +341,7 @@ def test_feet_that_a_plant_lacks_or_names_otherwise_are_told_of(go1: Robot, tmp_
     ],
     ids=["texture", "height field"],
 )
-def test_what_would_end_the_compiler_is_refused(tmp_path: Path, asset: str) -> None:
+def test_assets_too_large_for_the_compiler_are_refused(tmp_path: Path, asset: str) -> None:
     (tmp_path / "robot.xml").write_text(f"<mujoco><asset>{asset}</asset></mujoco>")
     with pytest.raises(UserError, match=r"'big' has [\d,]+ points"):
         load_spec(tmp_path / "robot.xml")

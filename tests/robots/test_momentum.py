@@ -29,7 +29,7 @@ def test_both_parts_are_filtered_alike(ticks: int) -> None:
     assert sum(after(ticks, outside=-3.0, acceleration=1.5)) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_turned_before_is_no_acceleration() -> None:
+def test_a_constant_velocity_is_no_acceleration() -> None:
     observer = MomentumObserver(INERTIA, FILTER_S)
     observer.reset(np.zeros((1, 1)), np.array([[7.0]]))
     assert observer.update(np.zeros((1, 1)), np.array([[7.0]]), DT_S).tolist() == [[[0.0, 0.0]]]
@@ -43,7 +43,7 @@ def test_the_upward_part_of_the_force_at_the_foot() -> None:
     np.testing.assert_allclose(force, [[3.6, 36.0]], rtol=2e-5)
 
 
-def test_a_force_that_no_torque_tells_of_is_none() -> None:
+def test_a_force_that_no_torque_depends_on_is_zero() -> None:
     """A limb that lies along z and slides across it only."""
     flat = np.diag([1.0, 1.0, 0.0])[None]
     assert upward_force(flat, np.ones((1, 3, 1)), np.array([0.0, 0.0, 1.0])).tolist() == [[0.0]]

@@ -136,7 +136,7 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
     assert 0.2 < np.mean(seen) < 0.9
 
 
-def test_a_lag_of_zero_is_none() -> None:
+def test_a_lag_of_zero_has_no_effect() -> None:
     mean, end = lagged(np.array([7.0]), np.array([-3.0]), lag_over(np.array([0.0]), 0.005))
     assert mean == pytest.approx(7.0, abs=1e-4)
     assert end == pytest.approx(7.0, abs=1e-12)

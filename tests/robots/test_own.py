@@ -1,4 +1,4 @@
-"""A robot of the user's own: another folder, other names, another joint order; nothing else changes."""
+"""A robot of the user's own: other names, another joint order."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Readings: what was sensed, end to end in a vector and back."""
+"""Readings as a dictionary and as one vector."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def test_a_policy_may_know_four_readings() -> None:
     assert [name for name, each in READINGS.items() if each.unit_length] == ["gravity"]
 
 
-def test_they_lie_end_to_end_and_come_apart_again() -> None:
+def test_a_vector_of_readings_is_split_into_the_same_readings() -> None:
     seen = read(SENSED)
     vector = as_vector(seen)
     assert readings_size(2) == len(vector) == 10

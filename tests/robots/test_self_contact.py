@@ -1,4 +1,4 @@
-"""Where a robot can touch itself in training is where it can on the simulated robot."""
+"""Self-contacts in training are those of the simulated robot."""
 
 import mujoco
 import numpy as np

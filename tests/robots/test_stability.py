@@ -1,4 +1,4 @@
-"""The bound on stiffness and damping is where simulations of the robot begin to grow."""
+"""The bound on stiffness and damping is the one at which simulations become unstable."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The standing height: where the feet touch, and refused where they do not."""
+"""The standing height is the one at which the feet touch."""
 
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def odd(own_folder: Path) -> Robot:
     return load_robot(own_folder)
 
 
-def test_the_rigid_body_is_what_mujoco_sees_turn_and_move_as_one(odd: Robot) -> None:
+def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
     """Its momenta about each axis in the default pose; the gate is no part of the robot."""
     model = load_spec(odd.xml_path).compile()
     data = in_default_pose(model, odd.description)
@@ -123,7 +123,7 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
         assert np.abs(data.qfrc_inverse[base]).max() > 0.1
 
 
-def test_a_box_around_the_base_holds_what_can_touch(go1: Robot, own_folder: Path) -> None:
+def test_a_box_around_the_base_holds_all_its_colliding_geoms(go1: Robot, own_folder: Path) -> None:
     """Its trunk reaches 0.13, 0.09 and 0.05 m; a ball at its nose and a wedge below go farther."""
     text = (own_folder / "robot.xml").read_text()
     box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'

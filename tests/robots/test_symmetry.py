@@ -1,4 +1,4 @@
-"""Left and right: partners by place, the kinds of numbers in a mirror, what is refused."""
+"""Mirror images of joints, feet, bodies and quantities."""
 
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def test_a_trunk_that_its_file_starts_turned_is_as_symmetric(own_folder: Path, g
         np.testing.assert_array_equal(np.ravel(ours), np.ravel(theirs))
 
 
-def test_an_axis_the_other_way_round_changes_the_sign(own_folder: Path, go1: Robot) -> None:
+def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
     """Left thighs that count backwards: their partners' images have the other sign."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
@@ -117,7 +117,7 @@ def test_an_axis_the_other_way_round_changes_the_sign(own_folder: Path, go1: Rob
         ('mass="5.204" pos="0.0223 0.002', 'mass="5.204" pos="0.0223 0.02', "body trunk has no mirror image"),
     ],
 )
-def test_what_has_no_image_is_named(own_folder: Path, old: str, new: str, says: str) -> None:
+def test_a_part_without_a_mirror_image_is_named(own_folder: Path, old: str, new: str, says: str) -> None:
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     assert old in text

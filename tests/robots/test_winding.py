@@ -70,7 +70,7 @@ class TestModel:
         cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
         np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
 
-    def test_without_derating_heat_takes_nothing(self, go1: Robot) -> None:
+    def test_without_derating_heat_takes_no_torque(self, go1: Robot) -> None:
         winding = winding_of(warm(go1, derating_c=None))
         np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
 
@@ -95,7 +95,7 @@ class TestDeclaration:
         with pytest.raises(UserError, match=complaint):
             load_robot(own_folder)
 
-    def test_what_is_drawn_needs_the_model(self, go1: Robot) -> None:
+    def test_a_drawn_winding_temperature_needs_a_thermal_model(self, go1: Robot) -> None:
         with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
             walk(go1, {"winding_rise_k": np.full(N, 10.0)})
         config = replace(CONFIG, randomisation=Randomisation(winding_rise_k=Distribution(0.0, 50.0)))
@@ -136,7 +136,7 @@ class TestBehindTheBus:
         rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
         np.testing.assert_allclose(motors.winding_c, 10.0 + rise, rtol=1e-9)
 
-    def test_a_hot_motor_gives_what_derating_leaves(self, heated: Robot) -> None:
+    def test_a_hot_motor_delivers_its_derated_torque(self, heated: Robot) -> None:
         motors = self.motors(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current
         given = self.held(motors, 100.0, STEP_S)
         np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)

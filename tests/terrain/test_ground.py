@@ -119,7 +119,7 @@ def test_height_maps_lie_as_their_axes_say(tmp_path: Path) -> None:
         assert ground.heights.max() == pytest.approx(0.2, abs=0.01)
 
 
-def test_what_is_no_ground_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_a_malformed_ground_is_refused_in_one_line(tmp_path: Path) -> None:
     np.save(tmp_path / "flat.npy", np.zeros(4))
     np.save(tmp_path / "nan.npy", np.full((4, 4), np.nan))
     (tmp_path / "bad.png").write_text("no picture")

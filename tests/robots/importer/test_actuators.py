@@ -50,7 +50,7 @@ def test_motors_beyond_their_rated_torque_are_reported(tmp_path: Path) -> None:
     assert "of 3 N m" in warning
 
 
-def test_a_negative_torque_counts_as_much(tmp_path: Path) -> None:
+def test_a_negative_torque_counts_by_its_magnitude(tmp_path: Path) -> None:
     """The knee of one leg turns about the opposite axis."""
     heavy = quadruped().replace('value="5.3"', 'value="9.3"')
     knee = re.search(r'<joint name="FL_knee".*?</joint>', heavy, re.DOTALL)

@@ -68,7 +68,7 @@ class TestScaled:
         assert settings["pressure"]["half_length_m"] == pytest.approx(0.0375, rel=1e-3)
         assert settings["pressure"]["half_width_m"] == pytest.approx(0.00625, rel=1e-2)
 
-    def test_a_biped_on_two_points_steps_at_once_and_faster_and_is_not_asked_to_stand(self) -> None:
+    def test_a_biped_on_two_points_steps_at_once_and_faster_and_has_no_stand(self) -> None:
         soles = Size(33.3411, 0.7720737, 0.7720737, 0.237014, 0.17, 0.06)
         points = scaled_controllers(soles._replace(sole_length_m=2e-3, sole_width_m=2e-3), 2, 0.0).sections
         assert list(points) == ["step"]

@@ -93,7 +93,7 @@ class TestWhatIsMade:
         robot, _ = make(tmp_path, either, "xml")
         assert robot.default_pose[robot.joint_index("left_knee")] > 0.2
 
-    def test_knees_that_bend_backward_are_told(self, tmp_path: Path) -> None:
+    def test_knees_that_bend_backward_are_noted(self, tmp_path: Path) -> None:
         """On two legs they are likely those of a model whose x axis points backward."""
         backward = BIPED_MJCF.replace('range="0 2.2"', 'range="-2.2 0"').replace("-1.8 0.6", "-0.6 1.8")
         _, made = make(tmp_path, backward, "xml")
@@ -147,7 +147,9 @@ class TestWhatIsMade:
         excluded = re.findall(r'<exclude body1="(\w+)" body2="(\w+)"', robot.xml_path.read_text())
         assert excluded == [("FL_thigh", "FR_thigh")]
 
-    def test_guesses_are_told(self, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: None) -> None:
+    def test_guesses_are_printed(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: None
+    ) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         assert main(["robot", "new", "--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]) == 0
         told = capsys.readouterr().out
@@ -218,7 +220,7 @@ class TestRefusals:
             ),
         ],
     )
-    def test_of_a_file_that_is_no_legged_machine(
+    def test_a_file_without_a_legged_robot(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, reason: str
     ) -> None:
         (tmp_path / "m.xml").write_text(text)
@@ -228,7 +230,7 @@ class TestRefusals:
         assert complaint.count("\n") == 1
         assert [path.name for path in tmp_path.iterdir()] == ["m.xml"]
 
-    def test_of_a_folder_that_exists(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_an_existing_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         (tmp_path / "mine").mkdir()
         (tmp_path / "mine/robot.yaml").write_text("precious")
@@ -248,7 +250,7 @@ class TestRefusals:
             ("--feet", "FL_shank,trunk", "no end of a limb is 'trunk'"),
         ],
     )
-    def test_of_wishes_that_fit_nothing(
+    def test_options_that_match_no_joint_or_link(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, value: str, reason: str
     ) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
@@ -298,7 +300,7 @@ class TestCreate:
         assert load_robot(made.folder).name == "my_dog-2_x"
         assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
 
-    def test_what_cannot_be_loaded_is_not_left_behind(self, tmp_path: Path) -> None:
+    def test_a_robot_that_cannot_be_loaded_leaves_no_folder(self, tmp_path: Path) -> None:
         """Joints of so much damping that the plant's steps cannot follow it."""
         request = self.request(tmp_path)
         request.source.write_text(quadruped().replace('damping="0.1', 'damping="900.1'))
@@ -306,7 +308,7 @@ class TestCreate:
             import_robot(request)
         assert [path.name for path in tmp_path.iterdir()] == ["m.urdf"]
 
-    def test_torques_that_no_frame_carries_are_told_of(self, tmp_path: Path) -> None:
+    def test_torques_beyond_every_protocol_are_noted(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, peak_torque_nm={"FL_knee": 900.0}))
         assert "no protocol has the ranges of FL_knee: the widest was taken" in made.guesses
         plain = import_robot(self.request(tmp_path, "plain"))

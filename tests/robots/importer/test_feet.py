@@ -23,7 +23,7 @@ from footfall.robots.importer.shapes import Kind, Shape, support
         (["a", "b_c"], ["a", "b_c"]),
     ],
 )
-def test_legs_are_called_by_what_tells_them_apart(ends: list[str], names: list[str]) -> None:
+def test_legs_are_named_by_the_part_of_the_name_that_differs(ends: list[str], names: list[str]) -> None:
     assert leg_names(ends) == names
 
 

@@ -1,4 +1,4 @@
-"""Which limbs of a model are legs."""
+"""Legs among the limbs of a model."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ class TestLimbs:
             *((name, False) for name in ("stoel", "tow_hook", "shank")),
         ],
     )
-    def test_what_is_called_a_foot(self, name: str, called: bool) -> None:
+    def test_names_of_feet_are_recognised(self, name: str, called: bool) -> None:
         assert bool(FOOT_NAME.search(name)) is called
 
     def test_without_names_they_are_those_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ class TestLimbs:
         source = read(tmp_path, text.replace("<worldbody>", crate))
         assert source.model.body(find_limbs(source).base).name == "base"
 
-    def test_an_upper_body_is_refused_unless_its_hands_are_asked_for(self, tmp_path: Path) -> None:
+    def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(self, tmp_path: Path) -> None:
         text = on_base(hanging("left_gripper", 0.1, 0.2), hanging("right_gripper", -0.1, 0.2))
         source = read(tmp_path, text)
         with pytest.raises(UserError, match=r"end in left_gripper, right_gripper, .* --feet"):
@@ -86,7 +86,9 @@ class TestLimbs:
             ('pos="0 -0.1 0"', 'pos="0 -0.1 0.19"', "only one foot, a, found"),
         ],
     )
-    def test_what_cannot_be_driven_is_named(self, tmp_path: Path, old: str, new: str, says: str) -> None:
+    def test_joints_that_cannot_be_driven_are_named(
+        self, tmp_path: Path, old: str, new: str, says: str
+    ) -> None:
         text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
         assert old in text
         with pytest.raises(UserError, match=says):

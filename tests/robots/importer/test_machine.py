@@ -1,4 +1,4 @@
-"""A machine made from a source."""
+"""A machine built from a source."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -75,7 +75,7 @@ class TestMachine:
         along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
         np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
 
-    def test_only_joints_of_the_robot_that_lead_to_no_foot_are_said_to_be_rigid(self, source: Source) -> None:
+    def test_joints_that_lead_to_no_foot_are_noted_as_rigid(self, source: Source) -> None:
         _, guesses = build_machine(source, "odd")
         assert [guess for guess in guesses if "rigid" in guess] == [
             "joints that move no foot are rigid, as near to zero as their ranges allow: arm"
@@ -106,7 +106,7 @@ class TestMachine:
         with pytest.raises(UserError, match="light moves and has no mass"):
             build_machine(read(tmp_path, text), "x")
 
-    def test_links_that_come_after_one_without_mass_keep_their_parents(self, tmp_path: Path) -> None:
+    def test_links_behind_a_massless_link_keep_their_parents(self, tmp_path: Path) -> None:
         light = """<body name="light" pos="0 0.1 0" euler="0.3 0 0">
           <joint name="first" axis="1 0 0" range="-1 1"/>
           <inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>{}</body>"""

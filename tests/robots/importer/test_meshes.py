@@ -1,4 +1,4 @@
-"""Mesh files: which are found and read, and which are refused."""
+"""Mesh files: lookup, formats, refusals."""
 
 from pathlib import Path
 
@@ -90,7 +90,7 @@ class TestMeshFiles:
     @pytest.mark.parametrize(
         "vertices", ["vertex 1 2 nan\nvertex 1 2 3\n", "vertex 1 2 3\n", "vertex a b c\n"]
     )
-    def test_what_holds_no_points_is_refused(self, tmp_path: Path, vertices: str) -> None:
+    def test_a_mesh_without_points_is_refused(self, tmp_path: Path, vertices: str) -> None:
         (tmp_path / "a.stl").write_text(f"solid a\nfacet\n{vertices}")
         with pytest.raises(UserError, match="mesh"):
             read_points(tmp_path / "a.stl", np.ones(3))

@@ -1,4 +1,4 @@
-"""What is read from an MJCF."""
+"""Torques, pose, meshes and names read from an MJCF."""
 
 from pathlib import Path
 
@@ -53,7 +53,7 @@ class TestMjcf:
         np.testing.assert_allclose(points.min(axis=0), [0.8, 2.1, 3.0], atol=1e-6)
         np.testing.assert_allclose(points.max(axis=0), [1.0, 2.4, 3.3], atol=1e-6)
 
-    def test_what_has_no_name_is_given_one_and_a_tree_with_joints_floats(self, tmp_path: Path) -> None:
+    def test_unnamed_parts_get_names_and_the_tree_a_free_joint(self, tmp_path: Path) -> None:
         text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2)).replace("<freejoint/>", "")
         text = text.replace('name="a_joint"', "").replace('name="b_joint"', 'name="floating_base"')
         source = read(tmp_path, text.replace("<worldbody>", '<worldbody><body><geom size="1"/></body>'))

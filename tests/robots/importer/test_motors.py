@@ -64,7 +64,7 @@ class TestDrive:
         assert drive.natural_frequency_hz == 7.5
         assert any("7.5 Hz, at which it should stand" in guess for guess in drive.guesses)
 
-    def test_where_nothing_lets_it_stand_the_usual_stiffness_is_taken_and_told(self, tmp_path: Path) -> None:
+    def test_an_unstable_robot_gets_the_usual_stiffness_and_a_note(self, tmp_path: Path) -> None:
         tipping = Statics(np.zeros(3), np.array([[-1e9]]), np.array([[0.0], [1.0], [0.0]]))
         drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0), tipping)
         assert (drive.natural_frequency_hz, drive.stands) == (8.0, False)
@@ -76,7 +76,7 @@ class TestDrive:
         motors = self.drive(tmp_path, hinges, (20.0, 20.0, 20.0)).motors
         assert [motors[name].friction_speed_rad_s for name in "abc"] == pytest.approx([1.0, 0.2, 0.25])
 
-    def test_speeds_are_as_wished_else_the_files_if_a_motor_has_such(self, tmp_path: Path) -> None:
+    def test_speeds_are_the_users_or_else_plausible_ones_of_the_file(self, tmp_path: Path) -> None:
         drive = self.drive(
             tmp_path, self.HINGES, (20.0,) * 3, wished={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
         )
@@ -87,7 +87,7 @@ class TestDrive:
         unsaid = self.drive(tmp_path, self.HINGES, (20.0,) * 3)
         assert [motor.no_load_speed_rad_s for motor in unsaid.motors.values()] == [30.0] * 3
 
-    def test_that_a_file_says_nothing_of_friction_is_told(self, tmp_path: Path) -> None:
+    def test_missing_friction_is_noted(self, tmp_path: Path) -> None:
         told = "friction and damping of the joints: none, as the file gives none"
         assert told in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
         said = hinge("a", friction=0.1), *self.HINGES[1:]

@@ -1,4 +1,4 @@
-"""Which way a base faces."""
+"""Forward and upward axis of an imported base."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def test_names_tell_the_sides(names: list[str], sides: list[str]) -> None:
 
 
 class TestTurned:
-    def test_a_base_whose_left_legs_are_on_the_right_is_turned_and_that_is_said(self, tmp_path: Path) -> None:
+    def test_a_base_with_left_legs_on_its_right_is_turned_and_the_user_is_told(self, tmp_path: Path) -> None:
         machine, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m")
         assert "-x axis pointing forward" in guesses[0]
         assert "--forward x" in guesses[0]

@@ -40,7 +40,7 @@ class TestPose:
         assert pose.height_m == pytest.approx(0.75 * reach, abs=5e-3)
         assert all(-1.88 <= pose.joints[f"{leg}_knee"] <= -0.52 for leg in ("fl", "fr", "rl", "rr"))
 
-    def test_the_shortest_leg_says_how_low_and_the_longest_how_far(self, tmp_path: Path) -> None:
+    def test_the_shortest_leg_sets_the_height_and_the_longest_the_reach(self, tmp_path: Path) -> None:
         """Hind shanks of 0.25 m; the same search finds the same pose to the last bit."""
         text = walker().replace("0 0 -0.2", "0 0 -0.25")
         for leg in ("fl", "fr"):
@@ -134,7 +134,7 @@ class TestPose:
         np.testing.assert_allclose(legs[0].natural_place(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
         np.testing.assert_allclose(legs[1].natural_place(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
 
-    def test_what_stands_on_three_balls_off_a_line_is_a_sole(self, tmp_path: Path) -> None:
+    def test_three_balls_off_a_line_are_a_sole(self, tmp_path: Path) -> None:
         def feet(*places: tuple[float, float]) -> str:
             return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in places)
 

@@ -72,7 +72,7 @@ def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> Non
     }
 
 
-def test_what_differs_between_no_robots_is_left_out(tmp_path: Path) -> None:
+def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
     """An offset of the centre of mass of up to 0.02 m, and no load, on legs of twice the reach."""
     pose = Pose({}, 0.3, 0.0, 0.9)
     text = randomisation_yaml(machine_of(tmp_path, 13.0), pose, {"com_offset_m": (0.0, 0.02)})

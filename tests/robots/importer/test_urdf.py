@@ -1,4 +1,4 @@
-"""What is read from a URDF."""
+"""Meshes, packages, limits and inertias read from a URDF."""
 
 from pathlib import Path
 from typing import Any
@@ -68,7 +68,7 @@ class TestUrdf:
         assert "FL_knee" not in source.speed_rad_s
         assert source.speed_rad_s["RR_hip"] == 16.0
 
-    def test_without_collisions_what_is_seen_is_taken_and_with_one_it_is_not(self, tmp_path: Path) -> None:
+    def test_visual_geometry_is_used_only_without_collision_geometry(self, tmp_path: Path) -> None:
         visual = '<visual><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.03"/></geometry></visual>'
         some = read(tmp_path, quadruped(thigh=visual), "urdf")
         assert 0.03 not in some.model.geom_size[:, 0]
