@@ -12,6 +12,7 @@ from footfall.common.config import structure
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.handover import Handover, HandoverConfig
+from footfall.deploy.last_resort import in_one_line
 from footfall.deploy.log_file import Entry, LogFile, read_log
 from footfall.deploy.log_numbers import unflatten
 from footfall.deploy.turn import WrongSizeError
@@ -80,9 +81,7 @@ def replay(
                 f"{path} is from a robot with {len(joints)} joints: the policy does not fit"
             ) from None
         except Exception as error:  # a policy may raise anything on a damaged log, or another policy's log
-            raise UserError(
-                f"{path}: the policy fails at step {index}: {type(error).__name__}: {error}"
-            ) from None
+            raise UserError(f"{path}: the policy fails at step {index}: {in_one_line(error)}") from None
         steps += 1
         difference = _difference(again, before)
         worst = max(worst, float(difference.max()))

@@ -76,14 +76,17 @@ def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
 
 
 def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
-    """Smallest share, from 0 to 1, at which `falls` is true; infinite if it is false at 1."""
+    """Smallest share at which `falls` is true, from 0 for a policy that needs no disturbance, to 1.
+
+    Infinite if it is false at 1.
+    """
     if not falls(1.0):
         return math.inf
     low, high = 0.0, 1.0
     for _ in range(halvings):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if falls(middle) else (middle, high)
-    return high
+    return 0.0 if low == 0.0 and falls(0.0) else high
 
 
 def bisect(ray: Ray) -> float:
@@ -125,6 +128,8 @@ def weakest(
     unknown = [name for name in names if name not in DISTURBANCES]
     if unknown:
         raise UserError(f"--weakest {unknown[0]}: give some of {', '.join(DISTURBANCES)}")
+    if len(set(names)) < len(names):
+        raise UserError(f"--weakest {','.join(names)}: name each disturbance once")
     if len(names) > 1:
         _library()
     plans = plan_episodes(SCENARIO, file.scenarios[SCENARIO], config.seed, config.episodes or EPISODES)

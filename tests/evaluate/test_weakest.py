@@ -32,6 +32,10 @@ def test_a_bisection_finds_where_it_begins_to_fall(limit: float) -> None:
     assert smallest(lambda share: share >= limit) == pytest.approx(limit, abs=1 / 256)
 
 
+def test_a_policy_that_falls_by_itself_needs_no_disturbance() -> None:
+    assert smallest(lambda share: True) == 0.0
+
+
 def test_what_never_falls_is_infinite() -> None:
     assert math.isinf(smallest(lambda share: False))
 
@@ -90,9 +94,10 @@ def test_together_less_of_each_is_enough(go1: Robot, monkeypatch: pytest.MonkeyP
     assert push * latency == pytest.approx(0.01, rel=0.1)
 
 
-def test_an_unknown_disturbance_is_refused(go1: Robot) -> None:
-    with pytest.raises(UserError, match="--weakest wind"):
-        weakest("go1-flat", EvaluationConfig(), load_scenarios(go1), ["wind"])
+@pytest.mark.parametrize("names", [["wind"], ["push", "push"]])
+def test_an_unknown_or_repeated_disturbance_is_refused(go1: Robot, names: list[str]) -> None:
+    with pytest.raises(UserError, match=f"--weakest {','.join(names)}"):
+        weakest("go1-flat", EvaluationConfig(), load_scenarios(go1), names)
 
 
 def test_a_push_fells_a_simulated_one(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
