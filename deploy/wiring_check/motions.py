@@ -39,24 +39,28 @@ class Motions:
         return min(max(int((time_s - self._settle_s) // self._move_s), 0), self._n - 1)
 
     def responses(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Regression coefficients of each value on each joint's motion, per radian.
+        """Responses to all motions, (n, k), one row per moved joint (see `response`)."""
+        return np.array([self.response(joint, time_s, values) for joint in range(self._n)])
+
+    def response(self, joint: int, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Regression coefficients of each value on a joint's motion, per radian, (k,).
 
         A linear trend is removed first: it comes from slow swaying of the whole robot.
 
         Args:
+            joint: the moved joint.
             time_s: (T,) times of the samples.
             values: (T, k).
-
-        Returns:
-            (n, k), one row per moved joint.
         """
-        rows = []
-        for joint in range(self._n):
-            begin_s = self._settle_s + joint * self._move_s
-            first, last = np.searchsorted(time_s, [begin_s, begin_s + self._move_s])
-            share = (time_s[first:last] - begin_s) / self._move_s
-            wave = self._amplitude[joint] * np.array([pulse(each) for each in share.tolist()])
-            trend = np.vander(share, 2)
-            wave = wave - trend @ np.linalg.lstsq(trend, wave, rcond=None)[0]
-            rows.append(values[first:last].T @ wave / (wave @ wave))
-        return np.array(rows)
+        begin_s = self._settle_s + joint * self._move_s
+        first, last = np.searchsorted(time_s, [begin_s, self.end_s(joint)])
+        share = (time_s[first:last] - begin_s) / self._move_s
+        wave = self._amplitude[joint] * np.array([pulse(each) for each in share.tolist()])
+        trend = np.vander(share, 2)
+        wave = wave - trend @ np.linalg.lstsq(trend, wave, rcond=None)[0]
+        response: np.ndarray = values[first:last].T @ wave / (wave @ wave)
+        return response
+
+    def end_s(self, joint: int) -> float:
+        """End of a joint's motion, s."""
+        return self._settle_s + joint * self._move_s + self._move_s

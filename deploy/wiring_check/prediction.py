@@ -1,5 +1,7 @@
 """Predicts the responses of a robot's own model to the motions of the wiring check."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 
@@ -37,8 +39,20 @@ class Prediction:
         self._kp, self._kd, self._default = kp, kd, robot.default_pose
 
     def responses(self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
-        """Responses (n + 1, n + 2) of torques and of the x and y of `up` in the base frame; means in the last
-        row.
+        """Responses to all motions, and the means of the values in the last row, (n + 1, n + 2).
+
+        Arguments as for `one_by_one`.
+        """
+        values = np.empty((_steps(motions), len(here) + 2))
+        rows = list(self._simulated(start, here, motions, cause, values))
+        return np.vstack([*rows, values.mean(axis=0)])
+
+    def one_by_one(
+        self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause
+    ) -> Iterator[np.ndarray]:
+        """Yield the response to one motion after the other, (n + 2,): torques, and x and y of `up`.
+
+        The model is simulated only as far as responses are taken, one cause at a time.
 
         Args:
             start: joint positions reported by the motors before the motions, rad, (n,).
@@ -46,6 +60,13 @@ class Prediction:
             motions: the joints' motions.
             cause: the wiring; encoders are correct in the default pose.
         """
+        values = np.empty((_steps(motions), len(here) + 2))
+        yield from self._simulated(start, here, motions, cause, values)
+
+    def _simulated(
+        self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause, values: np.ndarray
+    ) -> Iterator[np.ndarray]:
+        """Fill `values` step by step, and yield each response at the end of its motion."""
         data, model, n = self._data, self._model, len(here)
         ratio, about = cause.ratio, self._default
         units = cause.units(self.highest)
@@ -53,12 +74,12 @@ class Prediction:
         pose[cause.joint] = about + (units[0] * start - about) / ratio
         self._put_down(pose)
         kp, kd, zero = units[2] * self._kp, units[3] * self._kd, np.zeros(n)
-        count = round(motions.duration_s / STEP_S)
-        before = round(SETTLE_S / STEP_S)
-        values = np.empty((count, n + 2))
+        times = np.arange(len(values)) * STEP_S
+        ends = np.searchsorted(times, [motions.end_s(joint) for joint in range(n)]).tolist()
         torque = np.empty(n)
         up = data.xmat[self._base]
-        for step in range(-before, count):
+        moved = 0
+        for step in range(-round(SETTLE_S / STEP_S), len(values)):
             position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
             seen = about + ratio * (position[cause.joint] - about)
             target = here + motions.offsets(step * STEP_S) if step >= 0 else here
@@ -70,12 +91,9 @@ class Prediction:
                 values[step, :n] = motor_nm / units[4]
                 values[step, n:] = up[6:8]
             mujoco.mj_step(model, data)
-        return np.vstack(
-            [
-                motions.responses(np.arange(count) * STEP_S, values),
-                values.mean(axis=0),
-            ]
-        )
+            if moved < n and step + 1 == ends[moved]:
+                yield motions.response(moved, times, values)
+                moved += 1
 
     def _put_down(self, pose: np.ndarray) -> None:
         """Set the model down, level, in a pose: its lowest part touches the ground."""
@@ -97,3 +115,7 @@ class Prediction:
         mujoco.mj_fwdPosition(model, data)
         touching = (model.geom_bodyid[data.contact.geom] == 0).any(axis=1) & (data.contact.dist <= 0.0)
         return bool(touching.any())
+
+
+def _steps(motions: Motions) -> int:
+    return round(motions.duration_s / STEP_S)

@@ -1,6 +1,7 @@
 """Compares a robot's motions with its model's, and finds the wiring that explains the difference."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,17 +45,22 @@ class Responses(NamedTuple):
     torque: np.ndarray
     tilt: np.ndarray
 
-    def errors(self, right: "Responses") -> tuple[np.ndarray, float]:
-        """Error of each joint's torques (n,) and of all tilts, relative to the right responses."""
-        size = np.linalg.norm(right.torque, axis=1)
-        joint = np.linalg.norm(self.torque - right.torque, axis=1) / np.maximum(size, FLOOR * np.median(size))
-        tilt = np.linalg.norm(right.tilt)
-        least = LEAST_TILT * np.sqrt(len(size))
-        return joint, float(np.linalg.norm(self.tilt - right.tilt) / max(tilt, least))
+    @property
+    def least_size(self) -> float:
+        """Torque response, N m/rad, by which errors are divided where the joint's own is smaller."""
+        return FLOOR * float(np.median(np.linalg.norm(self.torque, axis=1)))
 
-    def cost(self, right: "Responses", noise: float) -> float:
+    def errors(self, model: "Responses", least: float) -> tuple[np.ndarray, float]:
+        """Error of each joint's torques (n,) and of all tilts, relative to the model's responses."""
+        size = np.linalg.norm(model.torque, axis=1).clip(least, None)
+        joint = np.linalg.norm(self.torque - model.torque, axis=1) / size
+        tilt = np.linalg.norm(model.tilt)
+        least_tilt = LEAST_TILT * np.sqrt(len(size))
+        return joint, float(np.linalg.norm(self.tilt - model.tilt) / max(tilt, least_tilt))
+
+    def cost(self, model: "Responses", least: float, noise: float) -> float:
         """Mean squared error of the joints, plus the squared error of the tilts beyond the IMU's noise."""
-        joint, tilt = self.errors(right)
+        joint, tilt = self.errors(model, least)
         return float((joint**2).mean() + max(tilt - noise, 0.0) ** 2)
 
 
@@ -87,12 +93,13 @@ def judged(
     settled = (recorded.time_s > 0.5 * config.settle_s) & (recorded.time_s < config.settle_s)
     start = recorded.position[settled].mean(axis=0)
 
-    def predicted(cause: Cause) -> np.ndarray:
-        return prediction.responses(start, here, motions, cause)
+    def simulated(cause: Cause) -> Iterator[np.ndarray]:
+        return prediction.one_by_one(start, here, motions, cause)
 
-    right_rows = predicted(as_wired(n))
-    right = _responses(right_rows)
-    errors, imu_error = measured.errors(right)
+    right_rows = prediction.responses(start, here, motions, as_wired(n))
+    right = _responses(right_rows[:n])
+    least = right.least_size
+    errors, imu_error = measured.errors(right, least)
     verdict = Verdict("", float(errors.max()), imu_error)
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
     passes = imu_error <= config.imu_alike and askew <= config.askew_rad
@@ -101,7 +108,8 @@ def judged(
     every = list(causes(wiring, legs))
     passes = passes and errors.max() <= config.alike
     left = config.explained_in_doubt if passes else config.explained
-    fault = _cause(measured, right, errors, predicted, every, prediction.highest, left, config.imu_alike)
+    search = Search(measured, right, least, config.imu_alike, simulated)
+    fault = search.cause(every, prediction.highest, left)
     if passes:
         return verdict._replace(fault=fault)
     strange = float(np.median(errors)) > config.unlike
@@ -116,71 +124,79 @@ def judged(
 
 
 def _responses(rows: np.ndarray) -> Responses:
-    n = rows.shape[1] - 2  # the last row of a prediction has the means
-    return Responses(rows[:n, :n], rows[:n, n:])
+    """Responses from the rows (n, n + 2) of a prediction."""
+    return Responses(rows[:, :-2], rows[:, -2:])
 
 
-def _rough_cost(measured: Responses, cause: Cause, right: Responses, highest: np.ndarray) -> float:
-    """Squared error of the joints if a cause only permuted and scaled the right responses."""
-    torque = cause.responses(right.torque, highest)
-    joint, _ = measured._replace(tilt=right.tilt).errors(Responses(torque, right.tilt))
-    return float((joint**2).mean())
+class Search(NamedTuple):
+    """Looks for the wiring whose simulation has the measured responses."""
 
+    measured: Responses
+    right: Responses  # of the wiring in `robot.yaml`
+    least: float  # see `Responses.least_size`
+    noise: float  # error of the IMU's tilts that is ignored
+    simulated: Callable[[Cause], Iterator[np.ndarray]]  # response to one motion after the other
 
-def _cause(
-    measured: Responses,
-    right: Responses,
-    errors: np.ndarray,
-    predicted: Callable[[Cause], np.ndarray],
-    every: list[Cause],
-    highest: np.ndarray,
-    left: float,
-    noise: float,
-) -> str:
-    """The text of the cause that leaves at most a share `left` of the cost; empty if there is none.
+    def cause(self, every: list[Cause], highest: np.ndarray, left: float) -> str:
+        """The text of the cause that leaves at most a share `left` of the cost; empty if there is none."""
+        limit = left * self.measured.cost(self.right, self.least, self.noise)
+        costs = np.array([self._rough_cost(each, highest) for each in every])
+        errors, _ = self.measured.errors(self.right, self.least)
+        strange = set(np.argsort(errors)[-STRANGEST:].tolist())
+        of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
+        first = dict.fromkeys([*np.argsort(costs)[:LIKELY].tolist(), *of_strange])
+        best = self._best([every[row] for row in first], limit)
+        best = min(best, self._turned_imu())
+        if best[0] > limit:
+            best = self._best([each for each in every if len(each.key) > 2], limit)  # few: legs and buses
+        if best[0] > limit:
+            best = self._best_of_one_joint([every[row] for row in np.argsort(costs).tolist()], limit)
+        return best[1] if best[0] <= limit else ""
 
-    `noise` is an error of the IMU's tilts that is ignored.
-    """
-    limit = left * measured.cost(right, noise)
-
-    def cost_of(cause: Cause) -> float:
-        return measured.cost(_responses(predicted(cause)), noise)
-
-    found: list[tuple[float, str]] = []
-    angle = turn_about_z(measured.tilt, right.tilt)
-    if abs(angle) > LEAST_TURN_RAD:
-        turned = measured._replace(tilt=turned_back(measured.tilt, angle))
+    def _turned_imu(self) -> tuple[float, str]:
+        """Cost and text of an IMU that is turned about z; infinite if it is not."""
+        angle = turn_about_z(self.measured.tilt, self.right.tilt)
+        if abs(angle) <= LEAST_TURN_RAD:
+            return math.inf, ""
+        turned = self.measured._replace(tilt=turned_back(self.measured.tilt, angle))
         text = (
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
-        found.append((turned.cost(right, noise), text))
-    rough_costs = np.array([_rough_cost(measured, each, right, highest) for each in every])
-    strange = set(np.argsort(errors)[-STRANGEST:].tolist())
-    of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
-    for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):
-        found.append((cost_of(every[row]), every[row].text))
-    if min(found)[0] > limit:
-        found += [(cost_of(each), each.text) for each in every if len(each.key) > 2]  # few: legs and buses
-        if min(found)[0] > limit:
-            found += _of_one_joint(every, rough_costs, cost_of)
-    cost, text = min(found)
-    return text if cost <= limit else ""
+        return turned.cost(self.right, self.least, self.noise), text
 
+    def _best_of_one_joint(self, likely: list[Cause], limit: float) -> tuple[float, str]:
+        """Cost and text of the best single-joint cause: of the likely ones, then of the best one's joint.
 
-def _of_one_joint(
-    every: list[Cause], rough_costs: np.ndarray, cost_of: Callable[[Cause], float]
-) -> list[tuple[float, str]]:
-    """Costs and texts of single-joint causes: the likely ones, then all of the best one's joint.
+        If many legs stand, a wrong gear ratio shows mostly in other joints, and the rough costs favour a
+        mild one.
+        """
+        alone = [each for each in likely if len(each.key) == 1]
+        cost, text = self._best(alone[:LIKELY_JOINTS], math.inf)
+        (joint,) = next(each.key for each in alone if each.text == text)
+        others = [each for each in alone[LIKELY_JOINTS:] if each.key == (joint,)]
+        return min((cost, text), self._best(others, min(cost, limit)))
 
-    If many legs stand, a wrong gear ratio shows mostly in other joints, and the rough costs favour a mild
-    one.
-    """
-    alone = [row for row in np.argsort(rough_costs).tolist() if len(every[row].key) == 1]
-    found = [(cost_of(every[row]), every[row].text, every[row].key) for row in alone[:LIKELY_JOINTS]]
-    joint = min(found)[2]
-    found += [
-        (cost_of(every[row]), every[row].text, joint)
-        for row in alone[LIKELY_JOINTS:]
-        if every[row].key == joint
-    ]
-    return [(cost, text) for cost, text, _ in found]
+    def _best(self, some: Sequence[Cause], limit: float) -> tuple[float, str]:
+        """The lowest cost of some causes, and its text; an infinite one above the limit."""
+        best = math.inf, ""
+        for cause in some:
+            best = min(best, (self._cost(cause, min(best[0], limit)), cause.text))
+        return best
+
+    def _cost(self, cause: Cause, limit: float) -> float:
+        """Cost of a simulated cause; infinite above the limit, where the simulation need not go on."""
+        rows, cost, torque = [], 0.0, self.measured.torque
+        for row, measured in zip(self.simulated(cause), torque, strict=True):
+            rows.append(row)
+            size = max(float(np.linalg.norm(row[:-2])), self.least)
+            cost += float(np.linalg.norm(measured - row[:-2]) / size) ** 2 / len(torque)
+            if cost > limit:
+                return math.inf
+        cost = self.measured.cost(_responses(np.array(rows)), self.least, self.noise)
+        return cost if cost <= limit else math.inf
+
+    def _rough_cost(self, cause: Cause, highest: np.ndarray) -> float:
+        """Squared error of the joints if a cause only permuted and scaled the right responses."""
+        torque = cause.responses(self.right.torque, highest)
+        joint, _ = self.measured.errors(self.right._replace(torque=torque), self.least)
+        return float((joint**2).mean())
