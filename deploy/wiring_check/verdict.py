@@ -103,15 +103,14 @@ def judged(
     verdict = Verdict("", float(errors.max()), imu_error)
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
     passes = imu_error <= config.imu_alike and askew <= config.askew_rad
+    every, search = list(causes(wiring, legs)), Search(measured, right, least, config.imu_alike, simulated)
     if passes and errors.max() <= config.doubtful:
-        return verdict
-    every = list(causes(wiring, legs))
+        return verdict._replace(fault=search.twin(every, prediction.highest, config))
     passes = passes and errors.max() <= config.alike
     left = config.explained_in_doubt if passes else config.explained
-    search = Search(measured, right, least, config.imu_alike, simulated)
     fault = search.cause(every, prediction.highest, left)
     if passes:
-        return verdict._replace(fault=fault)
+        return verdict._replace(fault=fault or search.twin(every, prediction.highest, config))
     strange = float(np.median(errors)) > config.unlike
     if not fault and askew > config.askew_rad and not strange:
         fault = (
@@ -152,6 +151,26 @@ class Search(NamedTuple):
         if best[0] > limit:
             best = self._best_of_one_joint([every[row] for row in np.argsort(costs).tolist()], limit)
         return best[1] if best[0] <= limit else ""
+
+    def twin(self, every: list[Cause], highest: np.ndarray, config: WiringCheckConfig) -> str:
+        """The text of two exchanged motors that the right wiring resembles; empty if there are none.
+
+        If both have similar places, such as the hip yaws of a biped, an exchange hardly adds to the errors,
+        and the robot's swaying hides it. The torques of the two motors show it: swaying does not load them.
+        """
+        for cause in every:
+            rough = self.right._replace(torque=cause.responses(self.right.torque, highest))
+            if len(cause.key) != 2 or self.right.errors(rough, self.least)[0].max() > config.alike:
+                continue
+            moved = _responses(np.array(list(self.simulated(cause)))).torque
+            size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)
+            errors, right = (
+                (((self.measured.torque - each)[:, cause.key].T / size) ** 2).sum()
+                for each in (moved, self.right.torque)
+            )
+            if errors <= config.explained_in_doubt * right:
+                return cause.text
+        return ""
 
     def _turned_imu(self) -> tuple[float, str]:
         """Cost and text of an IMU that is turned about z; infinite if it is not."""

@@ -108,14 +108,18 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
     assert all(name in outcome.faults[0] for name in names), outcome.faults
 
 
-def test_exchanged_motors_with_different_ranges_are_named(motions: Callable[..., None]) -> None:
-    """Each reports its torque as a share of its own range, which is read as a share of the other's."""
-    motions(settle_s=0.5, move_s=0.25)
-    yaw, ankle = "left_hip_yaw_joint", "left_ankle_roll_joint"
-    g1 = load_robot("g1")
-    outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(ankle)), False)
+@pytest.mark.parametrize(
+    ("other", "times"), [("left_ankle_roll_joint", (0.5, 0.25)), ("right_hip_yaw_joint", (1.5, 0.6))]
+)
+def test_exchanged_motors_of_a_biped_are_named(
+    other: str, times: tuple[float, float], motions: Callable[..., None]
+) -> None:
+    """One pair has different ranges: each torque is read as a share of the other's. One pair moves alike."""
+    motions(settle_s=times[0], move_s=times[1])
+    g1, yaw = load_robot("g1"), "left_hip_yaw_joint"
+    outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
     assert outcome.final_state == "ESTOP"
-    assert all(name in outcome.faults[0] for name in (yaw, ankle, "exchanged")), outcome.faults
+    assert all(name in outcome.faults[0] for name in (yaw, other, "exchanged")), outcome.faults
 
 
 def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
