@@ -1,6 +1,5 @@
 """The MPC's plan carried out by whole-body control."""
 
-import math
 from functools import partial
 from typing import Any
 
@@ -10,8 +9,6 @@ from direct_plant import DirectPlant, walk
 from moments import policy_input
 from scipy.spatial.transform import Rotation
 
-from footfall.domain_rand.randomisation import load_randomisation
-from footfall.domain_rand.sample import Sample
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.problem import Wanted
@@ -67,7 +64,8 @@ class TestWanted:
         """Newton's and Euler's equations of the rigid body that the plan is made for."""
         policy.reset(moving())
         policy.act(moving())
-        dynamics, wanted, _ = asked[0]
+        dynamics, wanted, most = asked[0]
+        np.testing.assert_array_equal(most, policy._config.contact.most_force_n)
         force = policy.force
         np.testing.assert_allclose(wanted.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
         moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
@@ -98,34 +96,6 @@ class TestWanted:
             moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]
             back = config.stiffness * (place - pose.foot[leg]) + config.damping * (velocity - moves)
             np.testing.assert_allclose(wanted.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
-
-    def test_a_standing_foot_presses_within_limits(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
-        policy.reset(moving())
-        policy.act(moving())
-        np.testing.assert_array_equal(asked[0][2], policy._config.contact.most_force_n)
-
-
-class TestDelays:
-    """What `randomised` robots may have: commands that take effect late, after readings that are late."""
-
-    @pytest.fixture
-    def late(self) -> Sample:
-        declared = load_randomisation()
-        return {
-            name: np.array(getattr(declared, name).high) for name in ("action_delay_s", "observation_delay_s")
-        }
-
-    def test_a_swing_corrected_late_does_not_oscillate(self, policy: MpcWholeBody, late: Sample) -> None:
-        """Feedback k + d s on a foot that accelerates as asked, T late: L(s) = (k + d s) exp(-s T) / s^2.
-
-        Where |L| is 1, w^4 = k^2 + d^2 w^2, its phase is -pi + atan(d w / k) - w T, and that
-        30 degrees or more above -pi.
-        """
-        k, d = policy._swing_feedback.stiffness, policy._swing_feedback.damping
-        w = math.sqrt((d**2 + math.sqrt(d**4 + 4.0 * k**2)) / 2.0)
-        late_s = sum(float(seconds) for seconds in late.values())
-        assert late_s == pytest.approx(0.025)
-        assert math.atan(d * w / k) - w * late_s > math.radians(30.0)
 
 
 class TestWalking:

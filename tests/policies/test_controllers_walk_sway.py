@@ -38,18 +38,12 @@ def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
 def test_the_faster_the_gait_the_less_the_body_has_to_move(period_s: float, part: float) -> None:
     plan = plan_sway(PLACES, timing(period_s), OFFSETS, HEIGHT_M, 1.0)
     np.testing.assert_allclose(plan.body, part * plan.pressure, rtol=2e-4)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.25])
-def test_the_sway_scales_with_its_share(share: float) -> None:
-    whole = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
-    some = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, share)
-    np.testing.assert_allclose(some.body, share * whole.body, atol=1e-12)
-
-
-def test_feet_that_alternate_about_the_middle_need_no_sway() -> None:
-    trot = np.array([0.5, 0.0, 0.0, 0.5])
-    np.testing.assert_allclose(plan_sway(PLACES, timing(1.0, 0.5), trot, HEIGHT_M, 1.0).body, 0.0, atol=1e-12)
+    for share in (0.0, 0.5, 1.25):
+        some = plan_sway(PLACES, timing(period_s), OFFSETS, HEIGHT_M, share)
+        np.testing.assert_allclose(some.body, share * plan.body, atol=1e-12)
+    trot = np.array([0.5, 0.0, 0.0, 0.5])  # feet that alternate about the middle need no sway
+    none = plan_sway(PLACES, timing(period_s, 0.5), trot, HEIGHT_M, 1.0)
+    np.testing.assert_allclose(none.body, 0.0, atol=1e-12)
 
 
 def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> None:

@@ -141,6 +141,9 @@ def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None
     tail = {"a": (0.2, 0.1), "b": (0.2, -0.1), "c": (-0.1, 0.1), "d": (-0.1, -0.1), "e": (-0.3, 0.0)}
     assert gaits_of(standing_at(go1, tail)) == ["wave"]
     assert gaits_of(standing_at(go1, tail | {"e": (-0.3, 0.1)})) == []  # three on the left
+    seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
+    with pytest.raises(UserError, match="no gait 'trot' for 7 feet of robot 'go1': there are none"):
+        find_gait("trot", seven)
 
 
 @pytest.mark.parametrize("duty", [0.0, 1.0, -0.1, float("nan")])
@@ -158,12 +161,6 @@ def test_a_foot_both_stands_and_swings(duty: float) -> None:
 def test_a_place_in_the_cycle_is_within_it(side: str, place: float) -> None:
     with pytest.raises(ValueError, match=f"{side} must be from 0 to 1"):
         GaitEntry(0.5, **{side: (0.2, place)})
-
-
-def test_seven_feet_have_no_gaits(go1: Robot) -> None:
-    seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
-    with pytest.raises(UserError, match="no gait 'trot' for 7 feet of robot 'go1': there are none"):
-        find_gait("trot", seven)
 
 
 class TestPlannedLift:

@@ -42,22 +42,15 @@ def test_places_turn_with_the_heading(x: float, y: float, yaw: float) -> None:
     np.testing.assert_allclose(leftward, 0.1 * np.array([-np.sin(yaw), np.cos(yaw)]), atol=1e-9)
 
 
-def test_a_policy_reads_scaled_heights_and_that_there_is_a_scan(seeing: Contract) -> None:
+def test_a_policy_observes_scaled_clipped_heights_and_the_presence_of_a_scan(seeing: Contract) -> None:
     heights = np.linspace(-0.6, 0.2, SCAN.size)
     numbers = seen(seeing, heights)
     assert len(numbers) == term_size(seeing.observation[0], seeing) == SCAN.size + 1
     np.testing.assert_allclose(numbers, [*(2.0 * heights), 2.0])
-
-
-def test_heights_beyond_the_limits_are_clipped(seeing: Contract) -> None:
-    numbers = seen(seeing, np.where(np.arange(SCAN.size) < 3, -7.0, 3.0))
-    np.testing.assert_allclose(numbers[[0, -2]], [-2.0, 1.0])
-
-
-def test_unknown_points_take_the_mean_of_the_others(seeing: Contract) -> None:
-    heights = np.full(SCAN.size, np.nan)
-    heights[:2] = -0.2, -0.4
-    np.testing.assert_allclose(seen(seeing, heights)[2:-1], -0.6)
+    clipped = seen(seeing, np.where(np.arange(SCAN.size) < 3, -7.0, 3.0))
+    np.testing.assert_allclose(clipped[[0, -2]], [-2.0, 1.0])
+    heights[2:] = np.nan  # unknown points take the mean of the others
+    np.testing.assert_allclose(seen(seeing, heights)[2:-1], 2.0 * heights[:2].mean())
 
 
 @pytest.mark.parametrize("nothing", [None, np.full(SCAN.size, np.nan)])

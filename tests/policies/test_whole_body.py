@@ -70,16 +70,17 @@ def some_motion(robot: Robot, seed: int) -> Motion:
     )
 
 
-def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """MuJoCo in the same state, without contacts, limits and friction. The base is its first joint."""
+def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, np.ndarray]:
+    """MuJoCo in the same state, without contacts, limits and friction, and its places of our velocities."""
     model = load_spec(robot.xml_path).compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
     data.qpos[:7] = 0.0, 0.0, 0.0, *motion.quaternion
     data.qpos[[int(model.joint(name).qposadr[0]) for name in robot.joint_names]] = motion.joint_position
     data.qvel[:6] = *motion.velocity, *motion.gyro
-    data.qvel[[int(model.joint(name).dofadr[0]) for name in robot.joint_names]] = motion.joint_velocity
-    return model, data
+    dofs = np.array([int(model.joint(name).dofadr[0]) for name in robot.joint_names])
+    data.qvel[dofs] = motion.joint_velocity
+    return model, data, np.concatenate([np.arange(6), dofs])
 
 
 def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> tuple[np.ndarray, ...]:
@@ -111,8 +112,7 @@ class TestDynamics:
     @pytest.mark.parametrize("name", ROBOTS)
     def test_mass_and_bias_are_those_of_mujocos_inverse_dynamics(self, name: str) -> None:
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 3)
-        model, data = moved(robot, motion)
-        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        model, data, order = moved(robot, motion)
         acceleration = np.random.default_rng(4).normal(size=model.nv)
         data.qacc[order] = acceleration
         mujoco.mj_inverse(model, data)
@@ -126,8 +126,7 @@ class TestDynamics:
         """Against differences of where the same points of the links are, in the world."""
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
         dynamics = BODIES[name].update(motion)
-        model, data = moved(robot, motion)
-        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        model, data, order = moved(robot, motion)
         acceleration = np.random.default_rng(6).normal(size=model.nv)
         mujoco.mj_kinematics(model, data)
         geoms = np.concatenate(foot_geoms(model, robot.description))
@@ -152,7 +151,7 @@ class TestDynamics:
     def test_the_centre_of_mass_moves_as_its_parts(self) -> None:
         motion = some_motion(G1, 7)
         dynamics = BODIES["g1"].update(motion)
-        model, data = moved(G1, motion)
+        model, data, _ = moved(G1, motion)
         mujoco.mj_forward(model, data)
         mujoco.mj_subtreeVel(model, data)
         np.testing.assert_allclose(dynamics.centre, data.subtree_com[1], atol=1e-12)
@@ -165,7 +164,7 @@ class TestDynamics:
         robot, body = ROBOTS[name], WholeBody(ROBOTS[name])
         still = np.zeros(len(robot.joint_names))
         level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, still)
-        model, data = moved(robot, level)
+        model, data, _ = moved(robot, level)
         mujoco.mj_forward(model, data)
         dynamics = body.update(level)
         for foot, geoms in enumerate(foot_geoms(model, robot.description)):
@@ -177,25 +176,21 @@ class TestDynamics:
         assert body.weight_n == pytest.approx(9.81 * model.body_mass.sum())
 
 
-class TestBaseTilt:
-    """How far the base is turned from where it should be."""
-
-    def feet(self, *headings: float) -> Any:
-        """Feet on the ground that point left of the world's x axis by some angles."""
-        return SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in headings]).as_matrix())
-
-    def tilt(self, base: Rotation, *headings: float) -> np.ndarray:
-        return base_tilt(base.as_quat(scalar_first=True), self.feet(*headings))
-
-    def test_its_yaw_is_relative_to_the_feet(self) -> None:
-        """A base at 1.3 rad on feet at 1.0 rad, toes out by 0.2 rad, has turned left by 0.3 rad."""
-        base = Rotation.from_rotvec([0.0, 0.0, 1.3])
-        np.testing.assert_allclose(self.tilt(base, 1.2, 0.8), [0.0, 0.0, 0.3], atol=1e-12)
-
-    def test_its_roll_and_pitch_are_in_the_body_frame(self) -> None:
-        """sin 0.1 of roll, in axes that head to the left of the world's by 2 rad, as the feet do."""
-        base = Rotation.from_euler("ZYX", [2.0, 0.0, 0.1])
-        np.testing.assert_allclose(self.tilt(base, 2.0, 2.0), [np.sin(0.1), 0.0, 0.0], atol=1e-12)
+@pytest.mark.parametrize(
+    ("base", "feet", "tilt"),
+    [
+        # A base at 1.3 rad on feet at 1.0 rad, toes out by 0.2 rad, has turned left by 0.3 rad.
+        (Rotation.from_rotvec([0.0, 0.0, 1.3]), (1.2, 0.8), [0.0, 0.0, 0.3]),
+        # Roll is in the body frame, whatever the heading.
+        (Rotation.from_euler("ZYX", [2.0, 0.0, 0.1]), (2.0, 2.0), [np.sin(0.1), 0.0, 0.0]),
+    ],
+)
+def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet(
+    base: Rotation, feet: tuple[float, ...], tilt: list[float]
+) -> None:
+    dynamics = SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in feet]).as_matrix())
+    found = base_tilt(base.as_quat(scalar_first=True), dynamics)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found, tilt, atol=1e-12)
 
 
 def test_a_robot_that_walks_ahead_moves_where_it_heads() -> None:
@@ -223,8 +218,7 @@ class TestStanding:
         )
         n = len(robot.joint_names)
         level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, np.zeros(n))
-        model, data = moved(robot, level)
-        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        model, data, order = moved(robot, level)
         data.qacc[order] = acceleration
         mujoco.mj_inverse(model, data)
         from_ground = np.zeros(model.nv)

@@ -29,6 +29,8 @@ def test_a_lag_is_exact_for_steps_of_any_length(step_s: float) -> None:
     left = np.exp(-end_s / lag_s)
     assert torque == pytest.approx(demand + (first - demand) * left, abs=1e-12)
     assert impulse == pytest.approx(demand * end_s + (first - demand) * lag_s * (1 - left), abs=1e-12)
+    mean, end = lagged(np.array([7.0]), np.array([-3.0]), lag_over(np.array([0.0]), step_s))
+    assert (mean, end) == pytest.approx((7.0, 7.0), abs=1e-4)  # a lag of zero has no effect
 
 
 def test_a_lag_attenuates_a_sine_as_its_bandwidth_says() -> None:
@@ -48,6 +50,8 @@ def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
     for speed, dry in ((2.0, 0.5 + 0.2), (6.0, 0.5 + 0.04), (0.1, (0.5 + 0.4 / (1 + 0.0025)) * 0.5)):
         loss = friction_torque(np.array([-speed]), motor)
         assert loss == pytest.approx(dry + 0.05 * speed, rel=1e-12)
+    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))  # without a speed it is five ramps
+    assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 
 
 def test_load_friction_is_a_share_of_the_motor_torque() -> None:
@@ -134,17 +138,6 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
         assert slope == pytest.approx(constant**2 / (ohms * more))
         seen.append(abs(duty) == 1)
     assert 0.2 < np.mean(seen) < 0.9
-
-
-def test_a_lag_of_zero_has_no_effect() -> None:
-    mean, end = lagged(np.array([7.0]), np.array([-3.0]), lag_over(np.array([0.0]), 0.005))
-    assert mean == pytest.approx(7.0, abs=1e-4)
-    assert end == pytest.approx(7.0, abs=1e-12)
-
-
-def test_a_stribeck_speed_that_is_not_given_is_five_ramps() -> None:
-    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))
-    assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 
 
 def test_a_compliant_gearbox_is_a_spring_in_series() -> None:

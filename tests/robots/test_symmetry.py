@@ -8,6 +8,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
+from footfall.policies.gaits import find_gait
 from footfall.robots import kinds
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.kinds import Kind, Parts
@@ -161,3 +162,12 @@ def test_a_gait_that_has_no_image_is_refused(go1: Robot) -> None:
 def test_a_clock_keeps_its_sign_where_partners_step_together() -> None:
     together = SYMMETRY._replace(clock=1.0)
     assert kinds.CLOCK.mirror(together)(np.array([3.0, 4.0])).tolist() == [3.0, 4.0]
+
+
+@pytest.mark.parametrize("name", ["tripod", "ripple", "wave"])
+def test_the_mirror_image_of_the_hexapods_gaits_is_half_a_cycle_later(name: str) -> None:
+    robot = load_robot("hexapod")
+    symmetry = find_symmetry(robot, find_gait(name, robot).phase)
+    assert symmetry.clock == -1.0
+    feet = [foot.name for foot in robot.description.feet]
+    assert [feet[k] for k in symmetry.feet] == ["RF", "RM", "RR", "LF", "LM", "LR"]

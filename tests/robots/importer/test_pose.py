@@ -9,6 +9,7 @@ import pytest
 from foreign_robots import BIPED_MJCF, ODD, hanging, on_base, read
 
 from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 
@@ -31,6 +32,16 @@ def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, f
 class TestPose:
     def pose(self, tmp_path: Path, text: str) -> Pose:
         return standing_pose(build_machine(read(tmp_path, text), "m")[0])
+
+    def placed(self, tmp_path: Path, text: str) -> tuple[Machine, mujoco.MjData]:
+        """The machine and its model in the standing pose."""
+        machine, _ = build_machine(read(tmp_path, text), "m")
+        model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        data = mujoco.MjData(model)
+        for name, angle in standing_pose(machine).joints.items():
+            data.joint(name).qpos = angle
+        mujoco.mj_forward(model, data)
+        return machine, data
 
     def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
         """A knee of -2 to -0.4 rad may use 0.85 of it, to -0.52: 0.4 cos(0.26) m and the ball's radius."""
@@ -75,13 +86,7 @@ class TestPose:
 
     def test_feet_move_under_a_load_that_is_ahead_and_to_one_side(self, tmp_path: Path) -> None:
         load = '<geom type="box" size="0.02 0.02 0.02" pos="0.25 0.12 0.1" mass="2"/>'
-        machine, _ = build_machine(read(tmp_path, walker(more=load)), "m")
-        pose = standing_pose(machine)
-        model = mujoco.MjModel.from_xml_string(model_xml(machine))
-        data = mujoco.MjData(model)
-        for name, angle in pose.joints.items():
-            data.joint(name).qpos = angle
-        mujoco.mj_forward(model, data)
+        machine, data = self.placed(tmp_path, walker(more=load))
         feet = np.mean([data.geom(leg.geoms[0]).xpos for leg in machine.legs], axis=0)
         np.testing.assert_allclose(data.subtree_com[1][:2], feet[:2], atol=4e-3)
         assert data.subtree_com[1][0] - data.xpos[1][0] > 0.05
@@ -148,13 +153,7 @@ class TestPose:
 
     def test_a_sole_is_set_down_level_and_pointing_ahead(self, tmp_path: Path) -> None:
         """The biped's, of six joints to a leg."""
-        machine, _ = build_machine(read(tmp_path, BIPED_MJCF), "m")
-        pose = standing_pose(machine)
-        model = mujoco.MjModel.from_xml_string(model_xml(machine))
-        data = mujoco.MjData(model)
-        for name, angle in pose.joints.items():
-            data.joint(name).qpos = angle
-        mujoco.mj_kinematics(model, data)
+        machine, data = self.placed(tmp_path, BIPED_MJCF)
         for leg in machine.legs:
             axes = data.body(machine.links[leg.link].name).xmat.reshape(3, 3)
             np.testing.assert_allclose(axes, np.eye(3), atol=0.03)
