@@ -9,8 +9,8 @@ same process, or in another one for udp_multicast, socketcan and socket-pairs. s
 that `robot.yaml` names; socket-pairs is its code without the kernel's CAN stack (`socket_pairs`). Prints a
 JSON object for each case:
 
-`share` is the share of a processor that the loop's thread takes, without the motors: its processor time for
-one tick times the joint rate. Ticks that a busy machine skips do not lower it. `bus_share` is the part of
+`share` is the share of a processor that the loop's thread takes, without the motors: its processor time per
+tick times the joint rate. Ticks that a busy machine skips do not lower it. `bus_share` is the part of
 `share` for sending and receiving. `calibration_ms` is the processor time of a fixed reference loop, just
 before and after: divide shares by it to compare machines or times of day.
 """
@@ -49,7 +49,7 @@ from footfall.robots.description import Robot, load_robot
 
 IN_PROCESS = "in-process"
 PAIRS = "socket-pairs"
-FROM_ELSEWHERE = (MULTICAST, SOCKETCAN, PAIRS)  # buses whose motors run in another process
+OTHER_PROCESS = (MULTICAST, SOCKETCAN, PAIRS)  # buses whose motors run in another process
 PERIOD_US = 1000
 START_S = 20.0  # limit for the start of the motors
 QUEUE_FRAMES = 64  # enough that no write waits
@@ -63,7 +63,7 @@ class StillRobot:
         self._end = open_motor_end(wiring)
         n = len(robot.joint_names)
         self._readings = np.array([robot.default_pose, np.zeros(n), np.zeros(n)])
-        self._everyone, self._no_error = np.arange(n), np.zeros(n, np.uint64)
+        self._all_motors, self._no_error = np.arange(n), np.zeros(n, np.uint64)
         self._counter = 0
         self._imu = Frames(
             np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
@@ -71,7 +71,7 @@ class StillRobot:
 
     def answers(self, frames: Frames) -> Frames | None:
         requests = self._end.requests(frames)
-        motor, readings = self._everyone[requests.motor], self._readings[:, requests.motor].copy()
+        motor, readings = self._all_motors[requests.motor], self._readings[:, requests.motor].copy()
         if not len(motor):
             return self._end.settings_replies(frames)
         if requests.kind is None:
@@ -87,7 +87,7 @@ class StillRobot:
 
 
 class InProcessBus:
-    """Simulated wires with a still robot on them; `elsewhere_s` is what that took of the thread's time."""
+    """Simulated wires with a still robot on them; `elsewhere_s` is the time that its motors take."""
 
     def __init__(self, robot: Robot) -> None:
         wiring = wire(robot)
@@ -172,8 +172,8 @@ def answering(name: str, kind: str) -> Iterator[None]:
     """Context in which a still robot answers, in a thread or process, and interfaces lead to it."""
     near, far = socket_pairs(wire(load_robot(name)).buses) if kind == PAIRS else ({}, {})
     context = multiprocessing.get_context("spawn")
-    begin: Any = context.Process if kind in FROM_ELSEWHERE else threading.Thread
-    event: Any = context.Event if kind in FROM_ELSEWHERE else threading.Event
+    begin: Any = context.Process if kind in OTHER_PROCESS else threading.Thread
+    event: Any = context.Event if kind in OTHER_PROCESS else threading.Event
     ready, stop = event(), event()
     responder = begin(target=answer, args=(name, kind, ready, stop, far), daemon=True)
     responder.start()
@@ -202,7 +202,7 @@ def calibration_ms() -> float:
 
 
 def open_bus(robot: Robot, kind: str) -> Bus:
-    """The controller's end."""
+    """The controller's end of the buses."""
     if kind == IN_PROCESS:
         return InProcessBus(robot)
     wiring = wire(robot)
@@ -210,7 +210,7 @@ def open_bus(robot: Robot, kind: str) -> Bus:
 
 
 def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:
-    """One case."""
+    """Figures of one case."""
     robot = load_robot(name)
     wiring = wire(robot)
     calibrations = [calibration_ms() for _ in range(3)]

@@ -3,7 +3,7 @@
     python benchmarks/falling.py trot --robot go1 --falls 6
     python benchmarks/falling.py tripod --robot hexapod --falls 4 --push 3 5
 
-A walking robot, drawn from the declared family, is pushed over. From the mode FALLING on, the largest force
+A randomised robot that walks is pushed over. From the mode FALLING on, the largest force
 of the ground on trunk and limbs but the feet counts, as a share of the weight, and the largest torque, as a
 share of the motor's peak. To fold is to go to the lying pose with a share of the stiffness. Each way meets
 the same falls.

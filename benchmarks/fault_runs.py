@@ -48,7 +48,7 @@ UP_BETWEEN_S = (0.1, 0.6)  # time in getting up at which the fault comes
 FALL_CHECK_S = 0.01  # period of the check whether the robot is down
 TIPPED_RAD = 0.6  # tilt of a robot that has fallen while it lay or stood up
 DOWN_S = 0.2  # a robot that is down for this long counts as fallen
-LONGEST_S = 60.0  # limit of a run in which the robot gets up
+GET_UP_TIMEOUT_S = 60.0  # limit of a run in which the robot gets up
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def run_fault(task: FaultTask) -> dict[str, Any]:
         kind.inject(injector)
     session = Session(
         command_source=command,
-        duration_s=LONGEST_S if kind.getting_up else 20.0,
+        duration_s=GET_UP_TIMEOUT_S if kind.getting_up else 20.0,
         realtime=False,
         config=config,
         check_wiring=kind.wiring,

@@ -1,14 +1,14 @@
-"""How controllers leave the ground: on robots drawn from the declared family, by the simulation's truth.
+"""Flight phases and jumps of controllers on randomised robots, from ground truth.
 
     python benchmarks/flight.py jump --robots 100 --workers 2 [--out FILE.jsonl]
     python benchmarks/flight.py pronk --robots 20
 
-Robots that FILE holds already are not simulated again, so an interrupted run goes on.
+Robots that are already in FILE are not simulated again: the same command continues an interrupted run.
 
-`jump` gets a forward command for 1.2 s, which makes one jump, and is watched for 2 s more. It has jumped if
-it rose by 0.15 m, stands 0.4 m ahead of where it began, and neither fell nor had a fault. Gaits are commanded
-0.6 m/s straight ahead, and counted from 1 s on. A foot's force is the ground's; torques are shares of each
-motor's peak.
+`jump` gets a forward command for 1.2 s, which makes one jump; the episode lasts 2 s longer. A jump counts
+if the base rises by 0.15 m, the robot then stands 0.4 m ahead of its start, and it neither falls nor has a
+fault. Gaits get 0.6 m/s straight ahead and are evaluated from 1 s on. Forces are contact forces. Torques
+are relative to each motor's peak.
 """
 
 import argparse
@@ -42,20 +42,20 @@ class Result:
     fell: bool
     stopped: bool  # by the supervisor, without a fall
     flight: float  # share of the time without any foot on the ground
-    rise_m: float  # of the base, above its height at the beginning
-    ahead_m: float  # from there
-    feet_m: float  # the lowest foot at its highest
-    force_n: float  # greatest on a foot
-    torque: float  # greatest, as a share
+    rise_m: float  # largest rise of the base above its initial height
+    ahead_m: float  # final horizontal distance from the start
+    feet_m: float  # largest height of the lowest foot
+    force_n: float  # largest contact force of a foot
+    torque: float  # largest motor torque, relative to its peak
 
     @property
     def jumped(self) -> bool:
-        """Whether this was the jump that was asked for."""
+        """Whether the robot made the commanded jump."""
         return not (self.fell or self.stopped) and self.rise_m >= RISE_M and self.ahead_m >= AHEAD_M
 
 
 def one(robot_name: str, controller: str, seed: int) -> Result:
-    """One robot, from one seed."""
+    """Result of the randomised robot of a seed."""
     robot = load_robot(robot_name)
     jumps = controller.startswith("jump")
     speed, until_s = (0.5, JUMP_UNTIL_S) if jumps else (GAIT_M_S, GAIT_S)
@@ -73,15 +73,15 @@ def one(robot_name: str, controller: str, seed: int) -> Result:
     begin = int(np.searchsorted(trace.time_s, STANDS_S if jumps else GAIT_FROM_S))
     if begin >= len(trace.time_s):
         return Result(seed, trace.fell, not trace.fell, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    way = trace.base_position[begin:] - trace.base_position[begin]
+    travel = trace.base_position[begin:] - trace.base_position[begin]
     feet = trace.foot_position[begin:, :, 2]
     return Result(
         seed,
         fell=trace.fell,
         stopped=bool(trace.faults) and not trace.fell,
         flight=float((~trace.foot_contact[begin:].any(axis=1)).mean()),
-        rise_m=float(way[:, 2].max()),
-        ahead_m=float(np.hypot(way[-1, 0], way[-1, 1])),
+        rise_m=float(travel[:, 2].max()),
+        ahead_m=float(np.hypot(travel[-1, 0], travel[-1, 1])),
         feet_m=float(feet.min(axis=1).max() - feet.min()),
         force_n=float(trace.foot_force[begin:].max()),
         torque=float((np.abs(trace.motor_torque[begin:]) / robot.motor.peak_torque).max()),
@@ -91,7 +91,7 @@ def one(robot_name: str, controller: str, seed: int) -> Result:
 def measured(
     measure: Callable[[int], Result], seeds: Iterable[int], workers: int, path: Path | None
 ) -> list[Result]:
-    """Results of all seeds; those that the file at `path` holds are read, the others are appended to it."""
+    """Results of all seeds; results in the file at `path` are read, the others are appended to it."""
     known = [] if path is None or not path.exists() else path.read_text().splitlines()
     results = {result.seed: result for result in (Result(**json.loads(line)) for line in known)}
     with ProcessPoolExecutor(workers) as pool:
@@ -104,14 +104,16 @@ def measured(
 
 
 def main() -> None:
-    """Measure, and print medians with the least and the most."""
+    """Measure, and print medians, minima and maxima."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("controller")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--robots", type=int, default=20, help="how many are drawn")
+    parser.add_argument("--robots", type=int, default=20, help="number of randomised robots")
     parser.add_argument("--seed", type=int, default=4711)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="keeps a line of JSON for each robot, as soon as it is done")
+    parser.add_argument(
+        "--out", type=Path, help="file for a line of JSON for each robot, as soon as it is done"
+    )
     options = parser.parse_args()
     results = measured(
         partial(one, options.robot, options.controller),

@@ -25,7 +25,7 @@ from footfall.robots.description import available_robots, load_robot
 
 WAY_M = 5.0
 SHARE = 0.5  # of the robot's highest commands
-LONGEST_S = 400.0
+WALK_TIMEOUT_S = 400.0
 
 
 class Trial(NamedTuple):
@@ -53,7 +53,7 @@ def walk(trial: Trial) -> dict[str, Any]:
             loop.finish()
 
     noise = load_scenarios(robot).noise
-    episode = Episode(lambda _: ahead, LONGEST_S, seed=trial.seed, noise=noise, record_rate_hz=20.0)
+    episode = Episode(lambda _: ahead, WALK_TIMEOUT_S, seed=trial.seed, noise=noise, record_rate_hz=20.0)
     trace = run_episode(robot, policy, episode, watch)
     yaw = np.unwrap([float(heading(quaternion)) for quaternion in trace.base_quaternion])
     went = heading_matrix(-yaw[0]) @ (trace.base_position[-1] - trace.base_position[0])

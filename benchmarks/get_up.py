@@ -38,7 +38,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import joint_addresses, plant_model
 
 DROP_M, LIE_S, DAMPING_SHARE = 0.3, 1.5, 0.02
-PUSH_M_S, LONGEST_S = 9.0, 20.0
+PUSH_M_S, EPISODE_S = 9.0, 20.0
 ON_ITS_SIDE = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 UPRIGHT_RAD, HEIGHT_SHARE, SLOW_RAD_S, HOLD_S = 0.2, 0.15, 1.0, 0.5
 AFTER_S = 1.0  # of standing, recorded after the robot is up
@@ -186,7 +186,7 @@ def one(robot_name: str, policy: str, slope_rad: float, tips: bool, seed: int) -
     bodies = plant_model(robot).nbody - 1
     episode = Episode(
         lambda _: np.zeros(3),
-        LONGEST_S,
+        EPISODE_S,
         seed=seed,
         sample=draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies),
         pushes=() if tips else (push,),

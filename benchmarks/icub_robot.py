@@ -27,7 +27,7 @@ def icub(urdf: Path, pose: np.ndarray, folder: Path) -> Robot:
     Args:
         urdf: the recording's model.
         pose: default pose of the legs, rad, (12,), in the order of `NAMES`.
-        folder: to write to.
+        folder: output folder.
     """
     spec = _legs(urdf)
     for body in spec.bodies:

@@ -23,7 +23,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.domain_rand.sample import Sample, draw
 from footfall.identify.excitation import ExcitationConfig
-from footfall.identify.fit import MISFIT, LegFit, fit_leg
+from footfall.identify.fit import MISFIT_RATIO, LegFit, fit_leg
 from footfall.identify.leg import FixedLeg, fixed_legs
 from footfall.identify.record import record
 from footfall.identify.recording import Recording, read_recording
@@ -201,7 +201,7 @@ def summary(outcomes: list[Outcome]) -> dict:
         "held_out_mrad": {"median": float(np.median(held_out)), "worst": float(held_out.max())},
         "nominal_mrad": {"median": float(np.median(nominal)), "least": float(nominal.min())},
         "least_gain": float((nominal / held_out).min()),
-        "misfits": sum(any(ratio > MISFIT for ratio in each.misfit) for each in outcomes),
+        "misfits": sum(any(ratio > MISFIT_RATIO for ratio in each.misfit) for each in outcomes),
     }
 
 

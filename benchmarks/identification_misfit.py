@@ -3,8 +3,8 @@
     python benchmarks/identification_misfit.py [--workers 2] [--json FILE]
 
 Each case: a hidden robot of `identification.py`'s family with one more effect, recorded and fitted by the
-plain model. A case is flagged if a joint's residual exceeds `MISFIT` times the noise, or the recording is
-refused. A flagged fit is repeated with each known effect; the effect with the smallest residual is named.
+plain model. A case is flagged if a joint's residual exceeds `MISFIT_RATIO` times the noise, or the recording
+is refused. A flagged fit is repeated with each known effect; the effect with the smallest residual is named.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from identification import FITTED, drawn
 from footfall.common.errors import UserError
 from footfall.common.outputs import write_json
 from footfall.domain_rand.sample import Sample
-from footfall.identify.fit import MISFIT, fit_leg
+from footfall.identify.fit import MISFIT_RATIO, fit_leg
 from footfall.identify.leg import fixed_legs
 from footfall.identify.record import record
 from footfall.identify.recording import read_recording
@@ -105,7 +105,7 @@ def run(name: str, number: int) -> Found:
     except UserError as error:
         found.flagged, found.refused = True, str(error).partition(": ")[2]
         return found
-    found.misfit, found.flagged = fit.misfit.tolist(), bool((fit.misfit > MISFIT).any())
+    found.misfit, found.flagged = fit.misfit.tolist(), bool((fit.misfit > MISFIT_RATIO).any())
     if fit.explanation is not None:
         found.without, found.with_effect = fit.explanation.without, fit.explanation.with_effect
         found.named = fit.explanation.best

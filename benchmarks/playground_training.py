@@ -1,4 +1,4 @@
-"""Trains MuJoCo Playground's Go1 with its own settings and keeps policies on the way.
+"""Trains MuJoCo Playground's Go1 with its own settings and keeps intermediate policies.
 
     python benchmarks/playground_training.py --out playground.npz
 

@@ -26,7 +26,7 @@ from footfall.robots.description import load_robot
 
 SWITCHES = 10  # switches per episode
 BETWEEN_S = (0.6, 1.6)  # walking time between two switches
-LONGEST_S = 120.0
+EPISODE_TIMEOUT_S = 120.0
 
 
 class Switcher:
@@ -84,7 +84,7 @@ def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], see
         first,
         Episode(
             source,
-            LONGEST_S,
+            EPISODE_TIMEOUT_S,
             seed=seed,
             noise=load_scenarios(robot).noise,
             config=replace(config, stop_s=0.0),

@@ -1,4 +1,4 @@
-"""Settings of the loop with relaxed time limits, for machines that stall: time that was lost is no fault.
+"""Settings of the loop with relaxed time limits, for machines that stall: lost time is not a fault.
 
 Benchmarks and tests tighten those that they are about.
 """

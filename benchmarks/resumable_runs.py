@@ -35,8 +35,8 @@ def run_resumable(
     """Results of the tasks that have one, in their order, and a line for each that failed.
 
     Args:
-        function: of this module's importer, called with a task in processes of their own.
-        tasks: of strings, numbers and None, so that a line of the file names its task.
+        function: function from this module's importer, called with a task in a separate process.
+        tasks: tasks of strings, numbers and None, so that a line of the file names its task.
         out: the file; None for one that is deleted.
         workers: processes; one for each core if None.
         time_limit_s: no task begins after it.

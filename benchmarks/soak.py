@@ -37,7 +37,7 @@ MAX_DRIFT_TICKS = 2.0
 NOTICED_WITHIN_S = 2.0
 PAGE = 4096
 WALL_CLOCK, LOCKSTEP = "wall clock", "lockstep"
-LOOKS = 200  # number of measurements of memory and time in a long run
+MEASUREMENTS = 200  # number of measurements of memory and time in a long run
 
 
 def command_at(time_s: float) -> np.ndarray:
@@ -90,7 +90,7 @@ def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, 
     kind, minutes, seed, robot_name, policy = task
     realtime, robot = kind == WALL_CLOCK, load_robot(robot_name)
     config, seconds = DeployConfig(realtime_priority=80 if realtime else None), minutes * 60
-    watcher = Watcher(seconds / LOOKS, realtime, end_s)
+    watcher = Watcher(seconds / MEASUREMENTS, realtime, end_s)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "soak.mcap"
         episode = Episode(command_at, seconds, seed, realtime=realtime, log=log, record=False, config=config)

@@ -27,8 +27,8 @@ import numpy as np
 from footfall.plant.frame_changes import flipped
 
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
-LONGEST_S = 300.0  # a slow machine takes long to import
-LONGEST_START_S = 30.0  # the robot starts after the controller
+PROCESS_TIMEOUT_S = 300.0  # a slow machine takes long to import
+START_TIMEOUT_S = 30.0  # the robot starts after the controller
 MOTORS_TIME_OUT_S = 0.5  # longer than the motors' timeout
 SLOW_DRIFT_RAD = 0.2
 FLIPPED_SHARE = 0.2  # of the robot's frames have a flipped bit, as if no checksum had detected it
@@ -163,7 +163,7 @@ class Robot:
 
     def wait_for(self, what: str) -> None:
         """Wait for a message of the robot in which `what` is set."""
-        deadline = time.monotonic() + LONGEST_S
+        deadline = time.monotonic() + PROCESS_TIMEOUT_S
         while not any(each.get(what) for each in list(self.messages)):
             if time.monotonic() > deadline:
                 sys.exit(f"the robot does not report '{what}'")
@@ -187,7 +187,7 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     config = out / "loop.yaml"
     # On a slow machine, replies are late by milliseconds, which looks like drift.
     sensors = f", sensors: {{drift_rad: {SLOW_DRIFT_RAD}}}" if options.slow else ""
-    safety = f"{{start_timeout_s: {LONGEST_START_S}{sensors}}}"
+    safety = f"{{start_timeout_s: {START_TIMEOUT_S}{sensors}}}"
     config.write_text(f"joint_rate_hz: {options.joint_rate}\nsafety: {safety}\n")
     command += ["--config", str(config)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -210,7 +210,7 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
         if row.to_system:
             subprocess.run(row.to_system, check=True)
     progress(f"{name}: waiting for the controller's end")
-    text, _ = process.communicate(timeout=LONGEST_S)
+    text, _ = process.communicate(timeout=PROCESS_TIMEOUT_S)
     time.sleep(MOTORS_TIME_OUT_S)
     if row.to_system:
         subprocess.run([*row.to_system[:-1], "up"], check=True)
@@ -251,7 +251,7 @@ def start_dump(path: Path) -> subprocess.Popen[bytes]:
 def end_dump(dump: subprocess.Popen[bytes], path: Path) -> int:
     """End a dump; returns its number of frames."""
     dump.send_signal(signal.SIGINT)
-    dump.wait(LONGEST_S)
+    dump.wait(PROCESS_TIMEOUT_S)
     return frames_in(path)
 
 

@@ -5,7 +5,7 @@
     python benchmarks/socketcan_qemu.py --run "benchmarks/bus_load.py --robots go1 --buses socketcan"
     python benchmarks/socketcan_qemu.py --run "-m pytest -p no:cacheprovider tests/deploy/test_socketcan.py"
 
-For machines whose own kernel has no CAN. The kernel is a Debian package; without --kernel the present one is
+For machines whose own kernel has no CAN. The kernel is a Debian package; without --kernel the current one is
 downloaded by apt-get. The guest's files are this machine's, read-only over 9p, so the same Python and the
 same footfall run in it: that benchmark, or the command of --run. Results, candump's logs and the guest's
 console are written to --out.

@@ -6,7 +6,7 @@
 
 In both, a robot starts in the middle and gets the scenario's first command. It succeeds if it does not fall
 and covers 70 % of the commanded path. The training environment draws robots, noise and delays as in the run;
-the scenario draws from the declared family. So the two differ in more than the contacts.
+the scenario draws from the robot's own. So they differ in more than the contacts.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from footfall.envs.batch import step_batch
 from footfall.envs.config import EnvConfig, TerrainConfig
 from footfall.envs.make import make_environment
 from footfall.envs.terrain import KEY
-from footfall.evaluate.metrics import ARRIVED
+from footfall.evaluate.metrics import SUCCESS_PROGRESS
 from footfall.evaluate.scenarios import Scenario, load_scenarios
 from footfall.policies.learned import open_network
 from footfall.robots.commands import CommandRange
@@ -78,7 +78,7 @@ def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, 
         state, observation, outcome = step(state, jnp.asarray(actions))
         fell |= np.asarray(outcome.terminated) > 0
     walked = state.terms[KEY][KEY]
-    return int(np.sum(~fell & np.asarray(walked.along >= ARRIVED * walked.asked)))
+    return int(np.sum(~fell & np.asarray(walked.along >= SUCCESS_PROGRESS * walked.asked)))
 
 
 def main() -> None:

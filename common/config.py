@@ -21,9 +21,9 @@ from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
 
-LARGEST_BYTES = 2**20  # largest file of settings that is read
-LONGEST_VALUE = 80  # characters of a refused value in a message
-MOST_FIELDS = 6  # fields that a message names for one reason
+MAX_FILE_BYTES = 2**20  # largest file of settings that is read
+MAX_VALUE_CHARS = 80  # characters of a refused value in a message
+MAX_NAMED_FIELDS = 6  # fields that a message names for one reason
 
 _converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tuple: list})
 
@@ -35,7 +35,7 @@ _EXPONENT_WITHOUT_POINT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 def _shown(value: Any) -> str:
     """A refused value, shortened to fit a line."""
     text = repr(value)
-    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+    return text if len(text) <= MAX_VALUE_CHARS else f"{text[:MAX_VALUE_CHARS]}..."
 
 
 def _structure_float(value: Any, _: type) -> float:
@@ -107,8 +107,8 @@ def _together(reasons: list[str]) -> str:
 
 def _several(names: list[str]) -> str:
     """Names as a list that fits a line."""
-    more = len(names) - MOST_FIELDS
-    return ", ".join(names[:MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_NAMED_FIELDS
+    return ", ".join(names[:MAX_NAMED_FIELDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _field_first(reason: str) -> str:
@@ -233,9 +233,9 @@ def read_yaml(path: Path) -> Any:
         raise UserError(f"{path} is a named pipe, which may block for ever: give a file")
     try:
         with path.open("rb") as file:
-            content = file.read(LARGEST_BYTES + 1)  # limited: a device may never end
-        if len(content) > LARGEST_BYTES:
-            raise UserError(f"{path} holds no settings: it is larger than {LARGEST_BYTES:,} bytes")
+            content = file.read(MAX_FILE_BYTES + 1)  # limited: a device may never end
+        if len(content) > MAX_FILE_BYTES:
+            raise UserError(f"{path} holds no settings: it is larger than {MAX_FILE_BYTES:,} bytes")
         return parse_yaml(content.decode())
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None

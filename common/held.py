@@ -17,7 +17,7 @@ from footfall.common.errors import UserError
 
 NAMESPACE = "footfall"
 CREDENTIALS = struct.Struct("3i")  # struct ucred: process, user, group
-LONGEST_READABLE = 80  # bytes of a name; the kernel accepts 107
+MAX_NAME_BYTES = 80  # bytes of a name; the kernel accepts 107
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def held(name: str, what: str) -> Iterator[None]:
 
 
 def _address(name: str) -> str:
-    if len(name.encode()) > LONGEST_READABLE:
+    if len(name.encode()) > MAX_NAME_BYTES:
         name = hashlib.sha256(name.encode()).hexdigest()
     return f"\0{NAMESPACE}/{name}"
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 
-def meant(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, known: Iterable[str]) -> str:
     """'. Did you mean NAME?' with the closest known name; empty if none is close."""
     return "".join(f". Did you mean {each}?" for each in get_close_matches(name, list(known), n=1))
 

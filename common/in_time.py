@@ -3,11 +3,11 @@
 import threading
 from collections.abc import Callable
 
-PATIENCE_S = 2.0
+TIME_LIMIT_S = 2.0
 _NAME = "call that may block"
 
 
-def in_time(act: Callable[[], None], patience_s: float = PATIENCE_S) -> BaseException | None:
+def in_time(act: Callable[[], None], patience_s: float = TIME_LIMIT_S) -> BaseException | None:
     """Call `act` in a thread of its own, and wait at most `patience_s` for its end.
 
     A stopped terminal (Ctrl-S), a hanging connection or a pipe without a reader would otherwise block the

@@ -30,7 +30,7 @@ def install_extras(*extras: str) -> str:
     """The command that adds extras of footfall to this environment.
 
     It names the clone or the wheel that footfall was installed from. If that is gone, or footfall came from
-        an index, it names the packages of the extras.
+    an index, it names the packages of the extras.
     """
     origin = _recorded_origin()
     path = _local_path(origin.get("url", ""))

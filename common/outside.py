@@ -13,44 +13,47 @@ from typing import Any
 
 from footfall.common.errors import UserError
 
-_PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-_OTHERS = {"site-packages", "dist-packages"}  # folders of installed modules, which are not the user's own
+_IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+_LIBRARY_FOLDERS = {
+    "site-packages",
+    "dist-packages",
+}  # folders of installed modules, which are not the user's own
 
 
-def is_place(spec: str) -> bool:
+def is_import_path(spec: str) -> bool:
     """Whether a text has the form MODULE:NAME."""
-    return _PLACE.fullmatch(spec) is not None
+    return _IMPORT_PATH.fullmatch(spec) is not None
 
 
-def find(place: str, what: str) -> Any:
+def find(import_path: str, what: str) -> Any:
     """The object at MODULE:NAME.
 
     Args:
-        place: MODULE:NAME.
+        import_path: MODULE:NAME.
         what: the kind of object, for the message: "policy", "reward".
 
     Raises:
         UserError: there is no such module or no such name in it.
     """
-    module_name, _, name = place.partition(":")
+    module_name, _, name = import_path.partition(":")
     module = _imported(module_name)
     try:
         return getattr(module, name)
     except AttributeError:
-        raise UserError(f"no {what} '{place}': {module.__file__} has no '{name}'") from None
+        raise UserError(f"no {what} '{import_path}': {module.__file__} has no '{name}'") from None
 
 
-def in_a_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """The error of a user's own code in one line, with the line of the code that raised it."""
     text, *_ = str(error).splitlines() or [""]
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({Path(frame.filename).name}:{frame.lineno})"
 
 
-def sources(places: list[str]) -> list[tuple[str, bytes]]:
-    """The source of these places' modules, and of every imported module in the same folders.
+def sources(import_paths: list[str]) -> list[tuple[str, bytes]]:
+    """Source of the modules in these import paths, and of every imported module in the same folders.
 
-    A program compiled from these places depends on no other code of the user's.
+    A program compiled from them depends on no other code of the user.
 
     Returns:
         Names of modules and the content of their files, sorted.
@@ -58,7 +61,7 @@ def sources(places: list[str]) -> list[tuple[str, bytes]]:
     Raises:
         UserError: a module cannot be imported.
     """
-    modules = [_imported(place.partition(":")[0]) for place in places]
+    modules = [_imported(path.partition(":")[0]) for path in import_paths]
     roots = {_root(module) for module in modules}
     found = {}
     for name, module in list(sys.modules.items()):
@@ -66,7 +69,7 @@ def sources(places: list[str]) -> list[tuple[str, bytes]]:
         path = Path(file) if file and file.endswith(".py") else None
         if path is None or name.partition(".")[0] == "footfall":
             continue
-        beside = not _OTHERS.intersection(path.parts) and any(root in path.parents for root in roots)
+        beside = not _LIBRARY_FOLDERS.intersection(path.parts) and any(root in path.parents for root in roots)
         if beside or module in modules:
             found[name] = path.read_bytes()
     return sorted(found.items())
@@ -78,6 +81,12 @@ def _root(module: ModuleType) -> Path:
     return Path(package.__file__ or module.__file__ or "").parent
 
 
+def shipped(import_path: str) -> Any:
+    """The object at MODULE:NAME in footfall itself."""
+    module, _, name = import_path.partition(":")
+    return getattr(import_module(module), name)
+
+
 def _imported(name: str) -> ModuleType:
     folder = str(Path.cwd())
     if folder not in sys.path:
@@ -87,5 +96,5 @@ def _imported(name: str) -> ModuleType:
     except Exception as error:  # any error is the module's
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is None or not f"{name}.".startswith(f"{missing}."):
-            raise UserError(f"importing '{name}': {in_a_line(error)}") from error
+            raise UserError(f"importing '{name}': {one_line(error)}") from error
     raise UserError(f"no module '{missing}': it is neither in {folder} nor installed")

@@ -12,7 +12,7 @@ OTHERS_MAY_ENTER = stat.S_IXGRP | stat.S_IXOTH
 
 
 class NotPrivateError(Exception):
-    """Another user may have written a file; the message says why."""
+    """Another user may have written a file; the message has the reason."""
 
 
 def read_private(path: Path) -> bytes:

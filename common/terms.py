@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 
 from footfall.common.config import structure_value, takes_other_keys
 from footfall.common.errors import UserError
-from footfall.common.outside import find, in_a_line, is_place
+from footfall.common.outside import find, is_import_path, one_line
 
 
 class Between(NamedTuple):
@@ -82,7 +82,7 @@ def choose(name: str, available: Mapping[str, Any], what: str, where: str) -> An
     """The shipped term with this name, or the object at MODULE:NAME.
 
     Args:
-        name: as a configuration gives it.
+        name: name in a configuration.
         available: the terms that ship, by name.
         what: the kind of term, for the message: "reward".
         where: the entry, for the message: "env.rewards[2]".
@@ -92,7 +92,7 @@ def choose(name: str, available: Mapping[str, Any], what: str, where: str) -> An
     """
     if name in available:
         return available[name]
-    if is_place(name):
+    if is_import_path(name):
         return find(name, what)
     raise UserError(f"{where}: no {what} '{name}': there are {', '.join(available)}, or MODULE:NAME")
 
@@ -121,7 +121,7 @@ def bind(term: Any, settings: Mapping[str, Any], where: str) -> Any:
     except ValueError as error:
         raise UserError(f"{where}: {' '.join(str(error).split())}") from None
     except Exception as error:  # any other error is the class's
-        raise UserError(f"{where}: {in_a_line(error)}") from error
+        raise UserError(f"{where}: {one_line(error)}") from error
 
 
 def _typed(value: Any, declared: Parameter, where: str) -> Any:

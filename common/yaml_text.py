@@ -5,7 +5,7 @@ from typing import Any
 import yaml
 from yaml.composer import Composer
 
-MOST_NODES = 2**18  # mappings, lists and scalars, with those that aliases repeat
+MAX_NODES = 2**18  # mappings, lists and scalars, with those that aliases repeat
 _KEYS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "merge")}
 
 
@@ -62,8 +62,8 @@ class _Checks(Composer):
             if isinstance(part, yaml.CollectionNode) and id(part) not in self._sizes:
                 raise _refused("an alias is inside the value that it repeats", part)
             size += self._sizes.get(id(part), 1)
-        if size > MOST_NODES:
-            raise _refused(f"its aliases repeat more than {MOST_NODES:,} values", node)
+        if size > MAX_NODES:
+            raise _refused(f"its aliases repeat more than {MAX_NODES:,} values", node)
         self._sizes[id(node)] = size
 
 

@@ -87,10 +87,10 @@ class BatteryMonitor:
         if now_us < self._next_us:
             return False
         self._next_us = now_us + self._limits.period_s * 1e6
-        heard = voltage[np.isfinite(voltage)]
-        if heard.size:
+        reported = voltage[np.isfinite(voltage)]
+        if reported.size:
             elapsed_s = (now_us - self._last_us) * 1e-6
-            self.state = self._state(elapsed_s, float(np.median(heard)), self._drawn(current, joints))
+            self.state = self._state(elapsed_s, float(np.median(reported)), self._drawn(current, joints))
             self._last_us = now_us
         return True
 

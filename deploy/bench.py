@@ -18,14 +18,14 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
 PERIOD_US = 20_000  # well within the motors' timeout
-PATIENCE_S = 2.0  # timeout for motors to report their settings, and to confirm enable
-SILENCE_US = 500_000
-SETTLE_S = 1.0  # motors are disabled for this time before their zero is set
-STILL_RAD_S = 0.2
+REPLY_TIMEOUT_S = 2.0  # timeout for motors to report their settings, and to confirm enable
+SILENCE_TIMEOUT_US = 500_000
+DISABLED_S = 1.0  # motors are disabled for this time before their zero is set
+MAX_REST_SPEED_RAD_S = 0.2
 REPEATS = 5  # of frames that disable motors or clear errors, because a frame may be lost
-CLEAR_S = 0.5  # time until the reports contain no error any more: heartbeats come ten times per second
-ZERO_S = 1.2  # some motors are silent for a second after their zero is set
-ZERO_RAD = 0.1  # largest position after setting zero
+CLEAR_TIMEOUT_S = 0.5  # until no report contains an error: heartbeats come ten times per second
+ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is set
+MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
 HANGING_UP = (
     signal.SIGHUP,
@@ -72,13 +72,15 @@ class Bench:
 
     def query_settings(self) -> str:
         """Read the motors' settings; returns the first problem, or an empty string."""
-        self._run(PATIENCE_S, self._driver.query_settings, until=lambda: not self._driver.not_ready())
+        self._run(REPLY_TIMEOUT_S, self._driver.query_settings, until=lambda: not self._driver.not_ready())
         return self._driver.not_ready()
 
     def enable(self) -> str:
         """Enable the motors, without torque; returns the first problem, or an empty string."""
         self._run(
-            PATIENCE_S, self._driver.enable, until=lambda: not (self.missing() or self._driver.not_enabled())
+            REPLY_TIMEOUT_S,
+            self._driver.enable,
+            until=lambda: not (self.missing() or self._driver.not_enabled()),
         )
         return self.missing() or self._driver.not_enabled()
 
@@ -90,12 +92,12 @@ class Bench:
     def settle(self) -> str:
         """Wait with disabled motors until no joint moves; returns the first moving or silent one, or
         empty."""
-        self._run(SETTLE_S, self._driver.disable)
-        self._run(PATIENCE_S, self._driver.disable, until=lambda: not self._unsettled())
+        self._run(DISABLED_S, self._driver.disable)
+        self._run(REPLY_TIMEOUT_S, self._driver.disable, until=lambda: not self._unsettled())
         return self._unsettled()
 
     def _unsettled(self) -> str:
-        moving = np.abs(self._values[1]) > STILL_RAD_S
+        moving = np.abs(self._values[1]) > MAX_REST_SPEED_RAD_S
         moves = f"{self._wiring.place(int(moving.argmax()))} moves" if moving.any() else ""
         return self.missing() or moves
 
@@ -106,15 +108,15 @@ class Bench:
             return "these motors have no frame that clears errors: switch their power off and on"
         for _ in range(REPEATS):
             self._exchange(frames)
-        self._run(CLEAR_S, self._driver.disable)
+        self._run(CLEAR_TIMEOUT_S, self._driver.disable)
         return ""
 
     def zero(self) -> str:
-        """Set the motors' zero to their present position; returns the first failure, or an empty string."""
+        """Set the motors' zero to their current position; returns the first failure, or an empty string."""
         for _ in range(ZERO_TRIES):
             self._run(0.0, self._driver.zero)
-            self._run(ZERO_S, self._driver.disable)
-            elsewhere = np.abs(self._values[0]) > ZERO_RAD
+            self._run(ZERO_TIMEOUT_S, self._driver.disable)
+            elsewhere = np.abs(self._values[0]) > MAX_ZERO_ERROR_RAD
             if not elsewhere.any():
                 return ""
         return f"{self._wiring.place(int(elsewhere.argmax()))} did not set its zero"
@@ -128,7 +130,7 @@ class Bench:
 
     def missing(self) -> str:
         """First silent motor; empty if all reply."""
-        silent = self._now_us - self._heard_us > SILENCE_US
+        silent = self._now_us - self._heard_us > SILENCE_TIMEOUT_US
         return f"no answer from {self._wiring.place(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:

@@ -9,8 +9,8 @@ class Change(NamedTuple):
     """Changes from a policy step on. Empty fields change nothing."""
 
     policy: str = ""  # new policy
-    gait: str = ""  # new gait of the present policy
-    settings: Mapping[str, float] = {}  # changed live settings of the present policy
+    gait: str = ""  # new gait of the current policy
+    settings: Mapping[str, float] = {}  # changed live settings of the current policy
     at_once: bool = False  # switch the policy immediately, in any state
     by: str = ""  # operator of the request; empty for the run itself
 

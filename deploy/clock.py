@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 LOCKSTEP_START_NS = 10**18  # 2001-09-09 01:46:40 UTC, start of simulated time
-SWITCH_S = 1e-4  # longest time for which another thread keeps the GIL while the loop's thread waits
+GIL_SWITCH_S = 1e-4  # longest time for which another thread keeps the GIL while the loop's thread waits
 
 _MCL_CURRENT_AND_FUTURE = 3
 _PR_SET_TIMERSLACK = 29
@@ -105,7 +105,7 @@ def undisturbed(priority: int | None) -> Iterator[list[str]]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    sys.setswitchinterval(SWITCH_S)
+    sys.setswitchinterval(GIL_SWITCH_S)
     with ExitStack() as undo:
         undo.callback(gc.unfreeze)
         undo.callback(gc.enable)

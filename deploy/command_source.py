@@ -68,9 +68,9 @@ class Offer(NamedTuple):
     """Options of a run."""
 
     policies: Sequence[str] = ()  # names of the selectable policies
-    gaits: Sequence[str] = ()  # gaits of the present policy
-    settings: Mapping[str, Span] = {}  # live settings of the present policy: see `DECLARED`
-    commands: CommandRange | None = None  # command ranges of the present policy; None without limits
+    gaits: Sequence[str] = ()  # gaits of the current policy
+    settings: Mapping[str, Span] = {}  # live settings of the current policy: see `DECLARED`
+    commands: CommandRange | None = None  # command ranges of the current policy; None without limits
     get_up: str = ""  # name of the get-up policy; empty if getting up is not permitted
 
 
@@ -82,6 +82,7 @@ class Pose(NamedTuple):
     yaw_rad: float
 
 
+ZERO_COMMAND = np.zeros(3)
 UNKNOWN_POSE = Pose(math.nan, math.nan, math.nan)
 
 
@@ -91,7 +92,7 @@ class Status(NamedTuple):
     now_s: float  # time of the loop's clock
     walking_s: float  # since the start of walking; 0 before
     mode: Mode
-    policy: str  # name of the present policy
+    policy: str  # name of the current policy
     command: np.ndarray  # (3,) command of the last policy step
     velocity: np.ndarray  # (3,) m/s, estimated velocity of the base, body frame; NaN without an estimate
     height_m: float  # estimated height of the base above its mean stance foot; NaN without an estimate

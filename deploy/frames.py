@@ -9,8 +9,8 @@ BITRATE = 1_000_000  # bit/s: one bit takes one microsecond
 FD_BITRATE = 5_000_000  # bit/s in the data phase of CAN FD frames: moteus' rate
 EXTENDED = 1 << 31  # added to a 29-bit identifier, as in SocketCAN
 FD = 1 << 30  # added to the identifier of a CAN FD frame
-NUMBER = 0x1FFF_FFFF  # mask of an identifier without these flags
-LONGEST = 64  # largest length of a CAN FD frame, bytes
+ID_MASK = 0x1FFF_FFFF  # mask of an identifier without these flags
+MAX_FD_BYTES = 64  # largest length of a CAN FD frame, bytes
 
 
 class Frames(NamedTuple):
@@ -37,7 +37,7 @@ class Frames(NamedTuple):
     def of_fd(self) -> "Frames":
         """CAN FD frames, with data (k, 64)."""
         found = self.take(self.id & FD != 0)
-        return found if found.data.shape[1] == LONGEST else found._replace(data=_widened(found.data))
+        return found if found.data.shape[1] == MAX_FD_BYTES else found._replace(data=_widened(found.data))
 
     def at(self, time_us: np.ndarray) -> "Frames":
         """The same frames with arrival times, us, (k,)."""
@@ -84,7 +84,7 @@ def _stacked(data: Sequence[np.ndarray]) -> np.ndarray:
 
 def _widened(data: np.ndarray) -> np.ndarray:
     """Data (k, 8) or (k, 64) as (k, 64)."""
-    return np.pad(data, ((0, 0), (0, LONGEST - data.shape[1])))
+    return np.pad(data, ((0, 0), (0, MAX_FD_BYTES - data.shape[1])))
 
 
 def frame_bits(length: int, extended: bool = False) -> int:
@@ -120,7 +120,7 @@ def fd_bits(length: int, extended: bool = False) -> int:
 
 
 _FD_BITS = np.array(
-    [[fd_bits(length, extended) for length in range(LONGEST + 1)] for extended in (False, True)]
+    [[fd_bits(length, extended) for length in range(MAX_FD_BYTES + 1)] for extended in (False, True)]
 )
 _BITS = np.array([[frame_bits(length, extended) for length in range(9)] for extended in (False, True)])
 

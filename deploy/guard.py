@@ -13,9 +13,9 @@ from collections.abc import Callable
 
 from footfall.common.in_time import in_time
 
-PATIENCE_S = 1.0  # time for the loop's thread to end the process itself, after the motors are disabled
-EVERY_S = 0.01  # between two frames
-SAYING_S = 0.1
+EXIT_TIMEOUT_S = 1.0  # time for the loop's thread to end the process itself, after the motors are disabled
+FRAME_INTERVAL_S = 0.01  # between two frames
+PRINT_TIMEOUT_S = 0.1
 
 
 class Guard(threading.Thread):
@@ -68,9 +68,9 @@ class Guard(threading.Thread):
         until = time.perf_counter() + self._damping_s
         while time.perf_counter() < until:
             _try(self._damp)
-            time.sleep(EVERY_S)
+            time.sleep(FRAME_INTERVAL_S)
         _try(self._disable)
-        if self._done.wait(PATIENCE_S):
+        if self._done.wait(EXIT_TIMEOUT_S):
             return
         _say("the control loop did not return: robot damped, motors disabled")
         self._end(1)
@@ -86,4 +86,4 @@ def _try(act: Callable[[], None]) -> None:
 
 def _say(line: str) -> None:
     """Print a line, unless the terminal is blocked, which must not delay commands to the motors."""
-    in_time(lambda: print(line, file=sys.stderr, flush=True), SAYING_S)
+    in_time(lambda: print(line, file=sys.stderr, flush=True), PRINT_TIMEOUT_S)

@@ -1,6 +1,6 @@
 """Selection of the policy, and handover between policies during a run.
 
-Two policies place their feet at different times, so the handover happens while the robot stands: the present
+Two policies place their feet at different times, so the handover happens while the robot stands: the current
 policy stops, then both act for a moment while the weight of the next one grows, then the next one
 continues. It depends only on the policies' inputs and the requested changes, so a replay repeats it.
 After a fall the get-up policy takes over immediately, and so does the walking policy once the robot
@@ -19,8 +19,6 @@ from footfall.deploy.changes import Change
 from footfall.deploy.turn import Turn
 from footfall.policies.live_settings import Steerable
 from footfall.policies.policy import Policy, PolicyInput
-
-STILL = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -48,18 +46,18 @@ class Handover:
             UserError: two policies have the same name.
         """
         self._config = config or HandoverConfig()
-        everyone = [*policies, *([] if get_up is None else [get_up])]
-        self._turns = {policy.name: Turn(policy) for policy in everyone}
-        if len(self._turns) < len(everyone):
-            names = ", ".join(policy.name for policy in everyone)
+        all_policies = [*policies, *([] if get_up is None else [get_up])]
+        self._turns = {policy.name: Turn(policy) for policy in all_policies}
+        if len(self._turns) < len(all_policies):
+            names = ", ".join(policy.name for policy in all_policies)
             raise UserError(f"policies of a run need different names: {names}")
         self.policies = tuple(policies)
         self.begin()
 
     def begin(self) -> None:
         """Start walking with the first policy."""
-        self.present = self._turns[self.policies[0].name]
-        self.present.begin(0)
+        self.current = self._turns[self.policies[0].name]
+        self.current.begin(0)
         self._next: Turn | None = None  # requested policy
         self._blends_since_us: int | None = None
         self._asked_us = self._moved_us = 0
@@ -73,8 +71,8 @@ class Handover:
     def acting(self) -> tuple[Turn, ...]:
         """Policies that act now: the current one, and the next one during the blend."""
         if self._next is None or self._blends_since_us is None:
-            return (self.present,)
-        return self.present, self._next
+            return (self.current,)
+        return self.current, self._next
 
     @property
     def period_us(self) -> float:
@@ -83,14 +81,14 @@ class Handover:
 
     def apply(self, change: Change, now_us: int) -> None:
         """Apply a change. Its names and values have been checked."""
-        policy = self.present.policy
+        policy = self.current.policy
         if change.at_once:
-            self.present, self._next, self._blends_since_us = self._turns[change.policy], None, None
-            self.present.begin(now_us)
+            self.current, self._next, self._blends_since_us = self._turns[change.policy], None, None
+            self.current.begin(now_us)
             return
         if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
             wanted = self._turns[change.policy]
-            self._next, self._asked_us = (None if wanted is self.present else wanted), now_us
+            self._next, self._asked_us = (None if wanted is self.current else wanted), now_us
         if change.gait and isinstance(policy, Steerable):
             policy.take_up(change.gait)
         if change.settings and isinstance(policy, Steerable):
@@ -98,7 +96,7 @@ class Handover:
 
     def due(self, now_us: int) -> bool:
         """Whether a policy step is due."""
-        return self.present.due(now_us) or (len(self.acting) > 1 and self.acting[1].due(now_us))
+        return self.current.due(now_us) or (len(self.acting) > 1 and self.acting[1].due(now_us))
 
     def step(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
         """One step of the acting policies whose step is due. Returns the decision (5, n).
@@ -108,7 +106,7 @@ class Handover:
             inputs: the command must be zero while `leaving`.
         """
         if len(self.policies) == 1:
-            return self.present.act(now_us, inputs)
+            return self.current.act(now_us, inputs)
         if np.count_nonzero(inputs.command):
             self._moved_us = now_us
         if self._next is not None and self._blends_since_us is None and self._ready(now_us):
@@ -124,7 +122,7 @@ class Handover:
             return decisions[0]
         share = (now_us - self._blends_since_us) * 1e-6 / self._config.blend_s
         if share >= 1.0:
-            self.present, self._next, self._blends_since_us = self._next, None, None
+            self.current, self._next, self._blends_since_us = self._next, None, None
             return decisions[1]
         return blended(decisions[0], decisions[1], 0.5 - 0.5 * math.cos(math.pi * share))
 
@@ -141,7 +139,7 @@ class Handover:
         config = self._config
         if now_us - self._moved_us < config.still_s * 1e6:
             return False
-        plan = self.present.policy.stance()
+        plan = self.current.policy.stance()
         stands = plan is None or bool(np.min(plan) >= 1.0)
         return stands or now_us - self._asked_us >= (config.still_s + config.wait_s) * 1e6
 

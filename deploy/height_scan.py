@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from footfall.common.outside import in_a_line
+from footfall.common.outside import one_line
 from footfall.policies.height_scan import HeightScan, common_height_scan
 from footfall.policies.policy import Policy
 
@@ -53,7 +53,7 @@ class HeightScans:
             scanned = self._source.newest(now_us)
             trouble = self._trouble(scanned, now_us)
         except Exception as error:  # of any type: the policy can walk without scans
-            scanned, trouble = None, FAILED.format(in_a_line(error))
+            scanned, trouble = None, FAILED.format(one_line(error))
         if scanned is not None and not trouble:
             return scanned.heights
         first_ones = now_us - self._begun_us <= self._longest_us

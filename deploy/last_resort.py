@@ -14,8 +14,8 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring
 
-PULLS = 0.03  # of the peak torque: above the report of a motor without current
-OFF_US = 250_000  # time limit for disabling motors: two heartbeats, by which some confirm it
+MIN_TORQUE_SHARE = 0.03  # of the peak torque: above the report of a motor without current
+DISABLE_TIMEOUT_US = 250_000  # time limit for disabling motors: two heartbeats, by which some confirm it
 
 
 class LastResort:
@@ -60,14 +60,16 @@ class LastResort:
 
         Any reply from two ticks after the first request on is a confirmation, because nothing else is sent. A
         motor that reports its state must confirm disable, and no motor may report torque. Ends after
-        `OFF_US`: a motor without a reply is then in `silent_at_the_end`, an enabled one in `on_at_the_end`.
+        `DISABLE_TIMEOUT_US`: a motor without a reply is then in `silent_at_the_end`, an enabled one in
+        `on_at_the_end`.
         """
         began_us = now_us = self._clock.next_tick()
-        while now_us - began_us <= OFF_US:
+        while now_us - began_us <= DISABLE_TIMEOUT_US:
             with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
-            on = ~unanswered & (self._driver.not_confirmed_off() | (self._joints.torque_share > PULLS))
+            pulls = self._joints.torque_share > MIN_TORQUE_SHARE
+            on = ~unanswered & (self._driver.not_confirmed_off() | pulls)
             self.silent_at_the_end, self.on_at_the_end = self._places(unanswered), self._places(on)
             if not self.silent_at_the_end and not self.on_at_the_end:
                 return
@@ -82,5 +84,5 @@ class LastResort:
 def in_one_line(error: BaseException) -> str:
     """An exception in one line, with its position in the source."""
     last = traceback.extract_tb(error.__traceback__)[-1]
-    says = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
-    return f"{says} ({Path(last.filename).name}, line {last.lineno})"
+    described = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
+    return f"{described} ({Path(last.filename).name}, line {last.lineno})"

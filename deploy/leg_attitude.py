@@ -15,7 +15,7 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.momentum import upward_force
 
-SPREAD = 0.25  # of the standing height: feet in a narrower strip give no information on the tilt across it
+MIN_SPREAD = 0.25  # of the standing height: feet in a narrower strip give no tilt across it
 
 
 class LegAttitude:
@@ -26,7 +26,7 @@ class LegAttitude:
         self._legs, self._settled_s = robot.legs, limits.resting_s
         even_force = GRAVITY_M_S2 * self._legs.mass / self._legs.count
         self._loaded = limits.loaded_share * even_force
-        self._least_spread = (SPREAD * robot.description.standing_height_m) ** 2
+        self._least_spread = (MIN_SPREAD * robot.description.standing_height_m) ** 2
         self.reset()
 
     def reset(self) -> None:

@@ -11,7 +11,7 @@ from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
 from footfall.robots.readings import Sensed
 
-SOLE_M = 0.02  # shortest sole that can press with its toes or its heel
+MIN_SOLE_M = 0.02  # shortest sole that can press with its toes or its heel
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Levelling:
 
 def on_two_soles(legs: Legs) -> bool:
     """Whether the robot stands on two feet that can press with their toes or their heels."""
-    soles = all(np.ptp(balls.place, axis=0).max() >= SOLE_M for balls in legs.balls)
+    soles = all(np.ptp(balls.place, axis=0).max() >= MIN_SOLE_M for balls in legs.balls)
     return legs.count == 2 and soles
 
 

@@ -153,7 +153,7 @@ class McapLog:
         self._put(records)
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
-        """Log inputs and decision of a policy step; `policy` is the present policy."""
+        """Log inputs and decision of a policy step; `policy` is the current policy."""
         records = record(Kind.INPUTS, now_us, flatten(inputs).tobytes())
         records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
         for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
@@ -167,7 +167,7 @@ class McapLog:
         self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
 
     def applied(self, now_us: int, applied: Applied) -> None:
-        """Log gait and live settings of the present policy."""
+        """Log gait and live settings of the current policy."""
         self._put(record(Kind.APPLIED, now_us, json.dumps(applied._asdict()).encode()))
 
     def order(self, now_us: int, order: Order) -> None:

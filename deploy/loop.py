@@ -232,7 +232,7 @@ class ControlLoop:
         commanded = self.walking and not self.held_up
         step = runner.step(now_us, self, self.sensed, self._estimate.value, commanded)
         if log is not None:
-            runner.tell(now_us, log, step)
+            runner.log_step(now_us, log, step)
 
     def _update_estimate(self, step_due: bool = False) -> None:
         if self._estimate.due(self.now_us, step_due):
@@ -243,7 +243,7 @@ class ControlLoop:
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
         log.tick(now_us, self.sensed, joints.health(now_us), None if nothing_commanded else joints.sent)
         log.battery(now_us, self.battery)
-        self._runner.tell_orders_and_notes(now_us, log)
+        self._runner.log_orders_and_notes(now_us, log)
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
             log.odometry(now_us, odometry, self._runner.footholds())
 

@@ -11,9 +11,9 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
-from footfall.deploy.command_source import Pose, Status
+from footfall.deploy.command_source import ZERO_COMMAND, Pose, Status
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
-from footfall.deploy.handover import STILL, Handover
+from footfall.deploy.handover import Handover
 from footfall.deploy.height_scan import HeightScans
 from footfall.deploy.modes import DECIDING
 from footfall.deploy.run_log import RunLog
@@ -34,7 +34,7 @@ class Notes(Protocol):
 
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
-FORKED = 1  # exit status of a forked copy of the process that returns from a policy step
+FORK_EXIT_STATUS = 1  # exit status of a forked copy of the process that returns from a policy step
 
 
 class PolicyRunner:
@@ -50,7 +50,7 @@ class PolicyRunner:
         arm: Arm = unarmed,
         height_scans: HeightScans | None = None,
         get_up: Policy | None = None,
-        noting: Sequence[Notes] = (),
+        note_sources: Sequence[Notes] = (),
     ) -> None:
         """Create a runner whose policies have not started.
 
@@ -63,13 +63,13 @@ class PolicyRunner:
             arm: sets a deadline for a step.
             height_scans: height scans for the policies; None if no policy uses them.
             get_up: get-up policy for falls; None for none.
-            noting: further sources of notes for the log.
+            note_sources: further sources of notes for the log.
 
         Raises:
             UserError: a policy is faster than the loop.
         """
-        everyone = [*policies.policies, *([] if get_up is None else [get_up])]
-        for policy in everyone:
+        all_policies = [*policies.policies, *([] if get_up is None else [get_up])]
+        for policy in all_policies:
             if not 0.0 < policy.rate_hz <= joint_rate_hz:
                 raise UserError(
                     f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
@@ -78,49 +78,49 @@ class PolicyRunner:
         self._policies, self.steering = policies, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
         self._height_scans, self._get_up = height_scans, get_up
-        self._walker = policies.present.policy.name  # policy for walking on after a fall
+        self._walker = policies.current.policy.name  # policy for walking on after a fall
         self._process = os.getpid()
         self._began_us, self._begun = 0, False
         self.signals = PolicySignals()
         self.decision: np.ndarray | None = None  # rows of a `JointCommand`
         self.durations_ms = Durations()
         self._command = np.zeros(3)  # last command to the policy
-        self._applied, self._logged = applied_of(policies.present.policy), NOTHING_APPLIED
+        self._applied, self._logged = applied_of(policies.current.policy), NOTHING_APPLIED
         self._changes: list[Change] = []  # not logged yet
-        self._told = 0  # number of logged notes
+        self._notes_logged = 0
         scanning = [] if height_scans is None else [height_scans]
-        self._noting: list[Notes] = [*everyone, *scanning, *noting]
-        self._noted = [0] * len(self._noting)  # number of collected notes of each
+        self._note_sources: list[Notes] = [*all_policies, *scanning, *note_sources]
+        self._notes_collected = [0] * len(self._note_sources)  # number of collected notes of each
 
     @property
     def notes(self) -> list[str]:
         """Notes of the run: changed requests and others, one line each."""
-        notes, noted = self.steering.notes, self._noted
-        for index, each in enumerate(self._noting):
-            if len(each.notes) > noted[index]:
-                notes.extend(each.notes[noted[index] :])
-                noted[index] = len(each.notes)
+        notes, collected = self.steering.notes, self._notes_collected
+        for index, each in enumerate(self._note_sources):
+            if len(each.notes) > collected[index]:
+                notes.extend(each.notes[collected[index] :])
+                collected[index] = len(each.notes)
         return notes
 
-    def tell(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
+    def log_step(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:
         """Log a step, with changes that are not logged yet; None for a failed step."""
         for change in self._changes:
             log.change(now_us, change)
         self._changes.clear()
         if step is not None:
-            log.policy_step(now_us, step[0], JointCommand.of(step[1]), self._policies.present.policy)
+            log.policy_step(now_us, step[0], JointCommand.of(step[1]), self._policies.current.policy)
         if self._applied != self._logged:
             self._logged = self._applied
             log.applied(now_us, self._applied)
 
-    def tell_orders_and_notes(self, now_us: int, log: RunLog) -> None:
+    def log_orders_and_notes(self, now_us: int, log: RunLog) -> None:
         """Log orders and notes that are not logged yet, in any mode."""
         for order in self.steering.take_orders():
             log.order(now_us, order)
         notes = self.notes
-        for note in notes[self._told :]:
+        for note in notes[self._notes_logged :]:
             log.note(now_us, note)
-        self._told = len(notes)
+        self._notes_logged = len(notes)
 
     def status(
         self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
@@ -139,7 +139,7 @@ class PolicyRunner:
             now_us * 1e-6,
             walking_s,
             state.mode,
-            self._policies.present.policy.name,
+            self._policies.current.policy.name,
             self._command,
             *known,
             state.faults,
@@ -160,8 +160,8 @@ class PolicyRunner:
         assert self._get_up is not None
         if not self._begun:  # the robot has not stood yet
             self.start(now_us)
-        if self._policies.present.policy is not self._get_up:  # it is already present in a second try
-            self._walker = self._policies.present.policy.name
+        if self._policies.current.policy is not self._get_up:  # already so in a second try
+            self._walker = self._policies.current.policy.name
         self._take_over(now_us, self._get_up.name)
 
     def walk_on(self, now_us: int) -> None:
@@ -196,7 +196,7 @@ class PolicyRunner:
 
     def footholds(self) -> np.ndarray | None:
         """Planned footholds (see `PlansFootholds`); None if the policy plans none."""
-        policy = self._policies.present.policy
+        policy = self._policies.current.policy
         if self.decision is None or not hasattr(policy, "footholds"):
             return None
         try:
@@ -237,7 +237,7 @@ class PolicyRunner:
             finally:
                 self._arm(0.0)
                 if os.getpid() != self._process:  # a forked copy must not control the robot
-                    os._exit(FORKED)
+                    os._exit(FORK_EXIT_STATUS)
         except OverdueError:
             self.signals = self.signals._replace(step_s=math.inf)
             return None
@@ -268,15 +268,15 @@ class PolicyRunner:
         for change in steering.take_changes():
             policies.apply(change, walked_us)
             self._changes.append(change)
-            steering.refresh(policies.present.policy)
-        self._command = STILL if policies.leaving else steering.command
+            steering.refresh(policies.current.policy)
+        self._command = ZERO_COMMAND if policies.leaving else steering.command
         scan = None if self._height_scans is None else self._height_scans.fresh(now_us)
         given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate, scan)
-        before = policies.present
+        before = policies.current
         decision = policies.step(walked_us, given)
-        if policies.present is not before:
-            steering.serve(policies.present.policy.name)
-        self._applied = applied_of(policies.present.policy)
+        if policies.current is not before:
+            steering.serve(policies.current.policy.name)
+        self._applied = applied_of(policies.current.policy)
         return given, decision
 
     def _failed(self, error: BaseException) -> None:

@@ -15,7 +15,7 @@ from footfall.common.installation import install
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MAX_FRAMES_PER_TICK, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import EXTENDED, FD, LONGEST, NUMBER, Frames, bits_of, takes_fd
+from footfall.deploy.frames import EXTENDED, FD, ID_MASK, MAX_FD_BYTES, Frames, bits_of, takes_fd
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
@@ -101,7 +101,7 @@ class PythonCanBus:
         ):
             self._pacing.wait(channel, bits)
             message = self._can.Message(
-                arbitration_id=identifier & NUMBER,
+                arbitration_id=identifier & ID_MASK,
                 is_extended_id=bool(identifier & EXTENDED),
                 is_fd=bool(identifier & FD),
                 bitrate_switch=bool(identifier & FD),
@@ -130,7 +130,7 @@ class PythonCanBus:
         if not rows:
             return []
         channels, identifiers, contents, _ = zip(*rows, strict=True)
-        width = 8 if max(map(len, contents)) <= 8 else LONGEST
+        width = 8 if max(map(len, contents)) <= 8 else MAX_FD_BYTES
         return [
             Frames(
                 np.array(channels),
@@ -201,7 +201,7 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
     data = bytes(message.data)
     identifier = operator.index(message.arbitration_id) | bool(message.is_extended_id) * EXTENDED
     fd = bool(message.is_fd)
-    if len(data) > (LONGEST if fd else 8):
+    if len(data) > (MAX_FD_BYTES if fd else 8):
         return None
     return identifier | fd * FD, data, float(message.timestamp)
 

@@ -12,7 +12,7 @@ from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
 from footfall.robots.readings import NO_FORCES
 
-NEVER = -(10**15)  # microseconds: long ago
+NEVER_US = -(10**15)  # microseconds: long ago
 MAX_LAYOUTS = 64  # limit of the cache: some protocols have values in identifiers, whose layouts never repeat
 _NO_ROWS = np.zeros(0, np.intp)
 
@@ -44,14 +44,14 @@ class Receiver:
         self._driver, self._imu, self._feet = driver, imu, feet
         self._imu_ids = np.array(imu.identifiers)
         self._rows_of: dict[bytes, tuple[np.ndarray, ...]] = {}  # by identifiers
-        self._now_us = NEVER
+        self._now_us = NEVER_US
         self.joints = np.zeros((3, joints))  # latest position rad, velocity rad/s and torque N m
         self.temperature_c = np.full(joints, np.nan)  # latest; NaN if not reported
         self.voltage = np.full(joints, np.nan)  # V, the same
         self.current = np.full(joints, np.nan)  # A, the same
-        self._motor_us = np.full(joints, NEVER)
+        self._motor_us = np.full(joints, NEVER_US)
         self._error = np.zeros(joints, dtype=np.uint8)
-        self._absorbed_us = NEVER  # time of the latest replies
+        self._absorbed_us = NEVER_US  # time of the latest replies
         self._whole_batches = 0  # number of batches with one reply of each motor
         self._single_replies = np.zeros(joints, np.intp)  # number of replies in other batches
 
@@ -106,7 +106,7 @@ class Receiver:
     def last_heard(self) -> LastHeard:
         """Arrival times of the latest readings."""
         imu_us = self._imu.heard_us
-        return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
+        return LastHeard(self._motor_us, NEVER_US if imu_us is None else imu_us, self._error)
 
     @property
     def replies(self) -> np.ndarray:

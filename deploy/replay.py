@@ -61,8 +61,8 @@ def replay(
     log = read_log(path, (INPUTS, DECISIONS, CHANGES))
     joints = log.joints
     policies = Handover((policy, *others), _config(log), get_up)
-    everyone = [policy, *others, *([] if get_up is None else [get_up])]
-    scan = common_height_scan([each.contract for each in everyone])
+    all_policies = [policy, *others, *([] if get_up is None else [get_up])]
+    scan = common_height_scan([each.contract for each in all_policies])
     points = 0 if scan is None else scan.size
     changes = _changes(log)
     worst, first, steps = 0.0, "", 0

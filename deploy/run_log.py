@@ -22,13 +22,13 @@ class RunLog(Protocol):
         """Record the readings of a joint tick, and the sent command (5, n); None if none was sent."""
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
-        """Record inputs and decision of a policy step; `policy` is the present policy."""
+        """Record inputs and decision of a policy step; `policy` is the current policy."""
 
     def change(self, now_us: int, change: Change) -> None:
         """Record changes of the policy, its gait or its settings, effective from this policy step on."""
 
     def applied(self, now_us: int, applied: Applied) -> None:
-        """Record gait and live settings of the present policy after a change."""
+        """Record gait and live settings of the current policy after a change."""
 
     def order(self, now_us: int, order: Order) -> None:
         """Record an order to the run."""

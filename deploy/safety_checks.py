@@ -50,8 +50,8 @@ def _never_started(s: Signals, c: SafetyConfig) -> str:
         return ""
     if s.start.not_ready:
         return s.start.not_ready
-    who = s.motors.silent if s.motors.silence_s > c.silence_timeout_s else f"the IMU ({s.imu.oldest_part})"
-    return f"no answer from {who} within {c.start_timeout_s:g} s of switching on"
+    silent = s.motors.silent if s.motors.silence_s > c.silence_timeout_s else f"the IMU ({s.imu.oldest_part})"
+    return f"no answer from {silent} within {c.start_timeout_s:g} s of switching on"
 
 
 def _tilted(s: Signals, c: SafetyConfig) -> str:

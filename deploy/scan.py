@@ -16,7 +16,7 @@ from footfall.deploy.clock import Clock, WallClock
 from footfall.deploy.drivers.choice import DRIVERS, driver_class, imu_driver_class
 from footfall.deploy.drivers.driver import CanFilter, MotorDriver
 from footfall.deploy.drivers.polled import MOTOR_IDS
-from footfall.deploy.frames import FD, LONGEST, Frames, no_frames, takes_fd
+from footfall.deploy.frames import FD, MAX_FD_BYTES, Frames, no_frames, takes_fd
 from footfall.deploy.wiring import Wiring
 
 PERIOD_US = 10_000
@@ -128,7 +128,7 @@ def _probes(channels: Sequence[int], drivers: Drivers, is_free: Callable[[int, i
 
 def _batch(probes: tuple[Probe, ...]) -> Frames:
     channel, identifier, content = zip(*probes, strict=True)
-    width = LONGEST if identifier[0] & FD else 8
+    width = MAX_FD_BYTES if identifier[0] & FD else 8
     rows = b"".join(each.ljust(width, b"\0") for each in content)
     data = np.frombuffer(rows, np.uint8).reshape(-1, width)
     return Frames(np.array(channel), np.array(identifier), data, np.array([len(each) for each in content]))

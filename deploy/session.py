@@ -12,7 +12,7 @@ import numpy as np
 
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
-from footfall.common.limits import LONGEST_S
+from footfall.common.limits import MAX_DURATION_S
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock
@@ -119,14 +119,14 @@ def run_session(
         BaseException: raised by `each_tick`, or to end the program; the motors have been disabled in this
             case.
     """
-    if not 0.0 < session.duration_s <= LONGEST_S:
+    if not 0.0 < session.duration_s <= MAX_DURATION_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be positive, and at most a day")
     policies = (policy, *session.others.values())
     get_up = None if session.get_up is None else session.get_up.policy
     if get_up is not None:
         check_get_up(get_up, robot)
-    everyone = policies if get_up is None else (*policies, get_up)
-    for each in everyone:
+    all_policies = policies if get_up is None else (*policies, get_up)
+    for each in all_policies:
         check_contract(each, robot)
     wiring, config = wire(robot), session.config
     driver = open_driver(wiring)
@@ -151,12 +151,12 @@ def run_session(
             config.safety.late_limit_s,
             session.realtime,
             arm,
-            height_scans_of(everyone, session.height_scans),
+            height_scans_of(all_policies, session.height_scans),
             get_up,
-            noting=[estimate],
+            note_sources=[estimate],
         )
         if session.realtime:
-            for other in everyone[1:]:
+            for other in all_policies[1:]:
                 warm_up(other, robot)
         log = _open_log(robot, policy, session, resources)
         if log is not None and session.log_frames:
@@ -239,7 +239,7 @@ def _begin(log: "McapLog | None", start_ns: int, refused: list[str]) -> None:
 
 def _end(log: "McapLog", runner: PolicyRunner, now_us: int, notes: list[str]) -> str:
     """Close the log after adding remaining notes; returns what is missing in it."""
-    runner.tell_orders_and_notes(now_us, log)
+    runner.log_orders_and_notes(now_us, log)
     for note in notes:
         log.note(now_us, note)
     return log.close()

@@ -93,7 +93,7 @@ class SignalSource:
             elapsed_us: since the tick before.
             state: the supervisor's.
             policy: the policy's part of the signals.
-            stop: that was asked for from outside; None if none was.
+            stop: stop requested from outside; None without one.
             asked_to_get_up: whether an operator asks for that.
         """
         joints, mode = self._joints, state.mode

@@ -84,8 +84,8 @@ class RecoverySignals(NamedTuple):
     allowed: bool = False  # nobody has requested a stop or the end of the run
     ready: bool = False  # the robot lies still, and any required request has been made
     stands: bool = False  # on its legs for long enough
-    tries: int = 0  # number since the fall, including the current one
-    tried_s: float = 0.0  # duration of the current one
+    tries: int = 0  # number of tries since the fall, including the current one
+    tried_s: float = 0.0  # duration of the current try
 
 
 class Signals(NamedTuple):

@@ -9,6 +9,7 @@ import numpy as np
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import (
+    ZERO_COMMAND,
     CommandSource,
     Offer,
     Request,
@@ -24,7 +25,6 @@ from footfall.policies.live_settings import DECLARED, Span, Steerable, require_s
 from footfall.policies.policy import Policy
 from footfall.robots.commands import CommandRange
 
-STILL = np.zeros(3)
 NO_GET_UP = "this run has no policy for getting up: start it with --recover"
 POLL_EVERY_US = 20_000  # while the policy is not in control
 
@@ -75,11 +75,11 @@ class Steering:
         self._all_limits = {
             name: CommandLimits(offer.commands, self.notes, usual) for name, offer in self._offers.items()
         }
-        self._request, self._checked = Request(STILL, autonomous=self._velocity is not None), True
+        self._request, self._checked = Request(ZERO_COMMAND, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []
         self._orders: list[Order] = []
-        self.asked_command = STILL  # of the latest request, before clipping
-        self.command = STILL  # (3,) within the current policy's ranges
+        self.asked_command = ZERO_COMMAND  # of the latest request, before clipping
+        self.command = ZERO_COMMAND  # (3,) within the current policy's ranges
         self._stop: Stop | None = None
         self._next_us = 0
         self.serve(names[0])
@@ -133,7 +133,7 @@ class Steering:
         """
         self._next_us = now_us + POLL_EVERY_US
         if self._velocity is not None:
-            self._follow(self._velocity(run.walking_s) if follow else STILL, run)
+            self._follow(self._velocity(run.walking_s) if follow else ZERO_COMMAND, run)
             return
         request = self._source.poll(run.status)
         if request is not self._request:
@@ -146,7 +146,7 @@ class Steering:
         if follow and not self._checked:
             self._checked = True
             self._check(request)
-        self._follow(request.velocity if follow and request.wish is Wish.WALK else STILL, run)
+        self._follow(request.velocity if follow and request.wish is Wish.WALK else ZERO_COMMAND, run)
 
     def _follow(self, velocity: np.ndarray, run: Run) -> None:
         self.asked_command = np.asarray(velocity, dtype=float)

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-KEPT = 2**16  # number of each kind: two minutes of ticks at 500 Hz
+MAX_SAMPLES = 2**16  # number of each kind: two minutes of ticks at 500 Hz
 
 
 class Durations:
     """Latest durations of one kind, and the maximum of all."""
 
-    def __init__(self, kept: int = KEPT) -> None:
+    def __init__(self, kept: int = MAX_SAMPLES) -> None:
         self._values = array("d", bytes(8 * kept))
         self._kept = kept
         self.count = 0
@@ -22,7 +22,7 @@ class Durations:
         self.count += 1
         self.longest = max(self.longest, value)
 
-    def values(self, most: int = KEPT) -> np.ndarray:
+    def values(self, most: int = MAX_SAMPLES) -> np.ndarray:
         """Up to `most` latest durations, oldest first."""
         number = min(most, self.count, self._kept)
         end = (self.count - 1) % self._kept + 1
@@ -40,7 +40,7 @@ class Timing:
     policy_ms: Durations = field(default_factory=Durations)  # duration of each policy step
     overruns: int = 0  # ticks whose work took longer than the period; wall clock only
 
-    def summary(self, most: int = KEPT) -> dict[str, float]:
+    def summary(self, most: int = MAX_SAMPLES) -> dict[str, float]:
         """By name: p50 and p99 of up to `most` latest durations, the maximum of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         for name in ("lateness_us", "tick_us", "policy_ms"):

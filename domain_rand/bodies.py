@@ -54,8 +54,8 @@ def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, A
     for name, quantity in QUANTITIES.items():
         if quantity.model is not None and name in sample:
             for field in quantity.model.fields:
-                present = changed.get(field, getattr(model, field))
-                changed[field] = quantity.model.change(present, sample[name], where)
+                current = changed.get(field, getattr(model, field))
+                changed[field] = quantity.model.change(current, sample[name], where)
     return changed
 
 

@@ -8,7 +8,7 @@ from footfall.common.config import require_between, require_ordered
 
 Array = Any  # a NumPy or a JAX array
 Range = tuple[float, float]
-LONGEST_LAG_S = 1.0
+MAX_LAG_S = 1.0
 NEVER_S = 1e9
 
 
@@ -30,7 +30,7 @@ class HeightScanErrors:
     def __post_init__(self) -> None:
         require_between(self, 0.0, 1.0, "noise_m", "offset_m", "drift_m_s", "shift_m", "useless_m")
         require_between(self, 0.0, 1.0, "missing_share", "lost_share", "useless_share")
-        require_between(self, 0.0, LONGEST_LAG_S, "lag_s")
+        require_between(self, 0.0, MAX_LAG_S, "lag_s")
         require_between(self, 0.0, 3600.0, "lost_before_s")
         require_ordered(self, "lag_s")
 
@@ -72,7 +72,7 @@ def with_errors(
     """Heights as delivered to the policy, NaN if unknown.
 
     Args:
-        heights: of a scan, above the base, m, (points,).
+        heights: heights of a scan, above the base, m, (points,).
         errors: the declaration.
         episode: the errors drawn for this episode.
         taken_s: time of the scan since the episode began, s.

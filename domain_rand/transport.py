@@ -47,7 +47,7 @@ def delay_now_s(transport: Transport, time_s: Array | float, jitter: Array | flo
     """Delay of a frame that is sent at a time of an episode and is not lost, s.
 
     Args:
-        transport: of the sampled robot.
+        transport: transport of the sampled robot.
         time_s: time since the beginning of the episode.
         jitter: uniform number in [0, 1).
     """

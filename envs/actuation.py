@@ -51,7 +51,7 @@ class Actuation:
         """The target at each physics step, rad, shape (substeps, n): delayed, then rate-limited.
 
         Args:
-            goals: of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
+            goals: goals of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
             target: rate-limited target of the previous physics step, rad, shape (n,).
             sample: the robot's; its constant delay of actions applies if `lateness_s` is None.
             lateness_s: delay of each goal to each motor, s, (KEPT_GOALS, n).
@@ -76,8 +76,8 @@ class Actuation:
         """Inputs and parameters of a sampled robot's motors in a control step.
 
         Args:
-            targets: at each physics step, rad, (substeps, n).
-            sample: of the robot.
+            targets: position targets at each physics step, rad, (substeps, n).
+            sample: randomised quantities of the robot.
             supply: supply voltage over nominal voltage, (); None: nominal.
             winding_c: temperatures, degrees Celsius, (n,); None for motors without a thermal model.
         """
@@ -104,8 +104,8 @@ class Actuation:
 
         Args:
             winding_c: temperatures before the step.
-            torque: of the motors in each physics step, N m, (substeps, n).
-            sample: of the robot.
+            torque: torque of the motors in each physics step, N m, (substeps, n).
+            sample: randomised quantities of the robot.
         """
         winding, squared = randomised_winding(self._winding, sample), jnp.mean(torque**2, axis=0)
         return warmed(winding_c, squared, winding, self._period_s)

@@ -12,6 +12,7 @@ from footfall.common.config import (
     takes_other_keys,
     unstructure,
 )
+from footfall.common.limits import MAX_COMMAND
 from footfall.common.terms import NamedTermConfig, TermConfig
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.height_scan import HeightScanErrors
@@ -22,7 +23,6 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.self_contact import Contacts
 from footfall.terrain.declaration import GroundConfig
 
-FASTEST = 100.0  # limit of commands, m/s or rad/s: a larger value has a wrong unit
 CRITIC = ("linear_velocity", "height", "contact", "clearance", "torque")  # default terms of the critic
 MIN_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 
@@ -57,7 +57,7 @@ class CommandConfig:
         require_not_negative(self, "standing_command")
         require_between(self, 0.0, 1.0, "standing_probability", "single_axis_probability")
         require_ordered(self.ranges, "forward_m_s", "leftward_m_s", "yaw_rad_s")
-        require_between(self.ranges, -FASTEST, FASTEST, "forward_m_s", "leftward_m_s", "yaw_rad_s")
+        require_between(self.ranges, -MAX_COMMAND, MAX_COMMAND, "forward_m_s", "leftward_m_s", "yaw_rad_s")
         require_positive(self.hold_s, "low")
 
 

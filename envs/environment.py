@@ -30,8 +30,8 @@ class Episodes(Protocol):
         """One new episode.
 
         Args:
-            key: of JAX's random numbers, shape (2,).
-            level: of the curriculum, 0 to 1.
+            key: random key of JAX's random numbers, shape (2,).
+            level: level of the curriculum, 0 to 1.
 
         Returns:
             The state, and the observations: "state" of the actor, "privileged_state" of the critic.

@@ -35,7 +35,7 @@ class Feet:
         """Height of each foot's lowest point above the ground, m, (feet,).
 
         Args:
-            position: of the points, m, world, (points, 3).
+            position: position of the points, m, world, (points, 3).
             ground: ground height below each point, m, (points,).
         """
         return jnp.min((height_above_ground(position) - ground - self._radius)[self._points], axis=1)
@@ -66,7 +66,7 @@ class Feet:
         """Shortfall of the distance between two feet, squared and summed over pairs, m^2.
 
         Args:
-            position: of the points (points, 3), m. A foot's position is the mean of its points.
+            position: position of the points (points, 3), m. A foot's position is the mean of its points.
             least_m: horizontal distance beyond which a pair does not count.
         """
         centre = self.centres(position)[:, :2]
@@ -78,7 +78,7 @@ class Feet:
         """Planned swing of each foot: 0 in stance, rising to 1 at mid-swing; 0 without a gait.
 
         Args:
-            phase: of the gait clock, in cycles, shape (1,).
+            phase: phase of the gait clock, in cycles, shape (1,).
             moving: 1.0 if the command asks to move, else 0.0, and all feet stand.
         """
         if self._gait is None:

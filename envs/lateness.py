@@ -44,7 +44,7 @@ class Lateness:
 
         Args:
             state: after the control step.
-            key: of this control step.
+            key: random key of this control step.
         """
         if not transport_of(state.sample, "readings").varies:
             return None

@@ -13,9 +13,10 @@ def heeded(
 
     Args:
         state: before the step.
-        action: of the policy, (n,).
+        action: action of the policy, (n,).
         goal: joint positions that the action commands, rad, (n,).
-        position: of the joints, rad, (n,): a limp robot's goals follow them, and its actions have no effect.
+        position: position of the joints, rad, (n,): a limp robot's goals follow them, and its actions have no
+            effect.
     """
     if state.limp_steps is None:
         return action, goal

@@ -3,7 +3,7 @@
 from typing import Any
 
 from footfall.common.errors import UserError
-from footfall.common.outside import find, in_a_line, is_place, sources
+from footfall.common.outside import find, is_import_path, one_line, sources
 from footfall.envs.config import TERM_LISTS, EnvConfig
 from footfall.envs.environment import Environment
 from footfall.envs.locomotion import LocomotionEnv
@@ -19,7 +19,7 @@ def make_environment(robot: Robot, config: EnvConfig) -> Environment:
     """
     if not config.task:
         return LocomotionEnv(robot, config)
-    if not is_place(config.task):
+    if not is_import_path(config.task):
         raise UserError(f"env.task: '{config.task}' is no MODULE:NAME")
     make = find(config.task, "task")
     try:
@@ -27,7 +27,7 @@ def make_environment(robot: Robot, config: EnvConfig) -> Environment:
     except UserError:
         raise
     except Exception as error:  # any other error is the task's
-        raise UserError(f"env.task: {config.task} cannot be made: {in_a_line(error)}") from error
+        raise UserError(f"env.task: {config.task} cannot be made: {one_line(error)}") from error
     missing = [part for part in ("reset", "step", "contract", "observation_sizes") if not hasattr(env, part)]
     if missing:
         raise UserError(f"env.task: {config.task} makes no Environment: it has no {', '.join(missing)}")
@@ -58,4 +58,4 @@ def outside_sources(config: EnvConfig) -> list[tuple[str, bytes]]:
     """
     listed = (entry.term for kind in ("observation", *TERM_LISTS) for entry in getattr(config, kind))
     places = {config.task, config.commands.term, *listed}
-    return sources(sorted(filter(is_place, places)))
+    return sources(sorted(filter(is_import_path, places)))

@@ -56,8 +56,8 @@ class Observer:
 
         Args:
             qpos, qvel: positions (nq,) and velocities (nv,).
-            torque: of the motors, N m, shape (n,).
-            gravity: in the world, (3,), to which an IMU aligns its attitude; None where it points down.
+            torque: torque of the motors, N m, shape (n,).
+            gravity: gravity in the world frame, (3,), to which an IMU aligns its attitude; None: downwards.
         """
         quaternion = self._base.quaternion(qpos)
         if gravity is not None:

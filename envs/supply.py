@@ -30,9 +30,10 @@ class Supply:
         """Voltage share after a control step, (); None as in `at_rest`.
 
         Args:
-            sample: of the robot.
-            torque: of the motors in each physics step, N m, (substeps, n).
-            velocity: of the joints before each physics step and after the last, rad/s, (substeps + 1, n).
+            sample: randomised quantities of the robot.
+            torque: torque of the motors in each physics step, N m, (substeps, n).
+            velocity: velocity of the joints before each physics step and after the last, rad/s, (substeps +
+                1, n).
         """
         charge = battery_charge(sample)
         if charge is None:

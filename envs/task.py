@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import jax
 
 from footfall.common.errors import UserError
-from footfall.common.outside import in_a_line
+from footfall.common.outside import one_line
 from footfall.common.terms import NamedTermConfig, bind, check_labels, choose
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import EnvConfig, EventConfig
@@ -197,6 +197,6 @@ def _check_terms(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
         except UserError as error:
             raise UserError(f"{where}[{index}]: {error}") from None
         except Exception as error:  # any other error is the term's
-            raise UserError(f"{where}[{index}]: {in_a_line(error)}") from error
+            raise UserError(f"{where}[{index}]: {one_line(error)}") from error
         if value.size != size:
             raise UserError(f"{where}[{index}]: returns {value.size} numbers, expected {size}")

@@ -36,8 +36,8 @@ class Terrain(Protocol):
         """The state of a new episode with its robot put on the ground.
 
         Args:
-            state: of a robot in its first pose on level ground.
-            key: of JAX's random numbers.
+            state: state of a robot in its first pose on level ground.
+            key: random key of JAX's random numbers.
             before: the last state of this robot's previous episode; None for the first one.
         """
 

@@ -39,10 +39,10 @@ def evaluate_policy(
     """Run a policy through scenarios, print the table, write the JSON.
 
     Args:
-        policy_spec: as `footfall.policies.registry.load_policy` takes it.
+        policy_spec: policy, as for `footfall.policies.registry.load_policy`.
         config: robot, scenarios, seed and other settings of the evaluation.
         json_path: file for the results.
-        console: for the table and the progress bar; None: the terminal.
+        console: console for the table and the progress bar; None: the terminal.
 
     Returns:
         {"policy", "robot", "seed", ..., "scenarios": {name: figures}}; episodes that raised are counted in a

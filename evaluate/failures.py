@@ -5,20 +5,20 @@ from collections.abc import Sequence
 
 from footfall.evaluate.figures import Summary
 
-REASONS = 3  # reasons in a line
+MAX_REASONS = 3  # reasons in a line
 
 
 def failures(summaries: Sequence[Summary]) -> str:
     """'2 of 24 episodes failed: ValueError: no (2)', the most frequent reasons first; empty if none did.
 
     Args:
-        summaries: of scenarios, as `footfall.evaluate.summary.summarise` makes them.
+        summaries: summaries of scenarios, as `footfall.evaluate.summary.summarise` makes them.
     """
     failed = [error.partition(": ")[2] for summary in summaries for error in summary["failed_episodes"]]
     if not failed:
         return ""
     total = len(failed) + sum(summary["episodes"] for summary in summaries)
     counted = Counter(failed).most_common()
-    named = [f"{reason} ({count})" for reason, count in counted[:REASONS]]
-    more = [f"{len(counted) - REASONS} more reasons"] if len(counted) > REASONS else []
+    named = [f"{reason} ({count})" for reason, count in counted[:MAX_REASONS]]
+    more = [f"{len(counted) - MAX_REASONS} more reasons"] if len(counted) > MAX_REASONS else []
     return f"{len(failed)} of {total} episode{'s' * (total != 1)} failed: {'; '.join(named + more)}"

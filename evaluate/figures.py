@@ -11,7 +11,7 @@ from typing import Any, Literal
 from footfall.common.config import load
 
 Summary = Mapping[str, Any]
-NOTHING = "–"
+NO_VALUE = "–"
 COUNTS = ("falls", "successes", "missions_done", "missions_arrived", "legs_touch_episodes")  # of episodes
 RATES = {  # keys of their intervals, which are shares
     "falls": "fall_rate_interval",
@@ -146,4 +146,4 @@ def _stood_most_pushes(summary: Summary) -> bool:
 
 
 def _rounded(figure: Figure, number: float | None) -> str:
-    return NOTHING if number is None else f"{number:.{figure.digits}f}"
+    return NO_VALUE if number is None else f"{number:.{figure.digits}f}"

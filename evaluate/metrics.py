@@ -1,10 +1,10 @@
 """Scores of one episode: pure functions of its trace, from ground truth.
 
-Definitions
-    Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
-    Root mean squares are over time, without the first second after each change of command (the start of
-    the walk is one). Distance is as `plant/progress.py` measures it. Progress is the path along the
-    commanded direction, as a share of the commanded path.
+- Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
+- Root mean square: over time, without the first second after each change of command. The start of the walk is
+  such a change.
+- Distance: see `plant/progress.py`.
+- Progress: path along the commanded direction, as a share of the commanded path.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
 SETTLE_S = 1.0
-ARRIVED = 0.7  # progress at which an episode counts as a success
+SUCCESS_PROGRESS = 0.7  # progress at which an episode counts as a success
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class EpisodeMetrics:
     @property
     def succeeded(self) -> bool:
         """Whether the robot stayed up and followed its command over most of the path."""
-        return not self.fell and not self.progress < ARRIVED  # NaN: the command was to stand
+        return not self.fell and not self.progress < SUCCESS_PROGRESS  # NaN: the command was to stand
 
 
 def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:

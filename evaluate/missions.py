@@ -14,7 +14,7 @@ import numpy as np
 
 from footfall.common.config import read_yaml
 from footfall.common.errors import UserError
-from footfall.common.limits import LONGEST_S
+from footfall.common.limits import MAX_DURATION_S
 from footfall.common.rotations import heading, heading_matrix
 from footfall.deploy.command_source import CommandSource, Pose
 from footfall.evaluate.scenarios import Scenario
@@ -23,7 +23,7 @@ from footfall.plant.trace import Trace
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-ARRIVED_M = 0.10  # largest distance from a mission's goal that counts as arrived
+MAX_GOAL_DISTANCE_M = 0.10  # largest distance from a mission's goal that counts as arrived
 EPISODES = 5  # of a scenario from a mission's file
 
 
@@ -72,7 +72,7 @@ class MakeMission(Protocol):
         """The mission; `where` begins each message, `spec` names the policy that runs at first.
 
         Raises:
-            UserError: the data is no mission, or a step cannot be done.
+            UserError: the data is not a mission, or a step cannot be done.
         """
 
 
@@ -82,7 +82,7 @@ def make_mission(
     """The mission of a scenario.
 
     Raises:
-        UserError: `make` is None, the data is no mission, or a step cannot be done.
+        UserError: `make` is None, the data is not a mission, or a step cannot be done.
     """
     if make is None:
         raise UserError(
@@ -104,7 +104,7 @@ class MissionScore:
     @property
     def arrived(self) -> bool:
         """Whether it is done and ended at its goal."""
-        return self.done and self.final_error_m <= ARRIVED_M
+        return self.done and self.final_error_m <= MAX_GOAL_DISTANCE_M
 
 
 def score_mission(source: MissionSource, trace: Trace) -> MissionScore:
@@ -143,4 +143,4 @@ def scenario_of(path: Path) -> Scenario:
     data = read_yaml(path)
     if not isinstance(data, dict):
         raise UserError(f"{path}: a mission has a list of steps, such as steps: [{{rectangle: 2x1}}]")
-    return Scenario(str(data.get("about") or f"The mission {path}"), EPISODES, LONGEST_S, mission=data)
+    return Scenario(str(data.get("about") or f"The mission {path}"), EPISODES, MAX_DURATION_S, mission=data)

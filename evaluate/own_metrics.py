@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 
 from footfall.common.errors import UserError
-from footfall.common.outside import find, in_a_line
+from footfall.common.outside import find, one_line
 from footfall.evaluate.figures import Figure, Summary
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
@@ -51,7 +51,7 @@ def score_own(places: Sequence[str], trace: Trace, robot: Robot) -> dict[str, fl
         except UserError:
             raise
         except Exception as error:  # any error of the user's function
-            raise UserError(f"metric {place} fails: {in_a_line(error)}") from error
+            raise UserError(f"metric {place} fails: {one_line(error)}") from error
     return values
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.evaluate.scenarios import (
     COMMAND_AXES,
-    MOST_EPISODES,
+    MAX_EPISODES,
     DrawnCommands,
     Range,
     Scenario,
@@ -60,15 +60,15 @@ def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None
     Args:
         name: the scenario's name; other scenarios draw other numbers from the same seed.
         scenario: its definition.
-        seed: of all random draws.
+        seed: seed of all random draws.
         episodes: number of episodes; None: the scenario's own.
 
     Raises:
-        UserError: there are more than `MOST_EPISODES`.
+        UserError: there are more than `MAX_EPISODES`.
     """
     count = episodes or scenario.episodes
-    if count > MOST_EPISODES:
-        raise UserError(f"{count} episodes of {name}: {MOST_EPISODES:,} at most")
+    if count > MAX_EPISODES:
+        raise UserError(f"{count} episodes of {name}: {MAX_EPISODES:,} at most")
     identity = zlib.crc32(name.encode())
     levels = spread_levels(scenario.levels, count, np.random.default_rng((seed, identity)))
     plans = []
@@ -96,8 +96,8 @@ def spread_levels(
 ) -> list[Levels]:
     """A level of each factor for each episode.
 
-    The first factor's levels alternate, so any number of episodes is spread evenly over them. Each of its
-        levels is combined with every combination of the other factors, in random order, before one repeats.
+    The levels of the first factor alternate, so that any number of episodes covers them evenly. Each of them
+    meets every combination of the other factors, in random order, before one repeats.
     """
     if not levels:
         return [{} for _ in range(episodes)]

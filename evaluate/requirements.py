@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
 from footfall.evaluate.figures import Figure, figures, value
 from footfall.evaluate.own_metrics import SECTION, name_of
 
@@ -84,7 +84,7 @@ def _parse(text: str, scenarios: tuple[str, ...], known: Mapping[str, Figure]) -
         names = ", ".join(scenarios)
         raise UserError(f"--require '{text}': scenario '{scenario}' is not run, only {names} (--scenarios)")
     if key not in known:
-        raise UserError(f"--require '{text}': no figure '{key}'{meant(key, known)}")
+        raise UserError(f"--require '{text}': no figure '{key}'{did_you_mean(key, known)}")
     try:
         limit = float(number)
     except ValueError:

@@ -15,8 +15,8 @@ from footfall.common.config import (
     with_changes,
 )
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
-from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.common.hints import did_you_mean
+from footfall.common.limits import MAX_COMMAND, MAX_DURATION_S
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
@@ -42,11 +42,11 @@ PUSH_LEVELS = ("push_m_s", "push_direction_deg")
 GROUND_LEVELS = tuple(parameters_of_shapes())
 LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES, *GROUND_LEVELS)
 LEVEL_LIMITS = {
-    **dict.fromkeys(COMMAND_AXES, (-FASTEST, FASTEST)),
-    "push_m_s": (0.0, FASTEST),
+    **dict.fromkeys(COMMAND_AXES, (-MAX_COMMAND, MAX_COMMAND)),
+    "push_m_s": (0.0, MAX_COMMAND),
     **{name: (each.least, each.most) for name, each in QUANTITIES.items()},
 }
-MOST_EPISODES = 100_000  # of one scenario: would run for weeks
+MAX_EPISODES = 100_000  # of one scenario: would run for weeks
 MIN_HOLD_S = 0.01  # shorter than the period of any policy
 
 Range = tuple[float, float]
@@ -64,8 +64,8 @@ class DrawnCommands:
 
     def __post_init__(self) -> None:
         require_ordered(self, *COMMAND_AXES, "hold_s")
-        require_between(self, -FASTEST, FASTEST, *COMMAND_AXES)
-        require_between(self, MIN_HOLD_S, LONGEST_S, "hold_s")
+        require_between(self, -MAX_COMMAND, MAX_COMMAND, *COMMAND_AXES)
+        require_between(self, MIN_HOLD_S, MAX_DURATION_S, "hold_s")
         require_between(self, 0.0, 1.0, "standing_share")
 
 
@@ -79,7 +79,7 @@ class Waypoint:
     yaw_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
-        require_between(self, -FASTEST, FASTEST, *COMMAND_AXES)
+        require_between(self, -MAX_COMMAND, MAX_COMMAND, *COMMAND_AXES)
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,8 @@ class Scenario:
             raise ValueError(f"rows names {absent[0]}, which is not one of its levels")
         if self.episodes < 1 or self.duration_s <= 0.0:
             raise ValueError("episodes and duration_s must be above 0")
-        require_between(self, 1, MOST_EPISODES, "episodes")
-        require_between(self, 0.0, LONGEST_S, "duration_s")
+        require_between(self, 1, MAX_EPISODES, "episodes")
+        require_between(self, 0.0, MAX_DURATION_S, "duration_s")
         self._check_commands()
         self._check_levels()
         self._check_pushes()
@@ -128,8 +128,8 @@ class Scenario:
     def _check_levels(self) -> None:
         if any(not values for values in self.levels.values()):
             raise ValueError("each level needs at least one value")
-        if math.prod(map(len, self.levels.values())) > MOST_EPISODES:
-            raise ValueError(f"levels have more than {MOST_EPISODES:,} combinations")
+        if math.prod(map(len, self.levels.values())) > MAX_EPISODES:
+            raise ValueError(f"levels have more than {MAX_EPISODES:,} combinations")
         for name, values in self.levels.items():
             least, most = LEVEL_LIMITS.get(name, (-math.inf, math.inf))
             for value in values:
@@ -153,7 +153,7 @@ class Scenario:
         require_not_negative(self, "push_between_s")
         for push in self.pushes:
             require_not_negative(push, "time_s")
-            require_between(push, -FASTEST, FASTEST, "delta_v_m_s")
+            require_between(push, -MAX_COMMAND, MAX_COMMAND, "delta_v_m_s")
 
 
 def at_level(ground: GroundConfig, levels: Mapping[str, float]) -> GroundConfig:
@@ -183,7 +183,9 @@ class ScenarioFile:
             raise UserError(f"no scenario given: choose from {known}")
         for name in names:
             if name not in self.scenarios:
-                raise UserError(f"no scenario '{name}': there are {known}{meant(name, self.scenarios)}")
+                raise UserError(
+                    f"no scenario '{name}': there are {known}{did_you_mean(name, self.scenarios)}"
+                )
             if names.count(name) > 1:
                 raise UserError(f"scenario '{name}' is named twice: name each once")
         return {name: self.scenarios[name] for name in names}

@@ -71,7 +71,7 @@ def fit_survival(delta_v: ArrayLike, survived: ArrayLike, seed: int = 0) -> Surv
     Args:
         delta_v: sizes (N,), m/s.
         survived: whether the robot stayed up, (N,).
-        seed: of the bootstrap.
+        seed: seed of the bootstrap.
     """
     x, y = np.asarray(delta_v, dtype=float), np.asarray(survived, dtype=float)
     if x.shape != y.shape or not len(x):

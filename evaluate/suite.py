@@ -37,7 +37,7 @@ def run_suite(
     Only the time per step depends on the number of workers.
 
     Args:
-        policies: as `load_policy` takes them, each once.
+        policies: policies, as for `load_policy`, without repetition.
         config: the settings that they share.
         file: the scenarios' definitions.
         done: called with the number of finished episodes and of all.

@@ -49,7 +49,7 @@ def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]]
 
     Args:
         scenario: definition of the scenario.
-        outcomes: of its episodes; failed episodes are listed, and left out of the figures.
+        outcomes: outcomes of its episodes; failed episodes are listed and not part of the figures.
         seed: seed of the bootstrap.
     """
     finished = [outcome.value for outcome in outcomes if outcome.value is not None]

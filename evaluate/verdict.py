@@ -78,10 +78,10 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
             done = figure.leads if len(group) == 1 else _plural(figure.leads)
             clear.setdefault(group, []).append(f"{done} ({_evidence(figure, names, summaries)})")
         elif smallest := leaders(replace(figure, upright=False), summaries):
-            who = _listed([names[index] for index in sorted(smallest)])
+            leading = _listed([names[index] for index in sorted(smallest)])
             one = len(smallest) == 1
             marred.append(
-                f"{who} {'leads' if one else 'lead'} in {_lower(figure.label)}"
+                f"{leading} {'leads' if one else 'lead'} in {_lower(figure.label)}"
                 f" but {'falls' if one else 'fall'} more often than others"
             )
         else:

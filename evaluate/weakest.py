@@ -16,7 +16,7 @@ from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
-from footfall.evaluate.metrics import ARRIVED
+from footfall.evaluate.metrics import SUCCESS_PROGRESS
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import run_all
 from footfall.evaluate.scenarios import ScenarioFile
@@ -24,7 +24,7 @@ from footfall.evaluate.statistics import CONFIDENCE
 from footfall.plant.episode import Push
 
 SCENARIO = "push"  # scenario that is disturbed; times and directions of its pushes are kept
-HALVINGS = 8  # resolution: 1/256 of a disturbance's range
+BISECTION_STEPS = 8  # resolution: 1/256 of a disturbance's range
 EPISODES = 12
 GENERATIONS, POPULATION, START_STEP = 8, 6, 0.3  # of CMA-ES
 RESAMPLES = 1000
@@ -75,10 +75,10 @@ def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
     return replace(plan, pushes=(Push(push.time_s, (x, y, z)),) if size else (), levels=levels)
 
 
-def smallest(falls: Callable[[float], bool], halvings: int = HALVINGS) -> float:
-    """Smallest share at which `falls` is true, from 0 for a policy that needs no disturbance, to 1.
+def smallest(falls: Callable[[float], bool], halvings: int = BISECTION_STEPS) -> float:
+    """Smallest share, from 0 to 1, at which `falls` is true; infinite if it is false at 1.
 
-    Infinite if it is false at 1.
+    It is 0 for a policy that falls without a disturbance.
     """
     if not falls(1.0):
         return math.inf
@@ -99,11 +99,11 @@ def bisect(ray: Ray) -> float:
         severities = {name: min(1.0, share * end) for name, end in ray.direction.items()}
         return run_task(replace(ray.task, plan=disturbed(ray.task.plan, severities)))
 
-    progress_counts = "push" not in ray.direction and run(0.0).metrics.progress >= ARRIVED
+    progress_counts = "push" not in ray.direction and run(0.0).metrics.progress >= SUCCESS_PROGRESS
 
     def fails(share: float) -> bool:
         outcome = run(share)
-        return bool(outcome.trouble) or (progress_counts and outcome.metrics.progress < ARRIVED)
+        return bool(outcome.trouble) or (progress_counts and outcome.metrics.progress < SUCCESS_PROGRESS)
 
     return smallest(fails)
 
@@ -114,10 +114,10 @@ def weakest(
     """Smallest disturbances at which a policy fails, each alone, and all combined if there are several.
 
     Args:
-        policy: as `load_policy` takes it.
+        policy: policy, as for `load_policy`.
         config: robot, seed, episodes, plant, workers.
         file: the scenarios' definitions.
-        names: of `DISTURBANCES`.
+        names: names of `DISTURBANCES`.
 
     Returns:
         {name: figures}, and under "together" the smallest combination, in one episode.

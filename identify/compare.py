@@ -10,7 +10,7 @@ from footfall.identify.parameters import QUANTITIES
 from footfall.identify.problem import Problem
 from footfall.identify.recording import Recording
 
-CLEAR = 0.3  # minimum share of the squared error explained by a quantity to be named
+MIN_EXPLAINED_SHARE = 0.3  # of a joint's squared error: a quantity that explains less is not named
 RIDGE = 1e-6  # added to the normal equations: limits a parameter's step to a thousand scales
 
 
@@ -24,11 +24,11 @@ class LegGap:
     explains: tuple[dict[str, float], ...]  # by joint: share of its squared error explained by each quantity
 
     def verdict(self, joint: int) -> str:
-        """The causes that would explain a joint's error, in one line."""
+        """The quantity that best explains a joint's error, in one line."""
         if self.error_rad[joint] < 2.0 * self.noise_rad[joint]:
             return "within the noise of its readings"
         name, share = max(self.explains[joint].items(), key=lambda each: each[1])
-        if share < CLEAR:
+        if share < MIN_EXPLAINED_SHARE:
             return "no single parameter explains it"
         return f"{name} explains {share:.0%}"
 
@@ -61,8 +61,7 @@ def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = 
 def _of_joint(problem: Problem, joint: int) -> np.ndarray:
     """Indices of a joint's position residuals among those of a window."""
     rows, n = problem.windows.position.shape[1:]
-    places = np.arange(rows) * n + joint
-    return places
+    return np.arange(rows) * n + joint
 
 
 def _shares(problem: Problem, residual: np.ndarray, slope: np.ndarray) -> dict[str, float]:

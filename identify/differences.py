@@ -13,9 +13,9 @@ def slopes_by_window(
     """Residuals by window, (W, m), and their derivatives, (W, m, p), at x.
 
     Args:
-        residuals: of candidates (p, K), shape (K, W, m).
+        residuals: function of candidates, (p, K), that returns residuals, (K, W, m).
         x: scaled parameters, (p,).
-        high: their upper bounds, (p,): a difference that would cross one goes the other way.
+        high: upper bounds of the parameters, (p,). A step that would cross a bound is taken downwards.
     """
     inward = np.where(x + EPS > high, -EPS, EPS)
     found = residuals(np.concatenate([x[:, None], x[:, None] + np.diag(inward)], axis=1))

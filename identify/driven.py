@@ -1,5 +1,4 @@
-"""A leg's recording as prescribed motion: smooth paths, delayed commands, and the bodies' forces along
-them."""
+"""A leg's recording as prescribed motion: smooth paths, delayed commands, and the forces of the bodies."""
 
 import mujoco
 import numpy as np
@@ -11,7 +10,7 @@ from footfall.robots.actuator import JointCommand, friction_torque, lag_over, la
 from footfall.robots.driven_motion import DrivenMotion
 
 SMOOTHED_S = 0.015  # readings within this time on either side are used for a local cubic
-LEAST_POINTS = 3  # minimum number on either side
+MIN_POINTS = 3  # minimum number of these readings on either side
 MARGIN_S = 0.06  # at either end: the longest delay plus half of a cubic's window
 SETTLED_S = 0.1  # after which the motors' state does not depend on the start of the recording
 
@@ -26,15 +25,16 @@ def driven_motion(
 ) -> DrivenMotion:
     """The motion of a leg, without the learned part of its joint law.
 
-    The rest of a delay after whole physics steps shifts the joint's readings, as in `simulate`.
+    A delay is rounded down to whole physics steps. The remainder shifts the joint's readings, as in
+    `simulate`.
 
     Args:
-        leg: whose bodies and physical law count.
-        recording: of the whole robot.
-        encoder_bias: of its joints, rad, (n,).
-        delay_s: of its joints, from a command's tick to the reading of its effect, (n,).
+        leg: leg with its bodies and joint law.
+        recording: recording of the whole robot.
+        encoder_bias: encoder bias of each joint, rad, (n,).
+        delay_s: delay of each joint from a command's tick to the reading of its effect, (n,).
         window_s: length of the windows that may begin at `starts`.
-        block_s: length of the stretches by which windows can be told apart, those of `windows.cut`.
+        block_s: length of a block; the blocks are the windows of `windows.cut`.
     """
     step_s = float(leg.model.opt.timestep)
     grid = np.arange(recording.time_s[0] + MARGIN_S, recording.time_s[-1] - MARGIN_S, step_s)
@@ -48,9 +48,9 @@ def driven_motion(
         axis=2,
     )
     command = np.empty((len(grid), 5, leg.count))
-    for place, joint in enumerate(leg.joints):
-        sent = np.searchsorted(recording.time_s, grid - whole[place] * step_s + 1e-9, side="right") - 1
-        command[:, :, place] = recording.command[sent.clip(0)][:, :, joint]
+    for column, joint in enumerate(leg.joints):
+        sent = np.searchsorted(recording.time_s, grid - whole[column] * step_s + 1e-9, side="right") - 1
+        command[:, :, column] = recording.command[sent.clip(0)][:, :, joint]
     position, velocity, acceleration = path
     inertia, bias = _bodies(leg, position - encoder_bias, velocity)
     torque, before = _law(leg, command, position, velocity, step_s)
@@ -75,7 +75,7 @@ def driven_motion(
 def _starts(
     recording: Recording, grid: np.ndarray, window_s: float, block_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Steps at which windows may begin, (S,), and the block of each; -1 for one in two blocks."""
+    """Steps at which windows may begin, (S,), and the block of each window; -1 if it extends over two."""
     step_s = grid[1] - grid[0]
     length = round(window_s / step_s)
     starts = np.arange(round(SETTLED_S / step_s), len(grid) - length - 1)
@@ -86,7 +86,7 @@ def _starts(
 
 def _smooth(read_s: np.ndarray, values: np.ndarray, at_s: np.ndarray, period_s: float) -> np.ndarray:
     """Value, first and second derivative, (3, T), from local cubics through readings."""
-    half = max(LEAST_POINTS, round(SMOOTHED_S / period_s))
+    half = max(MIN_POINTS, round(SMOOTHED_S / period_s))
     nearest = np.searchsorted(read_s, at_s).clip(half, len(read_s) - half - 1)
     rows = nearest[:, None] + np.arange(-half, half + 1)
     width = half * period_s

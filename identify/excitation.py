@@ -55,18 +55,18 @@ class Excitation:
     notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot, config: ExcitationConfig, rate_hz: float) -> None:
-        """Args: `rate_hz` of the policy, which may be the rate of the joint ticks."""
+        """Args: `rate_hz` is the rate of the policy, which may be the rate of the joint ticks."""
         self.rate_hz, self._config, self._robot = rate_hz, config, robot
         n = len(robot.joint_names)
         low, high = robot.soft_limits
         self._middle = robot.default_pose
         room = np.minimum(self._middle - low, high - self._middle)
         self._amplitude = np.minimum(config.amplitude_rad, 0.9 * room)
-        self._place = np.zeros(n)  # index of each joint in its leg
+        self._joint_index = np.zeros(n)  # index of each joint in its leg
         for joints in robot.foot_joints:
-            self._place[joints] = np.arange(len(joints))
+            self._joint_index[joints] = np.arange(len(joints))
         self._side = swing_senses(robot)
-        self._longest = 1 + int(self._place.max())
+        self._longest = 1 + int(self._joint_index.max())
         self._start = self._middle
         self._signs = np.random.default_rng(config.seed).choice((-1.0, 1.0), size=(4096, n))
 
@@ -106,7 +106,7 @@ class Excitation:
         """One joint of each leg after the other moves up, down and back at constant speed."""
         share = (time_s / self._config.triangle_s) % 1.0
         wave = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
-        moves = self._place == int(time_s / self._config.triangle_s)
+        moves = self._joint_index == int(time_s / self._config.triangle_s)
         return self._side * moves * wave * self._amplitude
 
     def _chirp(self, time_s: float) -> np.ndarray:
@@ -116,7 +116,7 @@ class Excitation:
         hz = config.lowest_hz * math.exp(growth * time_s)
         turns = (hz - config.lowest_hz) / growth
         fade = min(1.0, time_s / 0.5, (config.chirp_s - time_s) / 0.2)
-        phase = GOLDEN * self._place
+        phase = GOLDEN * self._joint_index
         wave = np.sin(2.0 * math.pi * (turns + phase))
         return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
 
@@ -131,12 +131,11 @@ class Excitation:
 
 
 def swing_senses(robot: Robot) -> np.ndarray:
-    """Signs, (n,), that make all legs swing in the same direction in the body frame: they keep their
-    distance."""
+    """Signs, (n,), with which all legs swing in the same direction of the body frame."""
     model = training_model(robot)
     data = mujoco.MjData(model)
-    places, _ = joint_addresses(model, robot)
-    data.qpos[places] = robot.default_pose
+    qpos_addresses, _ = joint_addresses(model, robot)
+    data.qpos[qpos_addresses] = robot.default_pose
     mujoco.mj_kinematics(model, data)
     axes = np.array([data.xaxis[model.joint(name).id] for name in robot.joint_names])
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)[:, 0]

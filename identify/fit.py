@@ -8,21 +8,21 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.identify.explain import Explanation, explained
+from footfall.identify.identifiable import delay_profile, freeze_unidentifiable
 from footfall.identify.leg import FixedLeg
 from footfall.identify.null_space import Direction, Profile
 from footfall.identify.parameters import Parameter, parameters_of
-from footfall.identify.problem import LEAST_TORQUE_NM, Problem
+from footfall.identify.problem import MIN_TORQUE_SIGMA_NM, Problem
 from footfall.identify.recording import Recording
 from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.solver import solve
-from footfall.identify.told import delay_profile, told
 from footfall.identify.windows import Windows, cut, joined
 
-MISFIT = 2.0  # residual over noise of a wrong model; correct models had at most 1.14 in 36 fits
+MISFIT_RATIO = 2.0  # residual over noise of a wrong model; correct models had at most 1.14 in 36 fits
 MAX_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
 MAX_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
 RESAMPLES = 60
-DEVIATIONS = 3.18  # half-width of a 95 % interval in deviations: Student's t for four windows
+INTERVAL_SIGMAS = 3.18  # half-width of a 95 % interval in deviations: Student's t for four windows
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class FitConfig:
     """Settings of the fit."""
 
     window_s: float = 1.0
-    rate_hz: float = 500.0  # of the readings that are used
+    rate_hz: float = 500.0  # maximum rate of the readings that are used
     rounds: int = 8  # maximum number of Gauss-Newton steps; starts and weights are refined between them
     hold_out_every: int = 4  # without a held-out recording, every such window is held out
-    effects: tuple[str, ...] = ()  # those of `EFFECTS` that are fitted, too
+    effects: tuple[str, ...] = ()  # additional parameters to fit, from `EFFECTS`
     profile: bool = False  # whether to compute a profile over the delay
     explain: bool = True  # whether to search for an effect that explains a misfit
     seed: int = 0
@@ -64,7 +64,7 @@ class LegFit:
 
     leg: FixedLeg
     estimates: tuple[Estimate, ...]
-    frozen: dict[Parameter, Direction]  # unidentifiable, kept nominal; with their direction
+    frozen: dict[Parameter, Direction]  # unidentifiable parameters, which keep their nominal values
     noise_rad: np.ndarray  # (n,) noise of the position readings
     residual_rad: np.ndarray  # (n,) rms error of fitted positions over the windows used for fitting
     held_out: Track
@@ -83,7 +83,7 @@ class LegFit:
 
     @property
     def misfit(self) -> np.ndarray:
-        """Residual relative to noise, (n,): above `MISFIT` the model lacks an effect."""
+        """Residual relative to noise, (n,): above `MISFIT_RATIO` the model lacks an effect."""
         return self.residual_rad / self.noise_rad
 
     def value(self, quantity: str, owner: str) -> float | None:
@@ -101,10 +101,10 @@ def fit_leg(
     """Fit one leg.
 
     Args:
-        leg: nominal.
-        recordings: of the robot on a stand.
-        held_out: others that judge; without any, each `hold_out_every`-th window does.
-        config: of the fit.
+        leg: nominal leg.
+        recordings: recordings of the robot on a stand.
+        held_out: recordings for validation; if empty, each `hold_out_every`-th window is held out.
+        config: settings of the fit.
 
     Raises:
         UserError: a recording is too short, or the base moved in it.
@@ -112,15 +112,15 @@ def fit_leg(
     config = config or FitConfig()
     for each in (*recordings, *held_out):
         _check_still(each)
-    windows, judging = _split(leg, recordings, held_out, config)
+    windows, held_out_windows = _split(leg, recordings, held_out, config)
     problem = _problem(leg, recordings, windows, config.effects)
     noise, torque = problem.position_sigma, problem.torque_sigma
     nominal_x = np.zeros(len(problem.parameters))
     problem.refine_starts(nominal_x)
-    problem, _, frozen = told(problem, problem.slopes(nominal_x)[1], 1.0)
+    problem, _, frozen = freeze_unidentifiable(problem, problem.slopes(nominal_x)[1], 1.0)
     x = solve(problem, config.rounds, np.zeros(len(problem.parameters)))
     residual, slope = problem.slopes(x)
-    problem, kept, late = told(problem, slope, _noise(residual))
+    problem, kept, late = freeze_unidentifiable(problem, slope, _noise(residual))
     if late:
         x = solve(problem, config.rounds, x[kept])
         residual, slope = problem.slopes(x)
@@ -131,8 +131,8 @@ def fit_leg(
         frozen | late,
         noise,
         fitted,
-        _track(Problem(leg, judging, problem.parameters, {}, noise, torque), x),
-        explained(problem, x) if config.explain and (fitted > MISFIT * noise).any() else None,
+        _track(Problem(leg, held_out_windows, problem.parameters, {}, noise, torque), x),
+        explained(problem, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
         delay_profile(problem, x) if config.profile else None,
     )
 
@@ -157,20 +157,21 @@ def held_out_error(
     values: dict[Parameter, float],
     config: FitConfig,
 ) -> np.ndarray:
-    """Rms of a leg's positions over the windows that judge, each from its best start, rad, (n,).
+    """Rms position error of a leg over the held-out windows, each from its best start, rad, (n,).
 
-    Torque readings do not count, so that legs can be compared whose motors report alike and move differently.
+    Torque readings are not used, so that motors with different torque reports can be compared by their
+    motion.
 
     Args:
-        leg: with its motors, and their net if they have one.
+        leg: leg with its motors, and their net if they have one.
         recordings: as in `fit_leg`.
-        held_out: likewise.
-        values: of parameters that are not nominal.
-        config: of the fit.
+        held_out: as in `fit_leg`.
+        values: values of parameters that are not nominal.
+        config: settings of the fit.
     """
-    windows, judging = _split(leg, recordings, held_out, config)
+    windows, held_out_windows = _split(leg, recordings, held_out, config)
     noise = _problem(leg, recordings, windows).position_sigma
-    problem = Problem(leg, judging, (), values, noise, np.full(leg.count, np.inf))
+    problem = Problem(leg, held_out_windows, (), values, noise, np.full(leg.count, np.inf))
     for _ in range(2):
         problem.refine_starts(np.zeros(0))
     return _rms(problem.errors(np.zeros((0, 1)))[0][0])
@@ -216,20 +217,27 @@ def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
     """Standard deviation of torque readings, (n,); infinite without readings."""
     third = np.concatenate([np.diff(each.torque[:, leg.joints], 3, axis=0) for each in recordings])
     noise = np.sqrt((third**2).mean(axis=0) / 20.0)
-    told = np.isfinite(noise) & (noise > 0.0)
-    result: np.ndarray = np.where(told, np.maximum(noise, LEAST_TORQUE_NM), np.inf)
+    reported = np.isfinite(noise) & (noise > 0.0)
+    result: np.ndarray = np.where(reported, np.maximum(noise, MIN_TORQUE_SIGMA_NM), np.inf)
     return result
 
 
 def _estimates(
     problem: Problem, x: np.ndarray, residual: np.ndarray, slope: np.ndarray, seed: int
 ) -> tuple[Estimate, ...]:
-    """Values with intervals, by bootstrap over windows with refits; residual and derivatives are from
-    `slopes`."""
+    """Values with intervals, from a bootstrap over windows.
+
+    Args:
+        problem: problem of the fit.
+        x: solution, (p,).
+        residual: residuals, (W, m), as `Problem.slopes` returns them.
+        slope: their derivatives, (W, m, p).
+        seed: seed of the bootstrap.
+    """
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
     refits = refitted(x, residual, slope, weights, problem.by_window)
     scale = np.array([each.kind.scale for each in problem.parameters])
-    half = DEVIATIONS * refits.std(axis=0) * scale
+    half = INTERVAL_SIGMAS * refits.std(axis=0) * scale
     found = problem.numbers(x[:, None])[:, 0]
     return tuple(
         Estimate(parameter, float(value), float(value - each), float(value + each))

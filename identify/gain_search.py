@@ -1,6 +1,6 @@
-"""Step responses of single joints, and the search for their gains: up until the joint rings, then back.
+"""Step responses of joints, and the search for their gains: raised until a joint rings, then reduced.
 
-First the stiffness at the present damping, then the damping at the stiffness that was found.
+First the stiffness is tuned at the robot's own damping, then the damping at the new stiffness.
 """
 
 import math
@@ -17,22 +17,22 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-RISE = (0.1, 0.9)  # the rise time is measured between these shares of the step
-LEAST = 0.05  # relative to the robot's own gain: the search stops below this
+RISE_SHARES = (0.1, 0.9)  # of the final travel: the rise time is the time between them
+MIN_GAIN = 0.05  # relative to the robot's own gain; the search stops below it
 TORQUE_SHARE = 0.3  # maximum torque requested by a step, relative to a motor's peak torque
-LOST = 3.0  # error in steps at which a trial ends at once
+MAX_ERROR_STEPS = 3.0  # position error, in steps, at which a trial ends at once
 
 
 @dataclass(frozen=True)
 class GainConfig:
-    """Steps of the target, and the way of the search. Gains are shares of the robot's own."""
+    """Settings of the steps and of the search. Gains are relative to the robot's own."""
 
     settle_s: float = 1.0  # from the initial pose to the default pose, and rest after ringing
     step_rad: float = 0.05
     trial_s: float = 0.6  # duration of each step
     raise_by: float = 1.25
     most: float = 8.0  # maximum gain
-    back_to: float = 0.8  # of the lowest gain that rings
+    back_to: float = 0.8  # relative to the lowest gain that rings
     rings_rad: float = 0.1  # peak to peak in the second half of a trial, relative to the step
     rings_rad_s: float = 0.3  # rms velocity in the second half of a trial
 
@@ -74,7 +74,7 @@ class Tuned(NamedTuple):
         return {"own": self.own._asdict(), **rest, "proposed": self.proposed._asdict()}
 
 
-RESTING = Gains(0.5, 1.0)  # for joints not being tested, and after ringing
+RESTING_GAINS = Gains(0.5, 1.0)  # for joints not being tested, and after ringing
 
 Search = Generator[Gains, Response, Tuned]
 """Yields the gains of the next trial and takes its response."""
@@ -86,21 +86,21 @@ def response_of(
     """Rise, overshoot and ringing.
 
     Args:
-        time_s: (T,) from the step on.
-        position: (T,) rad, from where the joint was before the step.
-        velocity: (T,) rad/s.
-        step: of the target, rad, with its sign.
-        config: when a joint rings.
+        time_s: time since the step, (T,).
+        position: position relative to the one before the step, rad, (T,).
+        velocity: velocity, rad/s, (T,).
+        step: change of the target, rad, signed.
+        config: thresholds of ringing.
     """
     share = position / step
     late = time_s >= 0.5 * time_s[-1]
     final = float(share[late].mean())
-    first, last = (np.flatnonzero(share >= each * final) for each in RISE)
+    first, last = (np.flatnonzero(share >= each * final) for each in RISE_SHARES)
     rise_s = float(time_s[last[0]] - time_s[first[0]]) if final > 0.0 and len(last) else np.nan
     rings = (
         np.ptp(share[late]) > config.rings_rad
         or np.sqrt((velocity[late] ** 2).mean()) > config.rings_rad_s
-        or np.abs(share - 1.0).max() > LOST
+        or np.abs(share - 1.0).max() > MAX_ERROR_STEPS
     )
     return Response(rise_s, max(0.0, float(share.max()) - final), bool(rings))
 
@@ -117,13 +117,18 @@ def search(config: GainConfig) -> Search:
 def _edge(
     gains: Callable[[float], Gains], config: GainConfig, first: Response
 ) -> Generator[Gains, Response, tuple[float, float | None]]:
-    """A gain that does not ring, and the lowest one that does; `first` is the response to the share 1.
+    """A gain that does not ring, and the lowest one that does.
 
-    Where nothing rings, there is no reason to leave the robot's own gain.
+    If no gain rings, there is no reason to change the robot's own gain.
+
+    Args:
+        gains: gains of a trial, from the tuned gain relative to the robot's own.
+        config: settings of the search.
+        first: response to the robot's own gain.
     """
     share, response = 1.0, first
     if response.rings:
-        while response.rings and share > LEAST:
+        while response.rings and share > MIN_GAIN:
             rings, share = share, share * config.back_to
             response = yield gains(share)
         return share, rings
@@ -144,14 +149,14 @@ class GainSearch:
     notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot, config: GainConfig, rate_hz: float) -> None:
-        """Args: `rate_hz` of the policy, which may be the rate of the joint ticks."""
+        """Args: `rate_hz` is the rate of the policy, which may be the rate of the joint ticks."""
         self.rate_hz, self._robot, self._config = rate_hz, robot, config
         self._middle, self._start = robot.default_pose, robot.default_pose
         self._sides = swing_senses(robot)
         longest = max(map(len, robot.foot_joints))
         self._waiting = [
-            [int(joints[place]) for joints in robot.foot_joints if place < len(joints)]
-            for place in range(longest)
+            [int(joints[index]) for joints in robot.foot_joints if index < len(joints)]
+            for index in range(longest)
         ]
         self._trials: list[_Trials] = []
         self.tuned: dict[int, Tuned] = {}  # by joint
@@ -160,7 +165,7 @@ class GainSearch:
     def duration_s(self) -> float:
         """Duration of the longest possible search."""
         config = self._config
-        trials = 2 + 2 * math.ceil(math.log(max(config.most, 1.0 / LEAST)) / math.log(config.raise_by))
+        trials = 2 + 2 * math.ceil(math.log(max(config.most, 1.0 / MIN_GAIN)) / math.log(config.raise_by))
         return config.settle_s + len(self._waiting) * (trials * config.trial_s + 4 * config.settle_s)
 
     @property
@@ -196,11 +201,11 @@ class GainSearch:
         return JointCommand(target, zero, kp, kd, zero)
 
     def _trial(self, joint: int, time_s: float) -> "_Trials":
-        most_nm, kp = TORQUE_SHARE * float(self._robot.motor.peak_torque[joint]), float(self._robot.kp[joint])
+        max_nm, kp = TORQUE_SHARE * float(self._robot.motor.peak_torque[joint]), float(self._robot.kp[joint])
 
         def step(share: float) -> float:
-            """Size of a step; a larger one would be limited by the motor instead of the gain."""
-            return float(self._sides[joint]) * min(self._config.step_rad, most_nm / (share * kp))
+            """Signed step; a larger one would saturate the motor and hide the gain."""
+            return float(self._sides[joint]) * min(self._config.step_rad, max_nm / (share * kp))
 
         return _Trials(joint, step, self._config, time_s)
 
@@ -218,15 +223,15 @@ class _Trials:
         self._samples: list[tuple[float, float, float]] = []
 
     def tick(self, time_s: float, position: float, velocity: float) -> Gains:
-        """The gains from now on; the trial ends where its time is up or the joint is lost."""
+        """The gains from now on. A trial ends after its time, or if the position error is too large."""
         if time_s < self._begin_s:
-            return RESTING
+            return RESTING_GAINS
         if not self._samples:
             self._step = -self.offset if self.offset else self._step_at(self._gains.kp)
             self.offset += self._step
             self._first = position
         self._samples.append((time_s - self._begin_s, position - self._first, velocity))
-        lost = abs(position - self._first - self._step) > LOST * abs(self._step)
+        lost = abs(position - self._first - self._step) > MAX_ERROR_STEPS * abs(self._step)
         if lost or time_s - self._begin_s >= self._config.trial_s:
             self._finish(time_s)
         return self._gains
@@ -239,4 +244,4 @@ class _Trials:
         try:
             self._gains = self._search.send(response)
         except StopIteration as end:
-            self.tuned, self._gains = end.value, RESTING
+            self.tuned, self._gains = end.value, RESTING_GAINS

@@ -11,7 +11,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import training_spec
 from footfall.robots.stability import PLANT_TIMESTEP_S
 
-# Parts of a physics step that find nothing to do here.
+# Parts of a physics step that have no effect on this model.
 _UNUSED = (
     mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     | mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -59,7 +59,7 @@ def _fixed_leg(robot: Robot, leg: int) -> FixedLeg:
     spec.option.disableflags |= _UNUSED
     model = spec.compile()
     _, dofs = joint_addresses_of(model, foot.joints)
-    assert dofs == list(range(len(joints))), f"{foot.name}: the joints from the base outwards are no chain"
+    assert dofs == list(range(len(joints))), f"{foot.name}: its joints are not a chain"
     bodies = tuple(model.body(int(model.jnt_bodyid[joint])).name for joint in range(model.njnt))
     motor = robot.motor._replace(**{
         name: np.broadcast_to(value, len(robot.joint_names))[joints]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-LOADING = 0.3  # minimum part of a parameter in a direction, relative to the largest, to belong to it
+MIN_LOADING = 0.3  # minimum part of a parameter in a direction, relative to the largest, to belong to it
 
 
 class Direction(NamedTuple):
@@ -22,15 +22,16 @@ class Direction(NamedTuple):
 
 
 def null_directions(
-    slope: np.ndarray, names: Sequence[str], noise: float = 1.0, untold: float = 0.3
+    slope: np.ndarray, names: Sequence[str], noise: float = 1.0, max_deviation: float = 0.3
 ) -> tuple[Direction, ...]:
-    """Directions that the data tell worse than by `untold` scales, the worst first.
+    """Unidentifiable directions of the parameters, the worst first.
 
     Args:
-        slope: of the residuals, (m, p), each parameter in its scale: a plausible difference of two machines.
-        names: of the p parameters.
-        noise: deviation of the residuals.
-        untold: deviation from which a direction is not told.
+        slope: derivatives of the residuals, (m, p), by parameters in scales. A scale is a plausible
+            difference between two machines.
+        names: names of the p parameters.
+        noise: standard deviation of the residuals.
+        max_deviation: largest standard deviation along an identifiable direction, in scales.
     """
     _, singular, rows = np.linalg.svd(slope, full_matrices=True)
     sizes = np.zeros(len(names))
@@ -38,12 +39,12 @@ def null_directions(
     found = []
     for size, row in zip(sizes[::-1], rows[::-1], strict=True):
         deviation = noise / max(float(size), 1e-12)
-        if deviation < untold:
+        if deviation < max_deviation:
             break
         parts = row / row[np.argmax(np.abs(row))]
-        inside = np.flatnonzero(np.abs(parts) > LOADING)
+        inside = np.flatnonzero(np.abs(parts) > MIN_LOADING)
         order = inside[np.argsort(-np.abs(parts[inside]), kind="stable")]
-        found.append(Direction(deviation, {names[place]: float(parts[place]) for place in order}))
+        found.append(Direction(deviation, {names[index]: float(parts[index]) for index in order}))
     return tuple(found)
 
 
@@ -52,7 +53,7 @@ class Profile(NamedTuple):
 
     values: np.ndarray  # (G,)
     misfit: np.ndarray  # (G,) of these fits
-    numbers: np.ndarray  # (G, p) the other parameters
+    numbers: np.ndarray  # (G, p) other parameters
 
     def range_within(self, factor: float) -> tuple[float, float]:
         """Minimum and maximum value whose misfit is at most `factor` times the best."""
@@ -64,8 +65,8 @@ def profile(fit_at: Callable[[float], tuple[float, np.ndarray]], values: Sequenc
     """Fit all other parameters with one fixed.
 
     Args:
-        fit_at: from a value of the held one to the misfit and the numbers of the others.
-        values: to hold it at.
+        fit_at: function of the fixed value, which returns the misfit and the other parameters.
+        values: values of the fixed parameter.
     """
     fits = [fit_at(value) for value in values]
     return Profile(np.array(values), np.array([misfit for misfit, _ in fits]), np.array([x for _, x in fits]))

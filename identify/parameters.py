@@ -25,8 +25,8 @@ class Quantity(NamedTuple):
     field: str = ""  # field of `Motor`, for an effect that is fitted only on request
 
 
-# Ordered by what is frozen first where data cannot tell quantities apart: what a datasheet or scales tell
-# better comes first. Floors: run-to-run deviation of fits on one machine (facts of the field).
+# In the order of freezing if several are unidentifiable together: quantities that a datasheet or a pair of
+# scales gives come first. Floors: run-to-run deviation of fits on one machine.
 QUANTITIES = {
     "link_mass": Quantity("body", "", 1.0, 0.5, 2.0, 0.1, 0.03),
     "friction_speed": Quantity("joint", "", 1.0, 0.1, 10.0, 0.5, 0.5),
@@ -40,7 +40,7 @@ QUANTITIES = {
     "joint_friction": Quantity("joint", "", 1.0, 0.0, 10.0, 0.3, 0.15),
     "armature": Quantity("joint", "", 1.0, 0.1, 8.0, 0.3, 0.05),
 }
-# Effects that are fitted where the rest does not explain the motion.
+# Fitted on request, if the quantities above do not explain the motion.
 EFFECTS = {
     "stribeck_friction": Quantity("joint", "N m", 0.0, 0.0, 5.0, 0.1, 0.05, "stribeck"),
     "load_friction": Quantity("joint", "", 0.0, 0.0, 0.5, 0.03, 0.01, "load_friction"),
@@ -93,18 +93,18 @@ def _owners(leg: FixedLeg, name: str) -> tuple[str, ...]:
 
 
 def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
-    """Their nominal values, (p,)."""
+    """Nominal values of parameters, (p,)."""
     return np.array([each.kind.nominal for each in parameters])
 
 
 def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarray) -> Values:
     """The candidates given by the columns of `numbers`, (p, K); all other parameters are nominal."""
     count = numbers.shape[1]
-    place = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
+    row_of = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
 
     def all_of(name: str) -> np.ndarray:
         """Values of a quantity, (K, owners)."""
-        rows = [place.get((name, owner)) for owner in _owners(leg, name)]
+        rows = [row_of.get((name, owner)) for owner in _owners(leg, name)]
         return np.stack(
             [np.full(count, KINDS[name].nominal) if row is None else numbers[row] for row in rows], axis=1
         )

@@ -7,23 +7,23 @@ import numpy as np
 from footfall.identify.differences import slopes_by_window
 from footfall.identify.leg import FixedLeg
 from footfall.identify.parameters import Parameter, nominal, values_of
+from footfall.identify.robust import outlier_factor, robust_sigma
 from footfall.identify.simulate import simulate
+from footfall.identify.starts import Elimination, start_step
 from footfall.identify.windows import Windows
 
 START_SIGMA = np.array([0.003, 0.3])  # rad, rad/s: standard deviation of a window's estimated start
-SHARES = np.array([1.0, 0.3, 0.0])  # of a step of the starts: those that are tested
-LEAST_TORQUE_NM = 0.003  # minimum standard deviation of torque readings
-NORMAL_MEDIAN = 0.6745  # median of the absolute values of a normal distribution, in standard deviations
+STEP_FRACTIONS = np.array([1.0, 0.3, 0.0])  # of a step of the starts: the best of these is taken
+MIN_TORQUE_SIGMA_NM = 0.003  # minimum standard deviation of torque readings
 BATCHES = 12  # number of batches per window for estimating the residuals' correlation
-OUTLIER = 3.0  # in robust standard deviations: larger residuals get less weight
 
 
 @dataclass
 class Problem:
     """Least squares of one leg: residuals in units of their noise, parameters in units of their scales.
 
-    A window's start (2n numbers) is a nuisance: at each linearisation it is moved to its best value and the
-    residuals are projected onto what no start explains (variable projection, Golub and Pereyra 1973).
+    The start of a window (2n numbers) is a nuisance parameter: at each linearisation it moves to its optimum,
+    and its effect is taken out of the residuals (`starts.py`).
     """
 
     leg: FixedLeg
@@ -36,9 +36,7 @@ class Problem:
     def __post_init__(self) -> None:
         self.start = self.windows.start.copy()  # (W, 2, n)
         self.weight = np.ones(self._shape())
-        self._project: tuple[np.ndarray, np.ndarray] | None = (
-            None  # slopes by the starts, their pseudo-inverse
-        )
+        self._elimination: Elimination | None = None
 
     def _shape(self) -> tuple[int, int]:
         """Numbers of windows and of residuals per window."""
@@ -66,8 +64,7 @@ class Problem:
         return result
 
     def errors(self, x: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Predicted minus measured positions, rad, and torques, N m: (K, W, R, n) each, for candidates (p,
-        K)."""
+        """Predicted minus measured positions, rad, and torques, N m, for candidates (p, K): (K, W, R, n)."""
         count = x.shape[1]
         fixed = tuple(self.fixed)
         known = np.array(list(self.fixed.values())).reshape(-1, 1) * np.ones(count)
@@ -87,65 +84,58 @@ class Problem:
         return result
 
     def refine_starts(self, x: np.ndarray) -> None:
-        """Move each window's start to its best value at `x`, (p,), and take it out of the residuals.
+        """Move each window's start to its optimum at `x`, (p,), and take its effect out of the residuals.
 
-        A joint that sticks has several best starts: a step begins at the estimated start again where that
-        is better by now, and is shortened where it does not help.
+        If a joint sticks, the cost has several minima: a step begins at the estimated start where that costs
+        less than the current one, and is shortened where it does not reduce the cost.
         """
-        n, eps = self.leg.count, 1e-3
-        self._project = None
-        w, _ = self._shape()
-        columns = 2 * n
+        self._elimination = None
         both = np.stack([self.start, self.windows.start])
         self.start = _best(both, self._start_costs(x, both))
-        start = np.repeat(self.start[None], columns + 1, axis=0)
-        sigma = np.repeat(START_SIGMA, n)
-        for column in range(columns):
-            start[column + 1, :, column // n, column % n] += eps * sigma[column]
-        found = self._residuals(np.repeat(x[:, None], columns + 1, axis=1), start)
-        slope = np.moveaxis((found[1:] - found[0]) / eps, 0, 2)  # (W, m, 2n), per sigma
-        now = ((self.start - self.windows.start) / START_SIGMA[:, None]).reshape(w, columns)
-        normal = np.einsum("wmi,wmj->wij", slope, slope) + np.eye(columns)
-        gradient = np.einsum("wmi,wm->wi", slope, found[0]) + now
-        move = -np.linalg.solve(normal, gradient[..., None])[..., 0]
-        moved = self.start + SHARES[:, None, None, None] * (move * sigma).reshape(w, 2, n)
+        w, _, n = self.start.shape
+        step = start_step(
+            lambda starts: self._residuals(
+                np.repeat(x[:, None], len(starts), axis=1), starts.reshape(-1, w, 2, n)
+            ),
+            self.start.reshape(w, -1),
+            self.windows.start.reshape(w, -1),
+            np.repeat(START_SIGMA, n),
+            np.ones((w, 1)),
+        )
+        moved = self.start + STEP_FRACTIONS[:, None, None, None] * step.move.reshape(w, 2, n)
         self.start = _best(moved, self._start_costs(x, moved))
-        self._project = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal)), slope
+        self._elimination = step.elimination
 
     def _start_costs(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Squared residuals of windows and their starts, (C, W), for C choices of starts (C, W, 2, n)."""
+        """Cost of each window with its start, (C, W), for C choices of starts (C, W, 2, n)."""
         found = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
         away = (start - self.windows.start) / START_SIGMA[:, None]
         costs: np.ndarray = (found**2).sum(axis=2) + (away**2).sum(axis=(2, 3))
         return costs
 
     def reweight(self, x: np.ndarray) -> None:
-        """Let torques count by their residuals at `x`, (p,); outliers less, and residuals that repeat others.
+        """Weight residuals at `x`, (p,): torque by its deviation; outliers and correlated residuals less.
 
-        The reading of a joint that hardly moves keeps its rounding error: a hundred of them tell no more
-        than one.
+        The readings of a joint that hardly moves all have the same rounding error: a hundred of them carry no
+        more information than one.
         """
         self.weight = np.ones(self._shape())
         _, torque = self.errors(x[:, None])
-        deviation = np.median(np.abs(np.nan_to_num(torque)), axis=(0, 1, 2)) / NORMAL_MEDIAN
-        told = np.isfinite(self.torque_sigma)
-        self.torque_sigma = np.where(told, np.maximum(deviation, LEAST_TORQUE_NM), np.inf)
+        deviation = robust_sigma(np.nan_to_num(torque), axis=(0, 1, 2))
+        used = np.isfinite(self.torque_sigma)
+        self.torque_sigma = np.where(used, np.maximum(deviation, MIN_TORQUE_SIGMA_NM), np.inf)
         found = self._residuals(x[:, None])[0]
-        size = np.median(np.abs(found[found != 0.0])) / NORMAL_MEDIAN if found.any() else 1.0
-        outlying = np.sqrt(1.0 + (found / (OUTLIER * max(size, 1.0))) ** 2)
+        sigma = float(robust_sigma(found[found != 0.0])) if found.any() else 1.0
         w, rows, n = self.windows.position.shape
-        repeated = np.sqrt(_correlation_times(found.reshape(w, 2, rows, n)))
-        self.weight = 1.0 / (outlying * np.broadcast_to(repeated, (w, 2, rows, n)).reshape(w, -1))
+        correlated = np.sqrt(_correlation_times(found.reshape(w, 2, rows, n)))
+        self.weight = 1.0 / (
+            outlier_factor(found, sigma) * np.broadcast_to(correlated, (w, 2, rows, n)).reshape(w, -1)
+        )
 
     def by_window(self, x: np.ndarray) -> np.ndarray:
-        """Projected residuals, (K, W, m), for candidates (p, K)."""
+        """Residuals without the effect of the starts, (K, W, m), for candidates (p, K)."""
         found = self._residuals(x)
-        if self._project is None:
-            return found
-        back, slope = self._project
-        along = np.einsum("wmi,kwm->kwi", slope, found)
-        result: np.ndarray = found - np.einsum("wmi,kwi->kwm", back, along)
-        return result
+        return found if self._elimination is None else self._elimination.apply(found)
 
     def slopes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their derivatives, (W, m, p), at x."""
@@ -158,9 +148,13 @@ class Problem:
 
 
 def _correlation_times(residual: np.ndarray) -> np.ndarray:
-    """Residuals that tell as much as one independent one, at least 1, (W, 2, 1, n), of (W, 2, R, n).
+    """Number of residuals, at least 1, with the information of one independent one: (W, 2, 1, n).
 
-    By the variance of means over batches: of independent residuals it falls with the batch's length.
+    From the variance of batch means, which is inversely proportional to a batch's length if residuals are
+    independent.
+
+    Args:
+        residual: residuals of positions and torques, (W, 2, R, n).
     """
     w, kinds, rows, n = residual.shape
     length = max(1, rows // BATCHES)

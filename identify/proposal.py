@@ -16,17 +16,18 @@ from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import make_inertia_explicit
 
-IN_FOLDER = (
+IN_FOLDER = (  # written to the model: ranges are around the model's values
     "armature",
     "joint_friction",
     "joint_damping",
     "link_mass",
-)  # in its model: ranges around it
-RANGED = (  # as identified
+)
+RANGED = (  # only in randomisation.yaml: ranges are around the identified values
     *("motor_strength", "kp", "kd", "encoder_bias", "torque_lag_s"),
     *("stribeck_friction", "load_friction", "backlash_rad", "gear_compliance"),
 )
-LEARNED = ("motor_strength", "kp", "kd", "torque_lag_s")  # part of an actuator net: ranges are around nominal
+# Learned by an actuator net, if there is one: ranges are around nominal.
+LEARNED = ("motor_strength", "kp", "kd", "torque_lag_s")
 
 
 def propose(
@@ -35,15 +36,15 @@ def propose(
     """Write a robot folder with the identified parameters.
 
     Args:
-        robot: the nominal robot, whose folder is copied.
-        fits: of its legs.
-        sources: the recordings, for the provenance.
-        folder: must not exist.
-        with_net: a net will be added, which learns from this folder's motors: ranges of what it learns lie
-            about nominal.
+        robot: nominal robot, whose folder is copied.
+        fits: fits of its legs.
+        sources: names of the recordings, for the provenance.
+        folder: new folder.
+        with_net: True if an actuator net for this folder will be trained: ranges of the quantities that the
+            net learns are then around nominal.
 
     Raises:
-        UserError: it exists, or cannot be written.
+        UserError: the folder exists, or cannot be written.
     """
     if folder.exists():
         raise UserError(f"{folder} exists: give another --out, nothing is overwritten")
@@ -62,17 +63,17 @@ def _mjcf(robot: Robot, fits: Sequence[LegFit]) -> str:
     make_inertia_explicit(spec)
     for fit in fits:
         leg = fit.leg
-        for place, name in enumerate(leg.joint_names):
+        for row, name in enumerate(leg.joint_names):
             joint = spec.joint(name)
             armature, friction, damping = (
                 fit.value(each, name) for each in ("armature", "joint_friction", "joint_damping")
             )
             if armature is not None:
-                joint.armature = armature * float(leg.armature[place])
+                joint.armature = armature * float(leg.armature[row])
             if friction is not None:
-                joint.frictionloss = friction * float(leg.motor.friction[place])
+                joint.frictionloss = friction * float(leg.motor.friction[row])
             if damping is not None:
-                _set_damping(joint, damping + float(leg.motor.damping[place]))
+                _set_damping(joint, damping + float(leg.motor.damping[row]))
         for name in leg.body_names:
             mass = fit.value("link_mass", name)
             if mass is not None:
@@ -94,7 +95,7 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
     """Content of randomisation.yaml: the robot's own ranges of quantities not identified, then new ones."""
     lines = [
         "# Identified from the robot's own motion by `footfall identify fit`. Ground friction,",
-        "# payload and centre of mass are not told by it and keep their ranges.",
+        "# payload and centre of mass cannot be identified this way and keep their ranges.",
         f"# Nominal robot: {robot.name}, digest {robot.digest}.",
         *(f"# Recording: {source}" for source in sources),
     ]
@@ -117,19 +118,19 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
 def _range(name: str, fits: Sequence[LegFit], about_nominal: bool) -> tuple[float, float] | None:
     """A quantity's range; None if it was not identified."""
     quantity = KINDS[name]
-    told = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
-    if not told:
+    estimates = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
+    if not estimates:
         return None
-    half = max(quantity.floor, *((each.high - each.low) / 2.0 for each in told))
+    half = max(quantity.floor, *((each.high - each.low) / 2.0 for each in estimates))
     if about_nominal:
         middle = quantity.nominal
         return max(0.0, middle - half) if quantity.low >= 0.0 else middle - half, middle + half
-    low, high = min(each.value for each in told) - half, max(each.value for each in told) + half
+    low, high = min(each.value for each in estimates) - half, max(each.value for each in estimates) + half
     return (max(quantity.low, low) if quantity.low >= 0.0 else low), high
 
 
 def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
-    """Owner, quantity, value, interval and unit of each estimate and each frozen parameter."""
+    """Owner, quantity, value, interval and unit of each parameter, estimated or frozen."""
     rows = []
     for fit in fits:
         for each in fit.estimates:
@@ -143,7 +144,7 @@ def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
                     unit,
                 )
             )
-        rows += [(_owner(each, fit), each.quantity, "not told", "", "") for each in fit.frozen]
+        rows += [(_owner(each, fit), each.quantity, "not identifiable", "", "") for each in fit.frozen]
     return rows
 
 

@@ -14,7 +14,7 @@ from footfall.identify.excitation import Excitation, ExcitationConfig
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-COOLER_C = 15.0  # below a motor's limit: the recording ends
+TEMPERATURE_MARGIN_C = 15.0  # the recording ends this far below a motor's temperature limit
 
 
 def record(
@@ -27,15 +27,15 @@ def record(
 ) -> SessionResult:
     """Move the joints and log each tick.
 
-    The supervisor's checks hold as in any run. The run ends early, in order, where a motor gets warm.
+    The supervisor's checks are active as in any run. The run ends early, in order, if a motor gets warm.
 
     Args:
-        robot: bolted to a stand, or hanging, its feet in the air.
-        bus: leads to it.
-        log: the MCAP file.
-        excitation: the motion.
+        robot: robot bolted to a stand, or hanging, with its feet in the air.
+        bus: bus of its motors.
+        log: MCAP file to write.
+        excitation: settings of the motion.
         deploy: settings of the loop.
-        realtime: by the wall clock, as on a real bus.
+        realtime: True for wall-clock time, as on a real bus.
     """
     deploy = deploy or DeployConfig()
     policy = Excitation(robot, excitation or ExcitationConfig(), deploy.joint_rate_hz)
@@ -53,11 +53,11 @@ def run_on_stand(
     done: Callable[[], bool] = lambda: False,
 ) -> SessionResult:
     """Run until `duration_s` is over, `done` is true, or a motor gets warm."""
-    most_c = robot.motor_figures("temperature_limit_c") - COOLER_C
+    max_c = robot.motor_figures("temperature_limit_c") - TEMPERATURE_MARGIN_C
     warm: list[str] = []
 
     def watch(loop: ControlLoop) -> None:
-        hot = np.flatnonzero(loop.temperature_c > most_c)
+        hot = np.flatnonzero(loop.temperature_c > max_c)
         if len(hot) and not warm:
             name = robot.joint_names[hot[0]]
             warm.append(f"ended early: {name} is at {loop.temperature_c[hot[0]]:.0f} °C")

@@ -12,8 +12,11 @@ from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
-LEAST_ROWS = 100
-JUMP_RAD, FASTER = 0.1, 2.0  # a reading jumps if it moves farther than a joint of this share of its top speed
+MIN_TICKS = 100
+JUMP_RAD, SPEED_FACTOR = (
+    0.1,
+    2.0,
+)  # a larger step than this plus this multiple of the no-load speed is a jump
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Recording:
 
     source: str
     time_s: np.ndarray  # (T,) sending times of commands
-    command: np.ndarray  # (T, 5, n) position, velocity, stiffness, damping, torque: until the next one
+    command: np.ndarray  # (T, 5, n) position, velocity, stiffness, damping, torque; holds until the next tick
     read_s: np.ndarray  # (T, n) arrival times of readings
     position: np.ndarray  # (T, n) rad
     torque: np.ndarray  # (T, n) N m as reported
@@ -42,10 +45,10 @@ class Recording:
 
 
 def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float = np.inf) -> Recording:
-    """The part of a log in which its policy was in control.
+    """The longest part of a log in which its policy was in control.
 
     Raises:
-        UserError: the log cannot be read, is of another robot, or holds no such part.
+        UserError: the log cannot be read, is of another robot, or has no such part.
     """
     columns = read_columns(path)
     if columns.joints != list(robot.joint_names):
@@ -70,7 +73,7 @@ def _check_continuous(recording: Recording, robot: Robot) -> None:
         UserError: a reading is farther from the one before than its joint can move.
     """
     elapsed_s = np.diff(recording.time_s)[:, None]
-    limit = JUMP_RAD + FASTER * np.asarray(robot.motor.no_load_speed) * elapsed_s
+    limit = JUMP_RAD + SPEED_FACTOR * np.asarray(robot.motor.no_load_speed) * elapsed_s
     jumps = np.argwhere(~(np.abs(np.diff(recording.position, axis=0)) <= limit))
     if len(jumps):
         row, joint = jumps[0]
@@ -101,7 +104,7 @@ def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s
     )
     inside = (times >= begin_s) & (times < end_s)
     if (
-        inside.sum() < LEAST_ROWS
+        inside.sum() < MIN_TICKS
         or len(gains.time_s) != len(targets.time_s)
         or len(ages.time_s) != len(readings.time_s)
     ):

@@ -1,25 +1,25 @@
-"""Bootstrap over blocks of residuals: estimates how much a fit depends on the choice of blocks."""
+"""Bootstrap over blocks of residuals, for confidence intervals of a fit."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-CHORDS = 1  # further steps of each refit with residuals at its own parameters
-SMALL = 1e-9  # added to the normal equations
+CHORD_STEPS = 1  # further steps of each refit, with residuals at its own parameters
+RIDGE = 1e-9  # added to the normal equations
 
 
 def block_weights(groups: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Weights of blocks in `count` resamples, (count, W), of mean 1.
+    """Weights of blocks in `count` resamples, (count, W); their mean in a resample is 1.
 
     The weights are drawn from an exponential distribution (Bayesian bootstrap: Rubin, Annals of Statistics 9
-    (1981), 130-134): no resample lacks a block altogether, which may be the only one that tells a parameter.
-    Where blocks are of several groups, the groups are weighted likewise, so that what differs from one
-    group to the next counts.
+    (1981), 130-134). No weight is 0, because a block may be the only one that identifies a parameter. With
+    several groups, the groups get random weights, too, so that the intervals include differences between
+    groups.
 
     Args:
-        groups: number of each block's group, for instance of its recording, (W,).
-        count: of resamples.
-        rng: of the draws.
+        groups: index of each block's group, for instance its recording, (W,).
+        count: number of resamples.
+        rng: random generator.
     """
     names, member = np.unique(groups, return_inverse=True)
     weights = rng.exponential(size=(count, len(groups)))
@@ -40,13 +40,13 @@ def refitted(
 
     Args:
         x: solution with equal weights, (p,).
-        residual: at x, (W, m).
-        slope: of the residuals at x, (W, m, p).
-        weights: of the blocks in each resample, (B, W).
-        residual_at: residuals, (K, W, m), of candidates (p, K).
+        residual: residuals at x, (W, m).
+        slope: derivatives of the residuals at x, (W, m, p).
+        weights: weights of the blocks in each resample, (B, W).
+        residual_at: function of candidates, (p, K), that returns residuals, (K, W, m).
     """
     grams = np.einsum("bw,wij->bij", weights, np.einsum("wmi,wmj->wij", slope, slope))
-    grams = grams + SMALL * np.eye(len(x))
+    grams = grams + RIDGE * np.eye(len(x))
 
     def step(found: np.ndarray) -> np.ndarray:
         """Gauss-Newton steps, (B, p), of residuals (B, W, m)."""
@@ -55,6 +55,6 @@ def refitted(
         return -moves
 
     solutions = x + step(residual[None])
-    for _ in range(CHORDS):
+    for _ in range(CHORD_STEPS):
         solutions = solutions + step(residual_at(solutions.T))
     return solutions

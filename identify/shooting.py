@@ -1,7 +1,7 @@
 """Least squares of any simulator over windows of recorded motion, each simulated from its own start.
 
-A window's start is a nuisance: at each linearisation it moves to its best value under a prior, and residuals
-are projected onto what no start explains (variable projection, Golub and Pereyra 1973).
+A window's start is a nuisance parameter: at each linearisation it moves to its optimum under a prior, and its
+effect is taken out of the residuals (`starts.py`).
 """
 
 from collections.abc import Callable, Sequence
@@ -12,11 +12,12 @@ import numpy as np
 from mujoco import minimize
 
 from footfall.identify.differences import EPS, slopes_by_window
+from footfall.identify.robust import outlier_factor, robust_sigma
+from footfall.identify.starts import Elimination, start_step
 
 Simulate = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Motion of K candidates: parameters (p, K) and starts (K, W, s) to readings (K, W, R, c)."""
 
-OUTLIER = 3.0  # in robust standard deviations: larger residuals get less weight
 START_ROUNDS = 2  # Gauss-Newton steps of the starts before an evaluation
 
 
@@ -80,11 +81,12 @@ class Shooting:
         return self.guess.reshape(shape), np.array([each.scale for each in self.numbers]).reshape(shape)
 
     def of(self, recordings: Sequence[int] | np.ndarray, without: np.ndarray | None = None) -> "Shooting":
-        """The same with weight on some recordings only; one that is named twice counts twice.
+        """The same fit with weight on some recordings only.
 
         Args:
-            recordings: that count, each alike, however long it is.
-            without: (W,) true for windows of them that do not count.
+            recordings: indices of recordings; all have the same weight, whatever their length. A recording
+                that is listed twice counts twice.
+            without: (W,) true for windows that do not count.
         """
         times = np.bincount(np.asarray(recordings), minlength=int(self.recording.max()) + 1)
         kept = times[self.recording] * (1.0 if without is None else ~without)
@@ -104,30 +106,35 @@ class Shooting:
 
     @property
     def weight(self) -> np.ndarray:
-        """Weights of the windows, (W,); their mean is one over the windows that count."""
+        """Weights of the windows, (W,); the mean of the positive weights is 1."""
         return self.window_weight if self.window_weight.size else self.of(self.recordings).window_weight
 
     def errors(self, numbers: np.ndarray) -> np.ndarray:
-        """Simulated minus measured readings, (W, R, c), with the best starts."""
+        """Simulated minus measured readings, (W, R, c), with optimal starts."""
         moved = self
         for _ in range(START_ROUNDS):
-            moved, _ = moved._with_best_starts(self.scaled(numbers), self.start)
+            moved, _ = moved._with_better_starts(self.scaled(numbers), self.start)
         simulated = self.simulate(numbers[:, None], moved.start[None])[0]
         result: np.ndarray = simulated - self.measured
         return result
 
     def fit(self, first: np.ndarray | None = None, rounds: int = 3, iterations: int = 8) -> np.ndarray:
-        """Least-squares estimate of the parameters, (p,); starts and outliers' weights are refined between
-        rounds."""
+        """Least-squares estimate of the parameters, (p,).
+
+        Args:
+            first: initial parameters, (p,).
+            rounds: number of refinements of starts and of outliers' weights.
+            iterations: maximum number of Gauss-Newton steps in a round.
+        """
         x = self.scaled(self.guess if first is None else first)
         now = self
         for _ in range(rounds):
-            now, project = now._with_best_starts(x, self.start)
+            now, elimination = now._with_better_starts(x, self.start)
             now = now._reweighted(x)
-            now, project = now._with_best_starts(x, self.start)
+            now, elimination = now._with_better_starts(x, self.start)
             x, _ = minimize.least_squares(
                 x,
-                lambda at, now=now, project=project: now._flat(at, project),
+                lambda at, now=now, elimination=elimination: now._flat(at, elimination),
                 self.bounds,
                 eps=EPS,
                 max_iter=iterations,
@@ -137,11 +144,14 @@ class Shooting:
         return self.unscaled(x)
 
     def linearised(self, numbers: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Residuals (K, W, m) of scaled candidates (p, K) near `numbers`, with the starts taken out."""
+        """Function of scaled candidates near `numbers`, (p, K), that returns residuals, (K, W, m).
+
+        The effect of the starts is taken out of the residuals.
+        """
         x, now = self.scaled(numbers), self
         for _ in range(START_ROUNDS):
-            now, project = now._with_best_starts(x, self.start)
-        return lambda candidates: now._projected(candidates, project)
+            now, elimination = now._with_better_starts(x, self.start)
+        return lambda candidates: now._without_starts(candidates, elimination)
 
     def slopes(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their derivatives by scaled parameters, (W, m, p)."""
@@ -156,45 +166,44 @@ class Shooting:
         result: np.ndarray = flat * np.sqrt(self.weight)[:, None]
         return result
 
-    def _with_best_starts(
-        self, x: np.ndarray, prior: np.ndarray
-    ) -> tuple["Shooting", tuple[np.ndarray, np.ndarray]]:
-        """One Gauss-Newton step of all starts at x, (p,); and what takes them out of residuals."""
-        count = self.start.shape[1]
-        start = np.repeat(self.start[None], count + 1, axis=0)
-        for column in range(count):
-            start[column + 1, :, column] += EPS * self.start_sigma[column]
-        found = self._residuals(np.repeat(x[:, None], count + 1, axis=1), start)
-        slope = np.moveaxis((found[1:] - found[0]) / EPS, 0, 2)  # (W, m, s), per sigma
-        away = (self.start - prior) / self.start_sigma
-        strength = np.maximum(self.weight, 1e-12)[:, None]  # of the prior, as of the window
-        normal = np.einsum("wmi,wmj->wij", slope, slope) + strength[..., None] * np.eye(count)
-        gradient = np.einsum("wmi,wm->wi", slope, found[0]) + strength * away
-        moved = self.start - np.linalg.solve(normal, gradient[..., None])[..., 0] * self.start_sigma
-        there = self._residuals(x[:, None], moved[None])[0]
-        cost = (found[0] ** 2).sum(axis=1) + (strength * away**2).sum(axis=1)
-        left = (there**2).sum(axis=1) + (strength * ((moved - prior) / self.start_sigma) ** 2).sum(axis=1)
-        better = left < cost  # no derivative if a joint sticks
-        back = np.einsum("wmi,wij->wmj", slope, np.linalg.inv(normal))
-        return replace(self, start=np.where(better[:, None], moved, self.start)), (back, slope)
+    def _with_better_starts(self, x: np.ndarray, prior: np.ndarray) -> tuple["Shooting", Elimination]:
+        """One Gauss-Newton step of all starts at x, (p,)."""
+        weight = np.maximum(self.weight, 1e-12)[:, None]
+        step = start_step(
+            lambda starts: self._residuals(np.repeat(x[:, None], len(starts), axis=1), starts),
+            self.start,
+            prior,
+            self.start_sigma,
+            weight,
+        )
+
+        def cost(residuals: np.ndarray, start: np.ndarray) -> np.ndarray:
+            away = (start - prior) / self.start_sigma
+            result: np.ndarray = (residuals**2).sum(axis=1) + (weight * away**2).sum(axis=1)
+            return result
+
+        moved = self.start + step.move
+        residuals = self._residuals(x[:, None], moved[None])[0]
+        better = cost(residuals, moved) < cost(
+            step.residuals, self.start
+        )  # a sticking joint has no derivative
+        return replace(self, start=np.where(better[:, None], moved, self.start)), step.elimination
 
     def _reweighted(self, x: np.ndarray) -> "Shooting":
         """Reduce the weight of outliers (Cauchy loss)."""
         plain = replace(self, point_weight=np.ones(0))
         error = (self.simulate(self.unscaled(x[:, None]), self.start[None])[0] - self.measured) / plain.sigma
         known = np.isfinite(error) & (self.weight > 0.0)[:, None, None]
-        size = float(np.median(np.abs(error[known]))) / 0.6745
-        weight = 1.0 / np.sqrt(1.0 + (np.nan_to_num(error) / (OUTLIER * max(size, 1.0))) ** 2)
-        return replace(self, point_weight=weight)
+        factor = outlier_factor(np.nan_to_num(error), float(robust_sigma(error[known])))
+        return replace(self, point_weight=1.0 / factor)
 
-    def _projected(self, x: np.ndarray, project: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Residuals without the part explained by starts, (K, W, m), for candidates (p, K)."""
-        found = self._residuals(x, np.broadcast_to(self.start, (x.shape[1], *self.start.shape)))
-        back, slope = project
-        along = np.einsum("wmi,kwm->kwi", slope, found)
-        result: np.ndarray = found - np.einsum("wmi,kwi->kwm", back, along)
-        return result
+    def _without_starts(self, x: np.ndarray, elimination: Elimination) -> np.ndarray:
+        """Residuals without the effect of the starts, (K, W, m), for candidates (p, K)."""
+        return elimination.apply(
+            self._residuals(x, np.broadcast_to(self.start, (x.shape[1], *self.start.shape)))
+        )
 
-    def _flat(self, x: np.ndarray, project: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        found = self._projected(x, project)
+    def _flat(self, x: np.ndarray, elimination: Elimination) -> np.ndarray:
+        """Function for `mujoco.minimize`: residuals (residuals, K) of candidates (p, K)."""
+        found = self._without_starts(x, elimination)
         return found.reshape(len(found), -1).T

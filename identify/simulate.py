@@ -22,16 +22,16 @@ class Prediction(NamedTuple):
 
 
 def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray) -> Prediction:
-    """Readings that candidates predict.
+    """Simulated readings of candidates.
 
-    Commands come into force at whole physics steps. The rest of a delay is taken as one of the readings:
-    only the sum of both is seen, and a command spread over two steps would look like a lag.
+    Commands take effect at whole physics steps. The remainder of a delay is applied to the readings instead:
+    only the sum of both delays is observable, and a command spread over two steps would look like a lag.
 
     Args:
-        leg: the nominal leg.
-        windows: their commands and the times of their readings.
-        values: K candidates.
-        start: (K, W, 2, n) position as read, and velocity, at each window's start.
+        leg: nominal leg.
+        windows: commands, and times of readings.
+        values: parameter values of K candidates.
+        start: encoder position and velocity at each window's start, (K, W, 2, n).
     """
     count, width, n = len(values.delay_s), windows.width, leg.count
     steps = len(windows.command) - windows.margin

@@ -10,12 +10,12 @@ from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
-# An IMU without noise would read the same on a stand, which the sensor checks take for a fault.
+# Without noise, the readings of an IMU on a stand would repeat: a fault to the sensor checks.
 IMU_NOISE = Noise(gyro=0.005, gravity=0.002, joint_position=0.0, joint_velocity=0.0)
 
 
 def on_a_stand(sample: Sample | None = None, plant: Path | None = None, clamped: bool = True) -> PlantConfig:
-    """A simulated robot on a stand; if not `clamped`, in a frame that gives way a little."""
+    """A simulated robot on a stand; if not `clamped`, in a slightly elastic frame."""
     return PlantConfig(
         plant=plant, sample=sample or {}, noise=IMU_NOISE, clamped=clamped, hanging=not clamped
     )
@@ -27,11 +27,11 @@ def simulated_bus(
     """The bus of a simulated robot that differs from the nominal one by `sample`.
 
     Args:
-        robot: whose description it has.
-        sample: its differences.
+        robot: nominal robot.
+        sample: differences from the nominal robot.
         plant: another MJCF than the robot's own.
-        seed: of its sensors' noise.
-        clamped: on a stand; else it hangs in a frame that gives way a little.
+        seed: seed of the sensors' noise.
+        clamped: True on a stand; False in a slightly elastic frame.
     """
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses)

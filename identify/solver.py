@@ -7,41 +7,41 @@ from mujoco import minimize
 
 from footfall.identify.problem import Problem
 
-STEP = 1e-4  # of finite differences, in scales
-LONGEST_STEP = 3.0  # maximum step of a round, in scales
-SETTLED = 3e-3  # maximum step of a converged fit, in scales
-UNWEIGHTED = 2  # rounds before outliers get less weight
-COARSE = 3  # interval of the windows used at first
+DIFFERENCE_STEP = 1e-4  # step of finite differences, in scales
+MAX_STEP = 3.0  # of a round, in scales
+CONVERGED_STEP = 3e-3  # maximum step of a converged fit, in scales
+UNWEIGHTED_ROUNDS = 2  # rounds before outliers get less weight
+COARSE_INTERVAL = 3  # interval of the windows used at first
 
 
 def solve(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
-    """Gauss-Newton from x; starts and weights are refined before each step; with fewer windows at first."""
-    coarse = some_windows(problem)
+    """Solution of a fit that starts at x, (p,): first with some of the windows, then with all."""
+    coarse = coarsened(problem)
     if coarse is not problem:
-        x = stepped(coarse, rounds // 2, x)
-    return stepped(problem, rounds, x)
+        x = gauss_newton(coarse, rounds // 2, x)
+    return gauss_newton(problem, rounds, x)
 
 
-def some_windows(problem: Problem) -> Problem:
-    """The problem with every `COARSE`-th window; unchanged if it has few."""
+def coarsened(problem: Problem) -> Problem:
+    """The problem with every `COARSE_INTERVAL`-th window; unchanged if it has few."""
     width = problem.windows.width
-    if width < COARSE * COARSE:
+    if width < COARSE_INTERVAL * COARSE_INTERVAL:
         return problem
-    return replace(problem, windows=problem.windows.take(np.arange(width) % COARSE == 0))
+    return replace(problem, windows=problem.windows.take(np.arange(width) % COARSE_INTERVAL == 0))
 
 
-def stepped(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
-    """At most `rounds` steps; fewer if they converge."""
+def gauss_newton(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
+    """At most `rounds` steps from x, (p,), with starts and weights refined before each step."""
     problem.refine_starts(x)
-    for turn in range(rounds):
-        if turn >= UNWEIGHTED:
+    for done in range(rounds):
+        if done >= UNWEIGHTED_ROUNDS:
             problem.reweight(x)
         problem.refine_starts(x)
         found, _ = minimize.least_squares(
             x,
             problem.residual,
-            [np.maximum(problem.low, x - LONGEST_STEP), np.minimum(problem.high, x + LONGEST_STEP)],
-            eps=STEP,
+            [np.maximum(problem.low, x - MAX_STEP), np.minimum(problem.high, x + MAX_STEP)],
+            eps=DIFFERENCE_STEP,
             max_iter=1,
             mu_min=1e-4,
             mu_factor=10.0,
@@ -49,7 +49,7 @@ def stepped(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
             verbose=minimize.Verbosity.SILENT,
         )
         moved, x = float(np.abs(found - x).max()), found
-        if turn > UNWEIGHTED and moved < SETTLED:
+        if done > UNWEIGHTED_ROUNDS and moved < CONVERGED_STEP:
             break
     problem.refine_starts(x)
     return x

@@ -7,9 +7,9 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.identify.recording import Recording
 
-MARGIN_S = 0.05  # of commands before a window: the longest delay
+MARGIN_S = 0.05  # time of commands before a window: the longest delay
 SETTLED_S = 0.01  # at the start, until earlier torque has no effect: readings are not used
-LEAST_SHARE = 0.9  # minimum share of the usual number of readings: a window with a longer gap is skipped
+MIN_READING_SHARE = 0.9  # of the usual number of readings: a window with a longer gap is skipped
 FIT_POINTS = 5  # number of readings on either side for estimating a start
 
 
@@ -45,7 +45,7 @@ class Windows(NamedTuple):
 
 
 def joined(parts: list[Windows]) -> Windows:
-    """Windows of several recordings; a window may have fewer readings than another: the last ones go."""
+    """Windows of several recordings, cut to the smallest number of readings per window."""
     rows = min(part.time_s.shape[1] for part in parts)
     return parts[0]._replace(
         command=np.concatenate([part.command for part in parts], axis=1),
@@ -64,19 +64,19 @@ def first_window_s(recording: Recording) -> float:
 
 
 def cut(
-    recording: Recording, joints: np.ndarray, length_s: float, step_s: float, most_hz: float = 250.0
+    recording: Recording, joints: np.ndarray, length_s: float, step_s: float, max_hz: float = 250.0
 ) -> Windows:
-    """A recording's consecutive windows, without those in which readings are missing.
+    """Consecutive windows of a recording, without windows in which readings are missing.
 
     Args:
-        recording: of the whole robot.
-        joints: places of a leg's joints in it.
-        length_s: of each window.
-        step_s: of the physics.
-        most_hz: readings beyond this rate are left out.
+        recording: recording of the whole robot.
+        joints: indices of a leg's joints in the recording.
+        length_s: length of a window.
+        step_s: physics time step.
+        max_hz: maximum rate of readings; further ones are left out.
 
     Raises:
-        UserError: it is shorter than one window.
+        UserError: the recording is shorter than one window.
     """
     begin = first_window_s(recording)
     end = recording.time_s[-1] - FIT_POINTS * recording.period_s
@@ -86,13 +86,13 @@ def cut(
             f"{recording.source} has {end - begin:.1f} s of motion: a window takes {length_s:g} s"
         )
     margin, steps = round(MARGIN_S / step_s), round(length_s / step_s)
-    every = max(1, round(1.0 / (most_hz * recording.period_s)))
+    every = max(1, round(1.0 / (max_hz * recording.period_s)))
     arrived = recording.read_s[:, joints].min(axis=1)
     starts = begin + length_s * np.arange(count)
     first, settled, after = (
         np.searchsorted(arrived, starts + offset + 1e-9) for offset in (0.0, SETTLED_S, length_s)
     )
-    whole = after - settled >= LEAST_SHARE * np.median(after - settled)
+    whole = after - settled >= MIN_READING_SHARE * np.median(after - settled)
     rows = int((after - settled)[whole].min()) // every
     if not rows:
         raise UserError(f"{recording.source} has hardly any readings in windows of {length_s:g} s")

@@ -13,7 +13,7 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
 NOWHERE = CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-ABOVE = 1.2  # ratio of a command that must move the robot to the smallest one that does
+COMMAND_MARGIN = 1.2  # ratio of a command that must move the robot to the smallest one that does
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,12 @@ def limits_of(spec: str, policy: Policy, robot: Robot) -> Limits:
     """Commands that are within the ranges of both the robot and the policy's training."""
     own = robot.description.commands
     if (contract := policy.contract) is not None:
-        return Limits(_common(own, contract.commands), ABOVE * contract.standing_command)
+        return Limits(_common(own, contract.commands), COMMAND_MARGIN * contract.standing_command)
     name, _ = split_spec(spec)
     if name in CONTROLLERS and not CONTROLLERS[name].walks:
         return Limits(NOWHERE)
     shaping: Any = getattr(load_settings(spec, robot), "command", None)
-    return Limits(own, ABOVE * getattr(shaping, "standing_command", 0.0))
+    return Limits(own, COMMAND_MARGIN * getattr(shaping, "standing_command", 0.0))
 
 
 def _common(one: CommandRange, other: CommandRange) -> CommandRange:

@@ -18,9 +18,9 @@ from footfall.deploy.command_source import Status
 from footfall.operate.inbox import Inbox
 from footfall.policies.live_settings import DECLARED
 
-EVERY_S = 0.1  # interval between states
-LONGEST_BYTES = 4096  # maximum message size
-PATIENCE_S = 1.0  # maximum wait for a process that does not read
+STATE_INTERVAL_S = 0.1  # interval between states
+MAX_MESSAGE_BYTES = 4096  # maximum message size
+JOIN_TIMEOUT_S = 1.0  # maximum wait for a process that does not read
 
 
 class CockpitLink:
@@ -33,7 +33,7 @@ class CockpitLink:
 
         Args:
             inbox: gets the commands.
-            connection: to the process that serves the page.
+            connection: connection to the process that serves the page.
             more: returns further facts about the run, for JSON; called from the link's thread.
         """
         self._inbox, self._connection, self._more = inbox, connection, more
@@ -48,16 +48,16 @@ class CockpitLink:
     def close(self) -> None:
         """Send a last state and end the thread."""
         self._ended.set()
-        self._thread.join(PATIENCE_S)
+        self._thread.join(JOIN_TIMEOUT_S)
 
     def _run(self) -> None:
         next_s = time.monotonic()
         with suppress(OSError, EOFError):  # if the other process is gone, the inbox notices the silence
             while not self._ended.is_set():
                 if self._connection.poll(max(0.0, next_s - time.monotonic())):
-                    self._take(self._connection.recv_bytes(LONGEST_BYTES))
+                    self._take(self._connection.recv_bytes(MAX_MESSAGE_BYTES))
                 if time.monotonic() >= next_s:
-                    next_s = time.monotonic() + EVERY_S
+                    next_s = time.monotonic() + STATE_INTERVAL_S
                     self._send({"run": self._state()})
             self._send({"run": self._state() | {"ended": True}})
 

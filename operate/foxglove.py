@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.common.installation import install_extras
 
 READY = "ready"
-END_S = 3.0  # maximum wait
+EXIT_TIMEOUT_S = 3.0  # maximum wait
 PORT = 8765  # default of these tools
 
 
@@ -45,4 +45,4 @@ def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
             )
         yield f"ws://{host}:{port}"
     finally:
-        end_by_input(process, END_S)
+        end_by_input(process, EXIT_TIMEOUT_S)

@@ -19,7 +19,7 @@ from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.joystick import Joystick
 from footfall.operate.opened import Opened
-from footfall.operate.operator import STILL, Operator
+from footfall.operate.operator import ZERO_MOTION, Operator
 
 NAME = "gamepad"
 JOIN_S = 1.0
@@ -95,7 +95,9 @@ class Gamepad:
             if button in self._orders:
                 self._orders[button]()
         if self.joystick.connected:  # an unplugged device requests nothing
-            self._operator.move([self._share(axis) for axis in self._config.axes] if self._alive else STILL)
+            self._operator.move(
+                [self._share(axis) for axis in self._config.axes] if self._alive else ZERO_MOTION
+            )
 
     @property
     def _alive(self) -> bool:

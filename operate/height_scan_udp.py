@@ -15,10 +15,10 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.height_scan import Scanned
 from footfall.operate.datagrams import answered
-from footfall.operate.udp import MAX_SENDERS, SHORTEST_TOKEN, UdpConfig
-from footfall.operate.udp_client import LARGEST, SCAN, SCAN_PORT, TOKEN, unpack
+from footfall.operate.udp import MAX_SENDERS, MIN_TOKEN_CHARS, UdpConfig
+from footfall.operate.udp_client import MAX_DATAGRAM_BYTES, SCAN, SCAN_PORT, TOKEN, unpack
 
-LONGEST_AGE_S = 60.0
+MAX_AGE_S = 60.0
 
 
 class Arrived(NamedTuple):
@@ -48,8 +48,8 @@ class UdpScans:
             return "an old datagram"
         if sender not in self._last and len(self._last) >= MAX_SENDERS:
             return "too many senders"
-        if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= LONGEST_AGE_S:
-            return f"age_s is not a number from 0 to {LONGEST_AGE_S:g}"
+        if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= MAX_AGE_S:
+            return f"age_s is not a number from 0 to {MAX_AGE_S:g}"
         heights = _heights(content.get("heights"))
         if heights is None:
             return "heights is not a list of numbers, with null for unknown ones"
@@ -98,11 +98,11 @@ def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
     except ValueError as error:
         raise UserError(f"--height-scan udp: {error}") from None
     token = os.environ.get(TOKEN, "")
-    if len(token) < SHORTEST_TOKEN:
+    if len(token) < MIN_TOKEN_CHARS:
         raise UserError(
-            f"--height-scan udp: set {TOKEN} to a secret of at least {SHORTEST_TOKEN} characters, which the"
+            f"--height-scan udp: set {TOKEN} to a secret of at least {MIN_TOKEN_CHARS} characters, which the"
             " sender of scans knows, too"
         )
     scans = UdpScans(token)
-    with answered((host, port), LARGEST, scans.answer, "--height-scan udp"):
+    with answered((host, port), MAX_DATAGRAM_BYTES, scans.answer, "--height-scan udp"):
         yield scans

@@ -16,16 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from footfall.common.config import require_between
-from footfall.deploy.command_source import Offer, Request, Status, Stop, Wish
+from footfall.common.limits import MAX_COMMAND
+from footfall.deploy.command_source import ZERO_COMMAND, Offer, Request, Status, Stop, Wish
 from footfall.deploy.modes import Mode
 from footfall.deploy.steering import NO_GET_UP
 from footfall.policies.live_settings import DECLARED, Access
 
-STILL = np.zeros(3)
-LONGEST_NAME = 80  # maximum length of an operator's name or a stop's reason
-LONGEST_NOTE = 200  # maximum length
-LARGEST = 1e6  # absolute value of any setting, in its unit
-FASTEST = 100.0  # m/s or rad/s: a larger velocity must be a mistake
+MAX_NAME_CHARS = 80  # maximum length of an operator's name or a stop's reason
+MAX_NOTE_CHARS = 200  # maximum length
+MAX_SETTING = 1e6  # absolute value of any setting, in its unit
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Inbox:
         self._config, self._clock = config or InboxConfig(), clock
         self._lock = threading.Lock()
         self._owner = ""
-        self._held = _Held(Request(STILL), clock(), clock())
+        self._held = _Held(Request(ZERO_COMMAND), clock(), clock())
         self._silent: Request | None = None  # replaces a request that is too old
         self._stop: Stop | None = None
         self._status: Status | None = None
@@ -95,7 +94,7 @@ class Inbox:
             if self._owner != operator:
                 self._owner, self._silent = operator, None
                 now_s = self._clock()
-                request = self._held.request._replace(velocity=STILL, owner=operator)
+                request = self._held.request._replace(velocity=ZERO_COMMAND, owner=operator)
                 self._held = _Held(request, now_s, now_s)
         return ""
 
@@ -105,7 +104,7 @@ class Inbox:
             if self._owner != operator:
                 return self._not_owner(operator)
             self._owner, self._silent = "", None
-            request = self._held.request._replace(velocity=STILL, owner="")
+            request = self._held.request._replace(velocity=ZERO_COMMAND, owner="")
             self._held = self._held._replace(request=request)
         return ""
 
@@ -183,15 +182,15 @@ class Inbox:
             reason: reason for the stop.
             damp: damp the joints at once; otherwise the robot lies down if it can.
         """
-        by = str(operator)[:LONGEST_NAME] or "an operator"
-        why = f": {str(reason)[:LONGEST_NAME]}" if reason else ""
+        by = str(operator)[:MAX_NAME_CHARS] or "an operator"
+        why = f": {str(reason)[:MAX_NAME_CHARS]}" if reason else ""
         with self._lock:
             again = self._stop is not None
             self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again, by)
 
     def note(self, text: Any) -> None:
         """Add a line to the run's notes."""
-        line = " ".join(str(text).split())[:LONGEST_NOTE]
+        line = " ".join(str(text).split())[:MAX_NOTE_CHARS]
         with self._lock:
             self._held = self._held._replace(request=self._held.request._replace(note=line))
             self._silent = None
@@ -218,14 +217,14 @@ class Inbox:
                 self._held = self._held._replace(request=request)
             now_s = self._clock()
             if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
-                who = f"'{self._owner}', who has control," if self._owner else "everybody"
+                who = f"'{self._owner}', who has control," if self._owner else "every operator"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
-                self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why, owner="")
+                self._end = request._replace(velocity=ZERO_COMMAND, wish=Wish.LIE_DOWN, note=why, owner="")
                 return self._end
             if now_s - moved_s < self._config.still_after_s:
                 return request
             if self._silent is None:
-                self._silent = request._replace(velocity=STILL)
+                self._silent = request._replace(velocity=ZERO_COMMAND)
             return self._silent
 
     def _not_owner(self, operator: str) -> str:
@@ -240,8 +239,8 @@ class Inbox:
 
 
 def _wrong_name(operator: Any) -> str:
-    right = isinstance(operator, str) and 0 < len(operator) <= LONGEST_NAME and operator.isprintable()
-    return "" if right else f"an operator's name is a line of 1 to {LONGEST_NAME} characters"
+    right = isinstance(operator, str) and 0 < len(operator) <= MAX_NAME_CHARS and operator.isprintable()
+    return "" if right else f"an operator's name is a line of 1 to {MAX_NAME_CHARS} characters"
 
 
 def _velocity(given: Any) -> np.ndarray:
@@ -249,8 +248,8 @@ def _velocity(given: Any) -> np.ndarray:
     numbers: list[Any] = [each for each in values if isinstance(each, Real) and not isinstance(each, bool)]
     if len(values) != 3 or len(numbers) != 3:
         raise ValueError("a velocity is three numbers: forward m/s, leftward m/s, yaw rad/s")
-    if any(abs(each) > FASTEST for each in numbers):
-        raise ValueError(f"a velocity beyond {FASTEST:g} m/s or rad/s is refused")
+    if any(abs(each) > MAX_COMMAND for each in numbers):
+        raise ValueError(f"a velocity beyond {MAX_COMMAND:g} m/s or rad/s is refused")
     velocity = np.array(numbers, dtype=float)
     if not np.isfinite(velocity).all():
         raise ValueError("a velocity that is not finite is refused")
@@ -265,7 +264,7 @@ def _wish(given: Any) -> Wish:
 
 
 def _name(kind: str, given: Any, known: Any) -> str:
-    if not isinstance(given, str) or len(given) > LONGEST_NAME:
+    if not isinstance(given, str) or len(given) > MAX_NAME_CHARS:
         raise ValueError(f"a {kind} must be a name")
     if known is not None and given not in ("", *known):
         raise ValueError(f"there is no {kind} '{given}' here: {', '.join(known) or 'none can be chosen'}")
@@ -279,12 +278,12 @@ def _settings(given: Any, offer: Offer | None) -> dict[str, float]:
     settings = {}
     for name, value in given.items():
         if not isinstance(name, str) or name not in known or name not in DECLARED:
-            shown = str(name)[:LONGEST_NAME]
+            shown = str(name)[:MAX_NAME_CHARS]
             raise ValueError(
                 f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
             )
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not abs(value) < LARGEST:  # rejects NaN, too
+        if not number or not abs(value) < MAX_SETTING:  # rejects NaN, too
             raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
         settings[name] = float(value)
     return settings

@@ -6,7 +6,7 @@ import struct
 
 EVENT = struct.Struct("=IhBB")  # time in ms, value, type, number
 BUTTON, AXIS, INITIAL = 0x01, 0x02, 0x80
-HIGHEST = 32767  # value of an axis at its limit
+AXIS_LIMIT = 32767  # value of an axis at its limit
 MAX_EVENTS = 64  # maximum number per read
 
 
@@ -69,7 +69,7 @@ class Joystick:
 
     def _take(self, kind: int, number: int, value: int) -> list[int]:
         if kind & ~INITIAL == AXIS:
-            self._axes[number] = max(value / HIGHEST, -1.0)
+            self._axes[number] = max(value / AXIS_LIMIT, -1.0)
         elif kind & ~INITIAL == BUTTON:
             if value and not kind & INITIAL:  # a button held when the device is opened has no effect
                 self._down.add(number)

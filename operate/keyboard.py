@@ -18,7 +18,7 @@ from footfall.deploy.command_source import Wish
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
-from footfall.operate.operator import STILL, Operator
+from footfall.operate.operator import ZERO_MOTION, Operator
 from footfall.operate.terminal_keys import Keys, key_by_key
 
 NAME = "keyboard"
@@ -102,7 +102,7 @@ class Keyboard:
         """Request the velocity of the held key, or zero."""
         if now_s >= self._until_s:
             self._held = ""
-        motion = MOTIONS.get(self._held, STILL)
+        motion = MOTIONS.get(self._held, ZERO_MOTION)
         self._operator.move([self._share * share for share in motion])
 
     def _let_go(self) -> None:

@@ -7,7 +7,7 @@ from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 
 BODY_HEIGHT = "body_height_m"
-STILL = (0.0, 0.0, 0.0)
+ZERO_MOTION = (0.0, 0.0, 0.0)
 
 
 class Operator:
@@ -27,7 +27,7 @@ class Operator:
 
     def move(self, shares: Sequence[float]) -> None:
         """Request shares (3,), from -1 to 1, of the current policy's maximum commands."""
-        velocity, status = list(STILL), self._inbox.status
+        velocity, status = list(ZERO_MOTION), self._inbox.status
         if status is not None and any(shares):
             ranges = vars(self._abilities(status.policy).limits.ranges).values()
             velocity = [

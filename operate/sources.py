@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.config import load, structure
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
+from footfall.common.outside import shipped
 from footfall.common.yaml_text import parse_yaml
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
@@ -22,8 +22,8 @@ YAML = (".yaml", ".yml")
 class Source(NamedTuple):
     """A command source. Its module is imported when it is selected."""
 
-    place: str  # MODULE:FUNCTION, context manager of inbox, abilities and settings; yields `Opened`
-    settings: str  # module:dataclass
+    import_path: str  # MODULE:FUNCTION, context manager of inbox, abilities and settings; yields `Opened`
+    settings: str  # MODULE:NAME of its settings' dataclass
     about: str
 
 
@@ -62,7 +62,8 @@ def check_source(name: str) -> None:
     if kind not in SOURCES and not is_mission(name):
         known = [*SOURCES, *ELSEWHERE]
         raise UserError(
-            f"--from {name}: give one of {', '.join(known)}, or a mission's YAML file{meant(kind, known)}"
+            f"--from {name}: give one of {', '.join(known)}, or a mission's YAML file"
+            f"{did_you_mean(kind, known)}"
         )
 
 
@@ -82,8 +83,8 @@ def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) 
     check_source(name)
     kind, _, argument = name.partition(":")
     source = SOURCES[kind]
-    opened: AbstractContextManager[Opened] = _find(source.place)(
-        inbox, abilities, _settings(_find(source.settings), argument, f"--from {name}")
+    opened: AbstractContextManager[Opened] = shipped(source.import_path)(
+        inbox, abilities, _settings(shipped(source.settings), argument, f"--from {name}")
     )
     with opened as found:
         yield found
@@ -100,8 +101,3 @@ def _settings(cls: Any, argument: str, where: str) -> Any:
     except ValueError as error:
         raise UserError(f"{where}: {error}") from None
     return structure({first.name: value}, cls, where)
-
-
-def _find(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)

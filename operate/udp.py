@@ -17,11 +17,11 @@ from typing import Any
 from footfall.common.errors import UserError
 from footfall.operate.abilities import Abilities
 from footfall.operate.datagrams import answered
-from footfall.operate.inbox import LONGEST_NAME, Inbox
+from footfall.operate.inbox import MAX_NAME_CHARS, Inbox
 from footfall.operate.opened import Opened
-from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, TOKEN, pack, unpack
+from footfall.operate.udp_client import MAX_DATAGRAM_BYTES, PORT, REPLY, REQUEST, TOKEN, pack, unpack
 
-SHORTEST_TOKEN = 16  # characters
+MIN_TOKEN_CHARS = 16  # characters
 CHALLENGE_S = 1.0  # a challenge is valid during this time and the next one
 MAX_SENDERS = 64
 FIELDS = ("velocity", "wish", "policy", "gait", "settings")
@@ -79,7 +79,7 @@ class Receiver:
     def _fresh(self, request: dict[str, Any], now_s: float) -> str:
         """Why a request is refused as an old one; empty if it is new."""
         sender, number = request.get("sender"), request.get("number")
-        if not isinstance(sender, str) or not isinstance(number, int) or len(sender) > LONGEST_NAME:
+        if not isinstance(sender, str) or not isinstance(number, int) or len(sender) > MAX_NAME_CHARS:
             return "sender and number are missing"
         if request.get("challenge") not in self._challenges:
             return "challenge"
@@ -131,11 +131,11 @@ def steered_by_udp(
     Raises:
         UserError: the address cannot be used, or the token is too short to be a secret.
     """
-    token = os.environ.get(TOKEN) or secrets.token_urlsafe(SHORTEST_TOKEN)
-    if len(token) < SHORTEST_TOKEN:
-        raise UserError(f"{TOKEN} is shorter than {SHORTEST_TOKEN} characters: choose a longer one")
+    token = os.environ.get(TOKEN) or secrets.token_urlsafe(MIN_TOKEN_CHARS)
+    if len(token) < MIN_TOKEN_CHARS:
+        raise UserError(f"{TOKEN} is shorter than {MIN_TOKEN_CHARS} characters: choose a longer one")
     receiver, host = Receiver(inbox, token), config.place[0]
-    with answered(config.place, LARGEST, receiver.receive, "--from udp") as port:
+    with answered(config.place, MAX_DATAGRAM_BYTES, receiver.receive, "--from udp") as port:
         secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
         about = f"datagrams to {host}:{port}{secret}"
         yield Opened(inbox, lambda: _line(receiver, inbox), (about,), odometry=True)

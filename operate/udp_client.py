@@ -38,8 +38,8 @@ from typing import Any
 
 PORT, SCAN_PORT = 9870, 9871
 TOKEN = "FOOTFALL_TOKEN"  # environment variable with footfall's token
-LARGEST = 16384  # maximum size of a datagram, bytes
-MAC = 32  # bytes
+MAX_DATAGRAM_BYTES = 16384  # maximum size of a datagram, bytes
+MAC_BYTES = 32  # bytes
 REQUEST, REPLY = b"footfall request ", b"footfall reply "  # so a reply cannot be sent back as a request
 SCAN = b"footfall height scan "
 
@@ -52,8 +52,8 @@ def pack(content: dict[str, Any], token: str, direction: bytes) -> bytes:
 
 def unpack(datagram: bytes, token: str, direction: bytes) -> dict[str, Any] | None:
     """The content of a datagram; None if it is malformed or without the right token."""
-    mac, body = datagram[:MAC], datagram[MAC:]
-    if len(datagram) > LARGEST or not hmac.compare_digest(
+    mac, body = datagram[:MAC_BYTES], datagram[MAC_BYTES:]
+    if len(datagram) > MAX_DATAGRAM_BYTES or not hmac.compare_digest(
         mac, hmac.digest(token.encode(), direction + body, "sha256")
     ):
         return None
@@ -109,7 +109,7 @@ class UdpSteering:
         while (left_s := deadline_s - time.monotonic()) > 0.0:
             self._socket.settimeout(left_s)
             with suppress(TimeoutError, ConnectionRefusedError):
-                reply = unpack(self._socket.recv(LARGEST + 1), self._token, REPLY)
+                reply = unpack(self._socket.recv(MAX_DATAGRAM_BYTES + 1), self._token, REPLY)
                 if reply is not None and reply.get("sender") == self._sender:
                     self._challenge = reply.get("challenge", "")
                     if reply.get("number") == self._number:

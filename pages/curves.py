@@ -10,7 +10,7 @@ from footfall.pages.page import BRAND
 if TYPE_CHECKING:
     from viser import GuiApi, GuiFolderHandle, GuiTabHandle, GuiUplotHandle
 
-POINTS = 400  # of a curve, at most
+MAX_POINTS = 400  # of a curve, at most
 HEIGHT_PX = 100
 PADDING_PX = (
     9,
@@ -65,7 +65,7 @@ class Curves:
     def _draw(self, curve: Curve, steps: np.ndarray, values: np.ndarray) -> None:
         if len(steps) < 2:
             return
-        data = (thinned(steps / 1e6, POINTS), thinned(values / curve.unit, POINTS))
+        data = (thinned(steps / 1e6, MAX_POINTS), thinned(values / curve.unit, MAX_POINTS))
         if curve.metric in self._charts:
             self._charts[curve.metric].data = data
         else:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-HEAD = Path(__file__).with_name("head.html")  # replaces the page's title
+HEAD = Path(__file__).with_name("head.html")  # inserted in place of the page's title
 PAGE = ("/", "/index.html")
 
 
@@ -23,8 +23,8 @@ def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
     """Why a request is refused; None if it is not.
 
     A page may connect only to the server that it came from. A program other than a browser sends no origin
-        and is accepted. The server's name in the request must be one that no other machine can redirect here:
-        an IP address, localhost, this machine's name, or `served_at`.
+    and is accepted. The server's name in the request must be one that no other machine can redirect here: an
+    IP address, localhost, this machine's name, or `served_at`.
 
     Args:
         host: the request's Host header, NAME[:PORT].

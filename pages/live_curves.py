@@ -13,8 +13,8 @@ from footfall.robots.description import Robot
 if TYPE_CHECKING:
     from viser import GuiApi
 
-KEPT_S = 10.0
-EVERY_S = 0.1  # between drawings
+WINDOW_S = 10.0
+DRAW_INTERVAL_S = 0.1  # between drawings
 HEIGHT_PX = 120
 
 
@@ -47,7 +47,7 @@ class LiveCurves:
         self._next_s = 0.0
 
     def add(self, moment: Moment) -> None:
-        """Add a moment; draws every `EVERY_S`."""
+        """Add a moment; draws every `DRAW_INTERVAL_S`."""
         values, time_s = self._values, moment.time_s
         if values and time_s < values[-1][0]:  # a new episode
             values.clear()
@@ -56,10 +56,10 @@ class LiveCurves:
         pairs = [number for pair in zip(moving, command, strict=True) for number in pair]
         hardest = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._most_nm).max())
         values.append([time_s, *pairs, float(tilt(moment.quaternion)), hardest])
-        while values[0][0] < time_s - KEPT_S:
+        while values[0][0] < time_s - WINDOW_S:
             values.popleft()
         if time_s >= self._next_s and len(values) > 1:
-            self._next_s = time_s + EVERY_S
+            self._next_s = time_s + DRAW_INTERVAL_S
             self._draw(np.array(values).T)
 
     def _draw(self, rows: np.ndarray) -> None:

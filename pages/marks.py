@@ -9,17 +9,17 @@ from footfall.common import colours
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import heading_matrix, yaw_of
 from footfall.pages.moment import Moment
-from footfall.robots.balance import STANDS, Balance, BalanceModel
+from footfall.robots.balance import CONTACT_THRESHOLD, Balance, BalanceModel
 from footfall.robots.description import Robot
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
 LAYERS = {"Footholds, paths": "feet", "Forces": "forces", "Balance": "balance"}
-SHAPED_S = 0.06  # between changes of lines and surfaces, which a browser rebuilds each time
+REBUILD_INTERVAL_S = 0.06  # between changes of lines and surfaces, which a browser rebuilds each time
 TRAIL_POINTS = 24  # of each foot's path, one for each moment
 WAY_POINTS = 9  # of the path to a foothold
-CORNERS = 24  # of the support polygon, at most
+MAX_CORNERS = 24  # of the support polygon, at most
 FLAT_M = 0.002  # height of flat marks above the ground
 UP = np.array([0.0, 0.0, FLAT_M])
 FORCE_LENGTH = 1.2  # length of the arrow for the robot's whole weight, in standing heights
@@ -58,10 +58,10 @@ class Marks:
         )
         self._capture = self._disc(f"{balance}/capture", small, colours.CAPTURE, visible=True)
         self._plumb = self._lines(f"{balance}/plumb", colours.CENTRE, 1)
-        self._edge = self._lines(f"{balance}/edge", colours.SUPPORT, CORNERS)
-        fan = np.array([(0, k, k + 1) for k in range(1, CORNERS - 1)], dtype=np.uint32)
+        self._edge = self._lines(f"{balance}/edge", colours.SUPPORT, MAX_CORNERS)
+        fan = np.array([(0, k, k + 1) for k in range(1, MAX_CORNERS - 1)], dtype=np.uint32)
         self._support = self._scene.add_mesh_simple(
-            f"{balance}/support", np.zeros((CORNERS, 3), np.float32), fan, color=_bytes(colours.SUPPORT),
+            f"{balance}/support", np.zeros((MAX_CORNERS, 3), np.float32), fan, color=_bytes(colours.SUPPORT),
             opacity=float(colours.SUPPORT[3]), side="double", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
@@ -77,7 +77,7 @@ class Marks:
         )
         self._trail.append(balance.foot)
         below = moment.position * (1.0, 1.0, 0.0)
-        stands = moment.contact > STANDS
+        stands = moment.contact > CONTACT_THRESHOLD
         goals = _footholds(moment) - below
         for layer in self.layers.values():
             layer.position = below
@@ -88,7 +88,7 @@ class Marks:
         for disc, foot, down in zip(self._contacts, balance.foot - below + UP, stands.tolist(), strict=True):
             disc.visible, disc.position = down, foot
         self._centre.position, self._capture.position = balance.centre - below, balance.capture - below + UP
-        if moment.time_s - self._shaped_s >= SHAPED_S:
+        if moment.time_s - self._shaped_s >= REBUILD_INTERVAL_S:
             self._shaped_s = moment.time_s
             self._shape(balance, goals, below)
 
@@ -104,10 +104,10 @@ class Marks:
         self._forces.points = np.stack([feet, feet + self._newton_m * balance.force], axis=1)
         centre, capture = balance.centre - below, balance.capture - below
         self._plumb.points = np.array([[centre, [*centre[:2], capture[2]]]])
-        corners = balance.support[:CORNERS] - below + UP
+        corners = balance.support[:MAX_CORNERS] - below + UP
         if not len(corners):
             corners = capture[None] + UP
-        corners = np.concatenate([corners, np.repeat(corners[-1:], CORNERS - len(corners), axis=0)])
+        corners = np.concatenate([corners, np.repeat(corners[-1:], MAX_CORNERS - len(corners), axis=0)])
         self._support.vertices = corners
         self._edge.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 

@@ -16,7 +16,7 @@ class NewestPolicy(LearnedPolicy):
         """Continue with another network of the same contract.
 
         Raises:
-            UserError: the file is no policy, or has another contract.
+            UserError: the file is not a policy, or has another contract.
         """
         session, contract = open_network(path)
         if contract != self.contract:

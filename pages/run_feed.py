@@ -18,7 +18,7 @@ from footfall.robots.readings import Sensed
 
 WAIT_S = 0.1  # between attempts to connect to a feed that does not exist yet
 OLD_NS = 500_000_000  # older estimates and plans are ignored
-STILL = np.zeros(3)
+ZEROS = np.zeros(3)
 
 
 class RunFeed:
@@ -102,7 +102,7 @@ def moment(feed: RunFeed, feet: int) -> Moment | None:
     command, footholds = feed.newest("/cmd_vel", since_ns), feed.newest("/footholds", since_ns)
     odometry, contacts = feed.newest("/odom"), feed.newest("/contacts", since_ns)
     twist = None if command is None else command.twist
-    place, velocity, quaternion = STILL, STILL, readings.quaternion
+    place, velocity, quaternion = ZEROS, ZEROS, readings.quaternion
     if odometry is not None:
         place, turn = _vector(odometry.pose.pose.position), odometry.pose.pose.orientation
         if contacts is not None:
@@ -113,7 +113,7 @@ def moment(feed: RunFeed, feet: int) -> Moment | None:
         position=place,
         quaternion=quaternion,
         velocity=velocity,
-        command=STILL if twist is None else np.array([twist.linear.x, twist.linear.y, twist.angular.z]),
+        command=ZEROS if twist is None else np.array([twist.linear.x, twist.linear.y, twist.angular.z]),
         sensed=readings,
         contact=np.zeros(feet) if contacts is None else np.array(contacts.data),
         footholds=None if footholds is None else np.reshape(footholds.data, (feet, 3)),

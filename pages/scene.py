@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 WORLD = "/world"
 GREY = (150, 156, 164)  # visible on light and dark pages
-NARROW = 0.9  # aspect ratio (width over height) below which the camera moves back
-DARKEST = 0.24  # smallest value of a shape's colour channels: black legs are invisible on a dark page
+NARROW_ASPECT = 0.9  # aspect ratio (width over height) below which the camera moves back
+MIN_CHANNEL = 0.24  # smallest value of a shape's colour channels: black legs are invisible on a dark page
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
 FOLLOWING = 0.1  # share of the distance to the robot by which the view moves in a frame
@@ -59,9 +59,9 @@ class Scene:
 
     def _step_back(self, client: "ClientHandle") -> None:
         """Move the camera back if the view is narrow, so that the whole robot is visible."""
-        if client.camera.aspect < NARROW:
+        if client.camera.aspect < NARROW_ASPECT:
             target = client.camera.look_at  # moving the camera would move its target too
-            client.camera.position = self._viewpoint * (NARROW / client.camera.aspect)
+            client.camera.position = self._viewpoint * (NARROW_ASPECT / client.camera.aspect)
             client.camera.look_at = target
 
     def show(self, data: mujoco.MjData, command: np.ndarray, velocity: np.ndarray, follow: bool) -> None:
@@ -70,7 +70,7 @@ class Scene:
         Args:
             data: poses of all bodies.
             command: forward m/s, leftward m/s, yaw rad/s, (3,).
-            velocity: of the base, body frame, m/s, (3,).
+            velocity: velocity of the base, body frame, m/s, (3,).
             follow: whether the view follows the robot.
         """
         with self._server.atomic():  # bodies move together
@@ -95,7 +95,7 @@ class Scene:
     def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
         server.scene.add_mesh_simple(
             f"{_frame_of(shape.body)}/geom_{shape.geom}", shape.vertices, shape.faces,
-            color=_bytes(np.maximum(shape.rgba, DARKEST)),
+            color=_bytes(np.maximum(shape.rgba, MIN_CHANNEL)),
             opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
             position=shape.position, wxyz=shape.quaternion,
             flat_shading=model.geom_type[shape.geom] in EDGED,

@@ -44,7 +44,7 @@ class View:
 
         Args:
             data: poses of all bodies.
-            moment: of the same robot.
+            moment: moment of the same robot.
             velocity: smoothed, of the base, body frame, m/s, (3,).
             follow: whether the view follows the robot.
         """

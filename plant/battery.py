@@ -20,7 +20,7 @@ class SimulatedBattery:
 
         Args:
             robot: the robot, for the motors' losses.
-            battery: as declared.
+            battery: declared battery.
             motors: the motors, which get its voltage and report it.
             charge: initial charge, 0 to 1.
             step_s: the physics step.

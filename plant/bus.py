@@ -9,7 +9,7 @@ from footfall.plant.wires import Side, SimulatedWires
 
 
 class SimulatedBus:
-    """The controller's end of simulated wires. Receiving simulates the robot up to the present time.
+    """The controller's end of simulated wires. Receiving simulates the robot up to the current time.
 
     Locked, since a guard (`deploy/guard.py`) sends from its own thread, possibly during a step.
     """

@@ -44,7 +44,7 @@ class Past(Generic[T]):
         self._newest = self._shown = -1  # steps
 
     def remember(self, moment: T) -> None:
-        """Store the present values. Call at each physics step."""
+        """Store the current values. Call at each physics step."""
         self._moments.append(moment)
         self._newest += 1
 

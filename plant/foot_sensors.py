@@ -29,14 +29,14 @@ class SimulatedFootSensors:
             wiring.foot_channel,
             foot_force.identifiers(feet),
             np.zeros((feet, 8), np.uint8),
-            np.full(feet, foot_force.LENGTH),
+            np.full(feet, foot_force.FRAME_BYTES),
         )
         self._counter = 0
         self.silent = np.zeros(feet, bool)  # sensors that send nothing; set by fault injection
         self.lie: Callable[[np.ndarray], np.ndarray] | None = None  # changes reports, N, (feet,)
 
     def remember(self) -> None:
-        """Store the present forces, to be read after the observation delay. Call at each physics step."""
+        """Store the current forces, to be read after the observation delay. Call at each physics step."""
         self._past.remember(self._force())
 
     def sample(self) -> Frames:

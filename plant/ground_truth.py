@@ -57,7 +57,7 @@ class GroundTruth:
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
-        """The present state, with the motor torque (n,) of the last physics step."""
+        """The current state, with the motor torque (n,) of the last physics step."""
         qpos, qvel, pos, vel = self._position, self._velocity, self._free_qpos, self._free_qvel
         quaternion = qpos[pos + 3 : pos + 7].copy()
         position, velocity = self._nowhere.copy(), self._nowhere.copy()

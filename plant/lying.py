@@ -31,7 +31,7 @@ OUTWARD, AHEAD = (0.0, 0.3, 0.6, 0.9), ((0.0, False), *product((-0.4, 0.4), (Fal
 MAX_CANDIDATES = 3  # largest number of poses tested over the bus
 REST_S = 0.6
 MAX_TILT_RAD = 0.25
-STOOD = 0.85  # of the standing height
+STANDING_SHARE = 0.85  # of the standing height
 LIMIT_MARGIN_RAD = 1e-4  # to the soft limits, so that rounding does not exceed them
 STAND_S = 0.5
 CHECK_PERIOD_US = 20_000
@@ -51,8 +51,8 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
 
     Args:
         robot: a robot with a lying pose.
-        seed: of the simulation.
-        config: of the control loop; None: the robot's own.
+        seed: seed of the simulation.
+        config: settings of the control loop; None: the robot's own.
 
     Raises:
         UserError: the robot has no lying pose, or no driver for its motors.
@@ -61,7 +61,7 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
     still = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
     trace = run_episode(robot, HoldDefaultPose(robot), still, look)
     trouble = trace.fall_reason or "; ".join(trace.faults)
-    if not trouble and trace.base_position[-1, 2] < STOOD * robot.description.standing_height_m:
+    if not trouble and trace.base_position[-1, 2] < STANDING_SHARE * robot.description.standing_height_m:
         trouble = f"it stands {trace.base_position[-1, 2]:.3f} m high only"
     if not trouble and look.clearance_m > _max_clearance_m(robot):
         trouble = f"its base stays {look.clearance_m:.3f} m above the ground"

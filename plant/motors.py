@@ -16,7 +16,7 @@ from footfall.domain_rand.sample import (
     sensor_bias,
 )
 from footfall.plant.delays import Delay
-from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
+from footfall.plant.motor_ends.motor_end import DEFAULT_SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
 from footfall.robots.actuator import (
     JointCommand,
@@ -70,7 +70,7 @@ class SimulatedMotors:
             timeout_s: time without a frame after which a motor disables itself, unless a frame sets another;
                 for all motors, or for each, (joints,).
             winding: their thermal parameters; None for motors that stay at 30 degrees Celsius.
-            seed: of the delay's jitter.
+            seed: seed of the delay's jitter.
             net: the learned part of their joint law.
         """
         n = joints
@@ -94,7 +94,7 @@ class SimulatedMotors:
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
-        self.supply = SUPPLY  # V, and A of each motor, as they report it
+        self.supply = DEFAULT_SUPPLY  # V, and A of each motor, as they report it
         self.commanded = False  # whether a command with gains or torque has reached enabled motors
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
@@ -177,7 +177,7 @@ class SimulatedMotors:
         Args:
             position: true joint positions, rad.
             velocity: true joint velocities, rad/s.
-            torque: of the motors, as `torque` gives it.
+            torque: torque of the motors, as `torque` returns it.
         """
         behind = torque + self.friction(velocity, torque)
         if self._net is None:
@@ -193,7 +193,7 @@ class SimulatedMotors:
         """Process frames; returns the replies of the addressed motors.
 
         Args:
-            step: the present physics step.
+            step: the current physics step.
             frames: the arrived frames.
             readings: (3, n) position, velocity and torque that every motor would report now.
         """
@@ -275,7 +275,7 @@ class SimulatedMotors:
         return np.rint(self.winding_c).clip(0, HOTTEST_REPORTED_C).astype(int)
 
     def _report(self, readings: np.ndarray) -> Report:
-        """The present report of every motor; a stuck one repeats its last report."""
+        """The current report of every motor; a stuck one repeats its last report."""
         if self._geared is not None:
             ratio, about = self._geared
             away = about + self.encoder_bias

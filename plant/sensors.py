@@ -87,7 +87,7 @@ class SimulatedSensors:
         self._acceleration_random = np.random.default_rng((seed, ACCELEROMETER))
 
     def remember(self, torque: np.ndarray) -> np.ndarray:
-        """Store the present state, to be read after the observation delay. Call at each physics step.
+        """Store the current state, to be read after the observation delay. Call at each physics step.
 
         Returns:
             True joint positions rad, velocities rad/s and motor torques N m, (3, n), not to be written to.

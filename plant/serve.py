@@ -24,7 +24,7 @@ from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 
 PERIOD_US = 1000
-LONGEST_STEP_US = 5 * PERIOD_US
+MAX_STEP_US = 5 * PERIOD_US
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading.Event) -> None:
@@ -41,11 +41,11 @@ def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading
     before_us = now_us = 0
     while not stop.is_set():
         wall_us = clock.next_tick()
-        now_us += min(wall_us - before_us, LONGEST_STEP_US)
+        now_us += min(wall_us - before_us, MAX_STEP_US)
         before_us = wall_us
         body.advance(now_us)
         for frames in bus.receive(now_us):
-            wires.send(Side.HOST, not_before(frames, now_us - LONGEST_STEP_US), now_us)
+            wires.send(Side.HOST, not_before(frames, now_us - MAX_STEP_US), now_us)
         for frames in wires.receive(Side.HOST, now_us):
             bus.send(frames, now_us)
 

@@ -10,7 +10,7 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-SETTLED = 0.5  # torques and contacts are measured in the last share of the time
+MEASURED_SHARE = 0.5  # torques and contacts are measured in the last share of the time
 
 
 class HoldDefaultPose:
@@ -63,7 +63,7 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     """
     episode = Episode(command_source=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
     trace = run_episode(robot, HoldDefaultPose(robot), episode)
-    late = slice(int(len(trace.time_s) * (1 - SETTLED)), None)
+    late = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
     place, contact = trace.base_position, trace.foot_contact[late]
     torque = np.abs(trace.motor_torque[late]) / robot.motor.peak_torque
     height = robot.description.standing_height_m

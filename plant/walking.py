@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 
 SPEED_SHARE = 0.5  # of the robot's highest forward command
 REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which the robot does not walk, or walks slowly
-SETTLED = 0.5  # speeds are measured in the last share of the time
+MEASURED_SHARE = 0.5  # speeds are measured in the last share of the time
 MAX_SWAY = 0.05  # speed of a standing base, over sqrt(gravity times standing height)
 MAX_DRIFT = 0.2  # drift of a standing robot, as a share of its standing height
 
@@ -56,7 +56,7 @@ def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerRe
     episode = Episode(command_source=lambda _: command, duration_s=duration_s, seed=seed)
     policy = load_policy(name, robot)
     trace = run_episode(robot, policy, episode)
-    late = slice(int(len(trace.time_s) * (1 - SETTLED)), None)
+    late = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
     velocity = trace.base_velocity[late, :2]
     result = ControllerResult(
         name=name,
@@ -81,7 +81,7 @@ def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
             return ""
         return "; ".join([f"it does not walk at {result.command_m_s:.2f} m/s", *trace.notes])
     if result.sway_m_s > MAX_SWAY * math.sqrt(GRAVITY_M_S2 * height_m):
-        return f"it sways at {result.sway_m_s:.2f} m/s after {(1 - SETTLED) * duration_s:.1f} s"
+        return f"it sways at {result.sway_m_s:.2f} m/s after {(1 - MEASURED_SHARE) * duration_s:.1f} s"
     moved = float(np.linalg.norm(trace.base_position[-1, :2] - trace.base_position[0, :2]))
     if moved > MAX_DRIFT * height_m:
         return f"it moves by {moved:.2f} m"

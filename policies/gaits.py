@@ -92,7 +92,7 @@ def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
     Here a cycle begins with the swing, as a contract's clock does.
 
     Args:
-        clock: in cycles, shape (..., 1).
+        clock: gait clock in cycles, shape (..., 1).
         phase: (feet,) or (joints,) phase at clock 0, an array of the same library.
         duty: share of the cycle in stance.
     """

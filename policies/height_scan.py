@@ -15,7 +15,7 @@ from footfall.robots.symmetry import Mirror
 
 Array = Any  # a NumPy or a JAX array
 NAME = "height_scan"  # name of the observation term
-MOST_POINTS = 2000
+MAX_POINTS = 2000
 Range = tuple[float, float]
 
 
@@ -45,8 +45,8 @@ class HeightScan:
         require_ordered(self, "forward_m", "clip_m")
         require_between(self, 1.0, 1000.0, "rate_hz")
         require_between(self, 1.0 / self.rate_hz, 60.0, "max_age_s")
-        if self.size > MOST_POINTS:
-            raise ValueError(f"spacing_m: the grid has {self.size} points, more than {MOST_POINTS}")
+        if self.size > MAX_POINTS:
+            raise ValueError(f"spacing_m: the grid has {self.size} points, more than {MAX_POINTS}")
 
     @property
     def _columns(self) -> int:

@@ -100,7 +100,7 @@ class Steerable(Protocol):
 
     @property
     def live_settings(self) -> Mapping[str, Span]:
-        """Settings available with the present gait, by name in `DECLARED`."""
+        """Settings available with the current gait, by name in `DECLARED`."""
 
     @property
     def gaits(self) -> Sequence[str]:

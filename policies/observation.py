@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.common.outside import find, is_place
+from footfall.common.outside import find, is_import_path
 from footfall.common.terms import bind
 from footfall.policies.contract import Contract, Term
 from footfall.policies.height_scan import NAME, HeightScan
@@ -100,7 +100,7 @@ def find_term(name: str) -> ObservationTerm:
     """Observation term by name or MODULE:NAME; raises UserError if there is none."""
     if name in TERMS:
         return TERMS[name]
-    if not is_place(name):
+    if not is_import_path(name):
         raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}, or MODULE:NAME")
     term = find(name, "observation term")
     if not isinstance(term, ObservationTerm):

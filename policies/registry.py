@@ -1,13 +1,12 @@
 """Policies by name: a controller, a zoo name, a run folder, an ONNX file or a class."""
 
 from collections.abc import Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
-from footfall.common.outside import is_place
+from footfall.common.hints import did_you_mean
+from footfall.common.outside import is_import_path, shipped
 from footfall.policies.controllers.settings import (
     SETTINGS_FILE,
     configured_controllers,
@@ -29,8 +28,8 @@ _HERE = "footfall.policies.controllers"
 class Controller(NamedTuple):
     """A hand-written controller. Its module is imported when the controller is built."""
 
-    place: str  # module:class, built from a robot and its settings
-    settings: str  # module:dataclass
+    import_path: str  # MODULE:CLASS, built from a robot and its settings
+    settings: str  # MODULE:NAME of its settings' dataclass
     about: str
     walks: bool = True
     arguments: tuple[str, ...] = ()  # further arguments between robot and settings
@@ -113,7 +112,7 @@ def first_of_each_kind(names: Iterable[str]) -> list[str]:
     """The first hand-written controller of each class: one of the gait generator, one of the MPC, ..."""
     found: dict[str, str] = {}
     for name in names:
-        found.setdefault(CONTROLLERS[name].place, name)
+        found.setdefault(CONTROLLERS[name].import_path, name)
     return list(found.values())
 
 
@@ -144,7 +143,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     name, parts = split_spec(spec)
     if name in CONTROLLERS:
         controller = CONTROLLERS[name]
-        policy = _find(controller.place)(robot, *controller.arguments, load_settings(spec, robot))
+        policy = shipped(controller.import_path)(robot, *controller.arguments, load_settings(spec, robot))
         policy.name = short_name(name, parts)
         return policy
     from footfall.policies.learned import LearnedPolicy
@@ -152,7 +151,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     if spec in zoo_names():
         return LearnedPolicy(ZOO / spec / "policy.onnx", robot, spec)
     path = Path(spec)
-    if is_place(spec) and not path.exists():
+    if is_import_path(spec) and not path.exists():
         return load_own(spec, robot)
     if spec and path.is_dir():
         return LearnedPolicy(_policy_in(path), robot, path.name or path.resolve().name)
@@ -162,7 +161,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     given = f"no policy '{spec}'" if spec else "the policy's name is empty"
     raise UserError(
         f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS"
-        f"{meant(spec, known)}"
+        f"{did_you_mean(spec, known)}"
     )
 
 
@@ -175,7 +174,7 @@ def load_settings(spec: str, robot: Robot) -> Any:
     name, parts = split_spec(spec)
     if name not in CONTROLLERS:
         return None
-    cls = _find(CONTROLLERS[name].settings)
+    cls = shipped(CONTROLLERS[name].settings)
     return controller_settings(robot, name, cls, read_changes(name, parts))
 
 
@@ -199,11 +198,6 @@ def changed_settings(spec: str) -> list[str]:
         UserError: a settings file cannot be read.
     """
     return split_spec(lasting_spec(spec))[1] if split_spec(spec)[0] in CONTROLLERS else []
-
-
-def _find(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)
 
 
 def _policy_in(folder: Path) -> Path:

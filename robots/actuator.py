@@ -103,7 +103,7 @@ def lagged(demand: Array, before: Array, lag: Lag) -> tuple[Array, Array]:
     Args:
         demand: torque that the motor approaches in this step, N m.
         before: torque at the beginning of the step, N m.
-        lag: of the step.
+        lag: lag of the step.
     """
     change = before - demand
     return demand + lag.in_mean * change, demand + lag.at_end * change

@@ -54,7 +54,7 @@ class Learned(NamedTuple):
     """What the networks give in one physics step."""
 
     torque: Array  # (..., n) N m, to be added at the joints
-    damping: Array  # (..., n) N m s/rad, at least 0: minus its slope in the present velocity
+    damping: Array  # (..., n) N m s/rad, at least 0: minus its slope in the current velocity
     memory: Array  # (..., n, m, INPUTS) at the end of the step
 
 
@@ -65,10 +65,10 @@ def inputs_of(
 
     Args:
         net: the networks.
-        command: that the motors follow. A command without stiffness has no position error.
+        command: command to the motors. A command without stiffness has no position error.
         position: joint positions as the encoders measure them, rad, (..., n).
         velocity: joint velocities, rad/s.
-        torque: of the physical law, N m, before friction.
+        torque: torque of the physical law, N m, before friction.
     """
     xp = library(velocity)
     error = xp.where(command.kp > 0.0, command.position - position, 0.0)
@@ -88,7 +88,7 @@ def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float
     read = xp.concatenate([inputs[..., None, :], memory], axis=-2)
     signal = hidden = read.reshape(*read.shape[:-2], 1, -1)  # (..., n, 1, inputs)
     *layers, last = net.layers
-    slope = None  # of a layer's outputs in the present velocity
+    slope = None  # of a layer's outputs in the current velocity
     for layer in layers:
         hidden = xp.tanh(xp.matmul(hidden, layer))
         slope = (1.0 - hidden * hidden) * (layer[:, 1:2] if slope is None else xp.matmul(slope, layer))

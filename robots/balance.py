@@ -17,9 +17,9 @@ from footfall.robots.momentum import outside_torque
 from footfall.robots.readings import Sensed
 from footfall.robots.support import convex_hull
 
-STANDS = 0.5  # contact probability above which a foot carries weight
+CONTACT_THRESHOLD = 0.5  # contact probability above which a foot carries weight
 _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
-_LOWEST_M = 0.01  # of the centre of mass above the ground, in the capture point's pendulum
+_MIN_HEIGHT_M = 0.01  # smallest height of the inverted pendulum
 
 
 class Balance(NamedTuple):
@@ -79,10 +79,10 @@ class BalanceModel:
 
         points = [self._lowest(foot) for foot in range(len(self._feet))]
         foot = np.array([each[each[:, 2].argmin()] for each in points])
-        stands = contact > STANDS
+        stands = contact > CONTACT_THRESHOLD
         ground = float(foot[stands, 2].mean()) if stands.any() else float(foot[:, 2].min())
         centre = data.subtree_com[self._base].copy()
-        fall_s = math.sqrt(max(centre[2] - ground, _LOWEST_M) / GRAVITY_M_S2)
+        fall_s = math.sqrt(max(centre[2] - ground, _MIN_HEIGHT_M) / GRAVITY_M_S2)
         capture = centre + fall_s * data.subtree_linvel[self._base]
         capture[2] = ground
         corners = convex_hull(
@@ -93,9 +93,9 @@ class BalanceModel:
 
     def _lowest(self, foot: int) -> np.ndarray:
         """The lowest point of each ball of a foot, (k, 3) m."""
-        place, radius = self._balls[foot]
+        centre, radius = self._balls[foot]
         body = self._feet[foot]
-        points = self._data.xpos[body] + place @ self._data.xmat[body].reshape(3, 3).T
+        points = self._data.xpos[body] + centre @ self._data.xmat[body].reshape(3, 3).T
         points[:, 2] -= radius
         return points
 

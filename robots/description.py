@@ -9,7 +9,7 @@ import numpy as np
 
 from footfall.common.config import load
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
 from footfall.robots.actuator import STRIBECK_RAMPS, Motor
 from footfall.robots.actuator_net import ActuatorNet, load_net
 from footfall.robots.checks import contradictions, inconsistencies, overreach
@@ -160,7 +160,7 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     if not (folder / "robot.yaml").is_file():
         raise UserError(
             f"no robot '{name_or_folder}': give one of {', '.join(available_robots())}"
-            f" or a folder with robot.yaml{meant(str(name_or_folder), available_robots())}"
+            f" or a folder with robot.yaml{did_you_mean(str(name_or_folder), available_robots())}"
         )
     description = load(folder / "robot.yaml", Description)
     return _assemble(description, folder.resolve())

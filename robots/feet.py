@@ -11,7 +11,7 @@ from footfall.robots.mjcf import load_spec
 from footfall.robots.robot_yaml import Description, Foot
 from footfall.robots.stance import in_default_pose
 
-NEAR = 0.25  # largest distance of a foot from its expected position, over the last link's length
+MAX_OFFSET = 0.25  # largest distance of a foot from its expected position, over the last link's length
 
 
 class FootBalls(NamedTuple):
@@ -61,7 +61,7 @@ def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -
 
     Args:
         model: compiled, with the robot's joint names.
-        description: of the robot.
+        description: description of the robot.
         own_path: the robot's own MJCF.
     """
     feet = description.feet
@@ -107,7 +107,7 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.n
         touching = (_world_balls(model, data, geom) - joint - place for geom in candidates)
         away = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
     nearest = int(np.lexsort((centre, away.round(6)))[0])
-    return candidates[nearest] if away[nearest] <= NEAR * np.linalg.norm(place) else -1
+    return candidates[nearest] if away[nearest] <= MAX_OFFSET * np.linalg.norm(place) else -1
 
 
 def _world_balls(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:

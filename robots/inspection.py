@@ -63,7 +63,7 @@ def inspect_robot(robot: Robot, seed: int = 0) -> Inspection:
 
     Args:
         robot: the robot.
-        seed: of the random poses that estimate the reach.
+        seed: seed of the random poses that estimate the reach.
     """
     model = plant_model(robot)
     data = _standing(model, robot)

@@ -29,7 +29,7 @@ class Legs:
     The object owns the arrays in which a pose is computed: it is not thread-safe.
 
     Args:
-        description: of the robot.
+        description: description of the robot.
         xml_path: the robot's own MJCF: only the nominal geometry is used, never a plant's.
 
     Raises:

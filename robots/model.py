@@ -40,7 +40,7 @@ def training_spec(
 
     Args:
         robot: the robot.
-        timestep_s: of the physics.
+        timestep_s: time step of the physics.
         contacts: which shapes collide. For robots that fall and lie, all collision shapes collide with the
             floor and each other, and joints keep their limits, which a lying robot's weight reaches.
     """
@@ -113,10 +113,10 @@ def read_plant(
     Args:
         robot: the plant must have its joint names.
         path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
-            simulated robot adds its own motors and IMU); masses, geometry, reflected inertia, joint
-                friction and damping are kept if the file gives them; otherwise they are the robot's.
-                A floor is added if no plane or height field can collide.
-        change: applied to the MJCF before it is compiled; it may replace the ground.
+            simulated robot adds its own motors and IMU). Masses, geometry, reflected inertia, joint friction
+            and damping are kept if the file has them; otherwise they are the robot's. A floor is added if no
+            plane or height field can collide.
+        change: function that changes the MJCF before it is compiled; it may replace the ground.
 
     Raises:
         UserError: the file cannot be read, lacks a joint, or has no free base.

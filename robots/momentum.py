@@ -23,7 +23,7 @@ def outside_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
     """Torque on each joint from outside its motor, N m, (legs, m): weight - torque.
 
     Args:
-        legs: of the robot.
+        legs: legs of the robot.
         sensed: the readings.
         own: (n,) N m, torque of the motors, with gearbox friction to include it.
     """

@@ -20,7 +20,7 @@ POSES = 1000  # random poses within the joint limits
 RADIUS_SHARE = 0.999  # of a capsule over the box's half width; a cube's capsule, too, has a length
 EDGE_RATIO = 20.0  # half thickness over edge radius: a thigh jams on the trunk's edge as on the true one
 WORLD = 0  # body
-NEAR_M = 0.01  # pairs that come nearer in any random pose can touch
+MAX_GAP_M = 0.01  # pairs that come nearer in any random pose can touch
 
 # Shapes that collide with the ground in training: only feet, or all shapes, which then collide with each
 # other too. With rough_limbs they have friction; with true_limbs also, and no geom replaces others.
@@ -34,7 +34,7 @@ def add_self_contacts(spec: mujoco.MjSpec, rough: bool = False) -> None:
     are used directly, and any other shape is replaced by its bounding box, filled with capsules.
 
     Args:
-        spec: of the robot; its geoms have names.
+        spec: MjSpec of the robot; its geoms have names.
         rough: whether there is friction between them, by MuJoCo's rule for two geoms.
     """
     listed = {frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs}
@@ -121,9 +121,9 @@ def _touching_pairs(model: mujoco.MjModel, shapes: dict[int, list[str]]) -> Iter
         data.qpos[model.jnt_qposadr[hinges]] = rng.uniform(lower, upper)
         mujoco.mj_kinematics(model, data)
         for index, (one, other) in enumerate(numbers):
-            if nearest[index] > NEAR_M:
+            if nearest[index] > MAX_GAP_M:
                 nearest[index] = mujoco.mj_geomDistance(model, data, one, other, 1.0, None)
-    yield from (pair for pair, distance in zip(pairs, nearest, strict=True) if distance <= NEAR_M)
+    yield from (pair for pair, distance in zip(pairs, nearest, strict=True) if distance <= MAX_GAP_M)
 
 
 def excluded_bodies(model: mujoco.MjModel) -> set[tuple[int, int]]:

@@ -26,7 +26,7 @@ def instabilities(
     steps are implicit in it (envs/physics/interface.py) but longer. The stiffness is explicit in both.
 
     Args:
-        description: of the robot.
+        description: description of the robot.
         model: its compiled MJCF.
         kp: stiffness, N m/rad, (n,).
         kd: damping, N m s/rad, (n,).
@@ -57,7 +57,7 @@ def longest_timestep(description: Description, model: mujoco.MjModel, kp: np.nda
     h^2 K = 4 M.
 
     Args:
-        description: of the robot.
+        description: description of the robot.
         model: its compiled MJCF, or a model that it is trained on.
         kp: stiffness, N m/rad, (n,).
     """

@@ -14,8 +14,8 @@ def in_default_pose(model: mujoco.MjModel, description: Description) -> mujoco.M
     Joints that `robot.yaml` does not list keep their initial position of the MJCF.
 
     Args:
-        model: with the robot's joint names and a free joint, the first of which is the base's.
-        description: of the robot.
+        model: model with the robot's joint names; its first free joint is the base's.
+        description: description of the robot.
     """
     return _in_pose(model, {joint.name: joint.default_rad for joint in description.joints})
 

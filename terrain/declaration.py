@@ -10,7 +10,7 @@ import numpy as np
 
 from footfall.common.config import read_yaml, require_between, structure, takes_other_keys
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
 from footfall.common.terms import bind, parameters
 from footfall.terrain.ground import MAX_CELLS, Ground
 from footfall.terrain.shapes import RIM_M, SHAPES, Places
@@ -31,7 +31,7 @@ class GroundConfig:
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
-            known = f"there are {', '.join(SHAPES)}{meant(self.shape, SHAPES)}"
+            known = f"there are {', '.join(SHAPES)}{did_you_mean(self.shape, SHAPES)}"
             raise ValueError(f"no shape '{self.shape}': {known}")
         require_between(self, 2.0 * RIM_M, 100.0, "size_m")
         require_between(self, 0.01, 0.5, "cell_m")
@@ -104,7 +104,7 @@ def load_ground(spec: str, seed: int = 0) -> Ground:
 
     Args:
         spec: `stairs`, `stairs,step_m=0.1`, or the path of a .npy or .png file (see `height_map`).
-        seed: of random heights.
+        seed: seed of random heights.
 
     Raises:
         UserError: there is no such ground, or a change is wrong.
@@ -119,7 +119,8 @@ def load_ground(spec: str, seed: int = 0) -> Ground:
 
         return read_height_map(Path(name), **_values(changes, spec))
     raise UserError(
-        f"no ground '{name}': give one of {', '.join(known)}, or a .npy or .png file{meant(name, known)}"
+        f"no ground '{name}': give one of {', '.join(known)}, or a .npy or .png file"
+        f"{did_you_mean(name, known)}"
     )
 
 

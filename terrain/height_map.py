@@ -8,7 +8,7 @@ from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
 from footfall.terrain.ground import MAX_CELLS, Ground
 
-HIGHEST_M = 10.0
+MAX_HEIGHT_M = 10.0
 
 
 def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Ground:
@@ -25,13 +25,13 @@ def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Gro
     """
     if not 0.01 <= cell_m <= 1.0:
         raise UserError(f"{path}: cell_m must be from 0.01 to 1, not {cell_m:g}")
-    if not 0.0 < top_m <= HIGHEST_M:
-        raise UserError(f"{path}: top_m must be above 0, and {HIGHEST_M:g} at most, not {top_m:g}")
+    if not 0.0 < top_m <= MAX_HEIGHT_M:
+        raise UserError(f"{path}: top_m must be above 0, and {MAX_HEIGHT_M:g} at most, not {top_m:g}")
     heights = _from_picture(path, top_m) if path.suffix.lower() == ".png" else _from_array(path)
     if heights.ndim != 2 or min(heights.shape) < 2 or max(heights.shape) > MAX_CELLS:
         raise UserError(f"{path}: expected 2 to {MAX_CELLS} rows and columns, not {heights.shape}")
-    if not np.isfinite(heights).all() or np.ptp(heights) > HIGHEST_M:
-        raise UserError(f"{path}: heights must be finite, and differ by {HIGHEST_M:g} m at most")
+    if not np.isfinite(heights).all() or np.ptp(heights) > MAX_HEIGHT_M:
+        raise UserError(f"{path}: heights must be finite, and differ by {MAX_HEIGHT_M:g} m at most")
     square = _square(heights)
     middle = len(square) // 2
     return Ground((square - square[middle, middle])[None], np.array([False]), cell_m)

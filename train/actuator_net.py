@@ -23,10 +23,10 @@ from footfall.robots.driven_motion import DrivenMotion
 
 MEMORY_S = np.array([0.004, 0.016])  # time constants of the low-passes
 LIMIT_SHARE, LIMIT_FACTOR = 99.5, 1.5  # percentile of the missing torque, and times that
-LEAST_NM = 1e-3
-MOST_OF_LIMIT, RIDGE = 0.9, 1e-3  # of the linear part's least squares; the inputs' mean square is 1
+MIN_SCALE_NM = 1e-3
+MAX_LIMIT_SHARE, RIDGE = 0.9, 1e-3  # of the linear part's least squares; the inputs' mean square is 1
 FIRST_OUTPUT = 0.1  # share of the usual size of the last layer's first weights: training begins as linear
-WORST = 5.0  # of a position error, in errors of the law, beyond which it counts linearly
+HUBER_WIDTH = 5.0  # of a position error, in errors of the law, beyond which it counts linearly
 CHECKED_WINDOWS = 128  # that decide when to stop
 
 
@@ -61,10 +61,10 @@ def train_net(motion: DrivenMotion, deciding: DrivenMotion, motor: Motor, config
     """Train the nets of a leg's joints.
 
     Args:
-        motion: that is learned from.
+        motion: training data.
         deciding: other motion, which decides which net of which training is kept.
-        motor: of its joints, fields (n,).
-        config: of the training.
+        motor: motor of its joints, fields (n,).
+        config: settings of the training.
     """
     start = _begin(motion, motor)
     length = round(config.window_s / motion.step_s)
@@ -96,7 +96,8 @@ def _begin(motion: DrivenMotion, motor: Motor) -> ActuatorNet:
     inputs = inputs_of(plain, command, motion.position, motion.velocity, motion.torque)
     limit = LIMIT_FACTOR * np.percentile(np.abs(motion.missing), LIMIT_SHARE, axis=0)
     return plain._replace(
-        scale=np.maximum(np.sqrt((inputs**2).mean(axis=0)), LEAST_NM), limit=np.maximum(limit, LEAST_NM)
+        scale=np.maximum(np.sqrt((inputs**2).mean(axis=0)), MIN_SCALE_NM),
+        limit=np.maximum(limit, MIN_SCALE_NM),
     )
 
 
@@ -117,7 +118,7 @@ def _first_linear(net: ActuatorNet, motion: DrivenMotion) -> np.ndarray:
     """The missing torque as a linear function of the inputs, by least squares, (n, inputs, 1)."""
     inputs, memory = _along(net, motion)
     read = np.concatenate([inputs[:, :, None], memory], axis=2).reshape(*inputs.shape[:2], -1)
-    wanted = np.arctanh((motion.missing / net.limit).clip(-MOST_OF_LIMIT, MOST_OF_LIMIT))
+    wanted = np.arctanh((motion.missing / net.limit).clip(-MAX_LIMIT_SHARE, MAX_LIMIT_SHARE))
     normal = np.einsum("tni,tnj->nij", read, read) + RIDGE * len(read) * np.eye(read.shape[2])
     found: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", read, wanted)[..., None])
     return found
@@ -221,7 +222,7 @@ def _trained(
 
     def loss(weights: Any, starts: jax.Array) -> jax.Array:
         error = _windows(with_weights(weights), motor, data, starts, length) / unit
-        return optax.losses.huber_loss(error, delta=WORST).mean()
+        return optax.losses.huber_loss(error, delta=HUBER_WIDTH).mean()
 
     @jax.jit
     def several(weights: Any, state: Any, key: jax.Array) -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ from footfall.common.config import (
     unstructure,
 )
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
 from footfall.domain_rand.randomisation import default_ranges, own_ranges, policies_notice
 from footfall.envs.config import TERM_LISTS, EnvConfig, default_terms, with_lists
 from footfall.envs.old_settings import SCALES, SECTIONS
@@ -145,7 +145,7 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     if not path.is_file():
         raise UserError(
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
-            f"{meant(name_or_file, available_presets())}"
+            f"{did_you_mean(name_or_file, available_presets())}"
         )
     changes = read_yaml(path)
     if not isinstance(changes, dict) or (robot is None and BASE not in changes):
@@ -199,7 +199,7 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 def _meant(key: str, data: dict[str, Any]) -> str:
     """A hint at the setting that a misspelt key may mean."""
     whole = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
-    return meant(next((each for each in whole if each.endswith(f".{key}")), key), whole)
+    return did_you_mean(next((each for each in whole if each.endswith(f".{key}")), key), whole)
 
 
 def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
@@ -224,7 +224,7 @@ def _check_names(env: dict[str, Any], changes: Any, source: str) -> None:
                 continue
             known = _listed_anywhere(part)
             if name not in known:
-                raise UserError(f"{source}: env.{part}: no term '{name}'{meant(str(name), known)}")
+                raise UserError(f"{source}: env.{part}: no term '{name}'{did_you_mean(str(name), known)}")
 
 
 def _listed_anywhere(part: str) -> set[str]:

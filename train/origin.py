@@ -20,6 +20,19 @@ from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Origin, Run, open_run
 
 EXPORTED = ".onnx"
+# Notes of a start: what is copied and what is not, one line each.
+_FRESH = "the optimiser, the schedules and the curriculum start afresh"
+CHECKPOINT_COPIED = ("actor, its noise, critic and normaliser are copied", _FRESH)
+CRITIC_NOT_COPIED = (
+    "actor, its noise and normaliser are copied",
+    "the critic starts from the seed: it observes something else",
+    _FRESH,
+)
+POLICY_COPIED = (
+    "actor and normaliser are copied; its noise is the preset's",
+    "the critic starts from the seed: an exported policy has none",
+    _FRESH,
+)
 # Fields of a contract that must be equal, since they define inputs and outputs; fields that may differ.
 MUST_EQUAL = ("joints", "control_rate_hz", "observation", "gait", "version")
 MAY_CHANGE = (
@@ -79,7 +92,7 @@ def find_source(path: Path, trainer: str) -> Source:
 
 
 def _contract(run: Run) -> Contract:
-    """The exported policy's contract; without one, that of the run's settings and the present robot."""
+    """The exported policy's contract; without one, that of the run's settings and the current robot."""
     if run.policy.is_file():
         return open_network(run.policy)[1]
     return make_environment(load_robot(run.provenance.robot), run.config.env).contract

@@ -1,4 +1,4 @@
-"""Write the robot's present digest into a policy: `python -m footfall.train.restamp FOLDER`.
+"""Write the robot's current digest into a policy: `python -m footfall.train.restamp FOLDER`.
 
 For one case only: the computation of the digest has changed (robots/digest.py), the robot has not. After any
 other change the policy must be trained anew. The rest of the contract must still fit. The network stays as it
@@ -19,7 +19,7 @@ from footfall.robots.description import load_robot
 
 
 def restamp(folder: Path) -> tuple[str, str]:
-    """Write the present digest into a folder's policy.onnx and run.yaml; returns the old and the new digest.
+    """Write the current digest into a folder's policy.onnx and run.yaml; returns the old and the new digest.
 
     Raises:
         UserError: there is no policy, or it differs from the robot in more than the digest.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
-from footfall.common.outside import find, is_place
+from footfall.common.outside import find, is_import_path
 from footfall.train.trainer import Trainer
 
 DEFAULT_TRAINER = "brax"
@@ -41,7 +41,7 @@ def find_trainer(name: str) -> type[Trainer]:
         os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # rsl_rl imports GitPython: git may be missing
         with needs_extra(extra, f"the trainer {name} needs"):
             return getattr(import_module(module), attribute)
-    if not is_place(name):
+    if not is_import_path(name):
         raise UserError(f"no trainer '{name}': give one of {', '.join(TRAINERS)}, or MODULE:NAME of your own")
     found = find(name, "trainer")
     if not isinstance(found, type):
@@ -50,7 +50,7 @@ def find_trainer(name: str) -> type[Trainer]:
     missing = [method for method in _REQUIRED if not any(method in vars(base) for base in bases)]
     if missing or Trainer not in found.__mro__:
         raise UserError(
-            f"'{name}' is no trainer: it must derive from footfall.train.trainer.Trainer and implement"
+            f"'{name}' is not a trainer: it must derive from footfall.train.trainer.Trainer and implement"
             f" {', '.join(_REQUIRED)}"
         )
     return found

@@ -4,9 +4,9 @@ from fault_kinds.kind import FaultKind
 from footfall.plant.injection import FaultInjector, Injection
 
 CELLS = 8
-LASTS_S = 12.0  # by then the pack of these rows is empty
+EMPTY_AFTER_S = 12.0  # time until the pack of these rows is empty
 LOWERS = "speed and torque are limited while the pack is low; the robot lies down when it is empty"
-SMOOTHED = "both voltages are smoothed over 1 s, since a step's peak of current is no fault"
+SMOOTHED = "both voltages are smoothed over 1 s, because a peak of current at a step is not a fault"
 READS_OFF_S = 2.0
 
 
@@ -15,7 +15,7 @@ def _nothing(injector: FaultInjector) -> None:
 
 
 def _reads_off(cell_v: float) -> Injection:
-    """Motors report another voltage than they have."""
+    """Motors report a wrong voltage."""
 
     def inject(injector: FaultInjector) -> None:
         assert injector.body.battery is not None
@@ -28,11 +28,11 @@ BATTERY = (
     FaultKind(
         "battery runs empty",
         _nothing,
-        LASTS_S,
+        EMPTY_AFTER_S,
         LOWERS,
         main=True,
         starting=True,
-        observed_s=LASTS_S,
+        observed_s=EMPTY_AFTER_S,
         powered=True,
     ),
     *(

@@ -25,7 +25,7 @@ from footfall.plant.frame_changes import nothing, turned
 from footfall.plant.injection import Injection
 
 UNANSWERED_S = 1.05  # `start_timeout_s`, and a margin
-START_S = 1.3  # start-up, and a while of standing
+STARTED_S = 1.3  # start-up, and a while of standing
 WALKING_S = 2.0  # and the first steps
 
 
@@ -56,8 +56,8 @@ START = (
     ),
     _at_start("IMU askew by 30 degrees", leaning(30.0), IMPLAUSIBLE_S, main=True),
     _at_start("IMU askew by 15 degrees", leaning(15.0), IMPLAUSIBLE_S),
-    _at_start("IMU askew by 30 degrees, all its parts alike", loose(30.0), START_S, reason=AT_REST),
-    _at_start("IMU comes loose and leans by 0.2 rad/s", loose(0.0, 0.2), START_S, reason=AT_REST),
+    _at_start("IMU askew by 30 degrees, all its parts alike", loose(30.0), STARTED_S, reason=AT_REST),
+    _at_start("IMU comes loose and leans by 0.2 rad/s", loose(0.0, 0.2), STARTED_S, reason=AT_REST),
     _at_start("IMU askew by 5 degrees", leaning(5.0), None, reason="less than a slope"),
     _at_start("IMU upside down", changed(lambda r: turned(r, 0, 180.0)), IMPLAUSIBLE_S),
     _at_start("IMU on its side, all its parts alike", loose(90.0), IMPLAUSIBLE_S, main=True),
@@ -70,8 +70,8 @@ START = (
     _at_start("robot on its side", put((1.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S, main=True),
     _at_start("a motor at 90 degrees Celsius", temperature(90), IMPLAUSIBLE_S),
     _at_start("ids of two motors swapped", ids_swapped, WALKING_S, main=True, reason=ALIKE),
-    _at_start("two buses swapped", buses_swapped, START_S, reason=ALIKE),
-    _at_start("motor pulls the other way", strength(-1.0), START_S, reason=LITTLE),
+    _at_start("two buses swapped", buses_swapped, STARTED_S, reason=ALIKE),
+    _at_start("motor pulls the other way", strength(-1.0), STARTED_S, reason=LITTLE),
     _at_start("the interface refuses frames", refused, 0.01),
     _at_start("receiving raises", receive_raises, 0.01),
 )

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from relaxed_limits import RELAXED
 
 DOMAIN = "87"  # of these checks alone
-PATIENCE_S, LIE_DOWN_S = 300.0, 30.0
+LOOK_TIMEOUT_S, LIE_DOWN_S = 300.0, 30.0
 
 
 def table(backend: str, policy: str) -> dict[str, list]:
@@ -69,7 +69,7 @@ def main() -> int:
         with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as run:
             looks = [str(options.python), str(Path(__file__).with_name("looks.py")), str(expected)]
             seen = subprocess.run(
-                looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=PATIENCE_S, check=False
+                looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=LOOK_TIMEOUT_S, check=False
             )
             try:
                 summary = run.communicate(timeout=LIE_DOWN_S)[0]  # it was stopped

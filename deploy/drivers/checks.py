@@ -7,11 +7,11 @@ from typing import Any, NoReturn
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.outside import find, in_a_line
+from footfall.common.outside import find, one_line
 from footfall.deploy.drivers.driver import Driver, MotorDriver, Replies
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
-from footfall.deploy.frames import FD, LONGEST, Frames, no_frames
+from footfall.deploy.frames import FD, MAX_FD_BYTES, Frames, no_frames
 from footfall.deploy.wiring import Wiring
 
 MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
@@ -113,14 +113,14 @@ def _tried(place: str, name: str, act: Callable[[], Any]) -> Any:
     except UserError:
         raise
     except Exception as error:  # of any type, because the class is external
-        raise UserError(f"{place} fails at {name}: {in_a_line(error)}") from error
+        raise UserError(f"{place} fails at {name}: {one_line(error)}") from error
 
 
 def _check_frames(place: str, name: str, frames: Any) -> None:
     if not isinstance(frames, Frames):
         _refuse(place, name, f"{type(frames).__name__}, not Frames")
     k = len(frames.id)
-    width = LONGEST if (frames.id & FD != 0).any() else 8
+    width = MAX_FD_BYTES if (frames.id & FD != 0).any() else 8
     for part, shape in (("channel", (k,)), ("id", (k,)), ("length", (k,)), ("data", (k, width))):
         _check_shape(place, f"{name} ({part})", getattr(frames, part), shape)
 

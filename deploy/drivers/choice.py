@@ -6,7 +6,7 @@ A motor protocol is a class in `DRIVERS`, or an external class that robot.yaml n
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.outside import is_place
+from footfall.common.outside import is_import_path
 from footfall.deploy.drivers import foot_force
 from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_outside
 from footfall.deploy.drivers.damiao import DamiaoDriver
@@ -53,7 +53,7 @@ def driver_class(protocol: str) -> type[MotorDriver]:
     """
     if protocol in _BY_MODEL:
         return _BY_MODEL[protocol]
-    if is_place(protocol):
+    if is_import_path(protocol):
         return motor_driver_at(protocol)
     known = ", ".join(_BY_MODEL)
     raise UserError(f"no driver for motor '{protocol}': there are {known}, or MODULE:NAME")
@@ -67,7 +67,7 @@ def imu_driver_class(protocol: str) -> type[ImuDriver]:
     """
     if protocol in IMU_DRIVERS:
         return IMU_DRIVERS[protocol]
-    if is_place(protocol):
+    if is_import_path(protocol):
         return imu_driver_at(protocol)
     known = ", ".join(IMU_DRIVERS)
     raise UserError(f"no imu_protocol '{protocol}': there are {known}, or MODULE:NAME")

@@ -93,7 +93,7 @@ class Driver(Protocol):
         ...
 
     def zero(self) -> Frames:
-        """Frames that set the zero of every motor to its present position."""
+        """Frames that set the zero of every motor to its current position."""
         ...
 
     def command(self, values: np.ndarray) -> Frames:

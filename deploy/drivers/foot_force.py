@@ -14,13 +14,13 @@ import struct
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.drivers.sample_counter import COUNTS, SampleCounter
+from footfall.deploy.drivers.sample_counter import COUNTER_VALUES, SampleCounter
 from footfall.deploy.frames import Frames
 
 FIRST_ID = 0x310
 FORCE_UNIT = 0.1
-LENGTH = 4
-FRESH_US = 20_000  # largest age of a valid force: ten samples at 500 Hz
+FRAME_BYTES = 4
+MAX_AGE_US = 20_000  # largest age of a valid force: ten samples at 500 Hz
 
 _SAMPLE = struct.Struct(">hH")
 FILTERS: tuple[CanFilter, ...] = ({"can_id": FIRST_ID, "can_mask": 0x7F0, "extended": False},)
@@ -34,7 +34,7 @@ def identifiers(feet: int) -> np.ndarray:
 def encode(force: np.ndarray, counter: int) -> np.ndarray:
     """Data of one sample of each sensor, (feet, 8) uint8, from forces in N; NaN is sent as 0."""
     codes = np.nan_to_num(force / FORCE_UNIT).round().clip(-32768, 32767).astype(int)
-    content = b"".join(_SAMPLE.pack(code, counter % COUNTS) + bytes(4) for code in codes.tolist())
+    content = b"".join(_SAMPLE.pack(code, counter % COUNTER_VALUES) + bytes(4) for code in codes.tolist())
     return np.frombuffer(content, dtype=np.uint8).reshape(-1, 8)
 
 
@@ -53,14 +53,14 @@ class FootForceReader:
         self.identifiers = identifiers(len(channel))
         self._samples = [SampleCounter() for _ in self._channel]
         self._force = [math.nan] * len(self._channel)
-        self._heard_us = [-FRESH_US] * len(self._channel)
+        self._heard_us = [-MAX_AGE_US] * len(self._channel)
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames with these identifiers; those of other senders, and shorter ones, are ignored."""
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
         columns = (frames.id - FIRST_ID).tolist(), frames.channel.tolist(), frames.length.tolist()
         for foot, channel, length, row, arrived_us in zip(*columns, frames.data, arrived, strict=True):
-            if channel != self._channel[foot] or length != LENGTH:
+            if channel != self._channel[foot] or length != FRAME_BYTES:
                 continue
             force, counter = decode(row.tobytes())
             if self._samples[foot].is_new(counter):
@@ -69,4 +69,4 @@ class FootForceReader:
     def force(self, now_us: int) -> np.ndarray:
         """Forces, N, (feet,); NaN for a sensor without a new sample for 20 ms."""
         pairs = zip(self._force, self._heard_us, strict=True)
-        return np.array([force if now_us - heard < FRESH_US else math.nan for force, heard in pairs])
+        return np.array([force if now_us - heard < MAX_AGE_US else math.nan for force, heard in pairs])

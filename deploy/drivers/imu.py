@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.drivers.sample_counter import COUNTS, SampleCounter
+from footfall.deploy.drivers.sample_counter import COUNTER_VALUES, SampleCounter
 from footfall.deploy.frames import Frames, layout_of
 
 GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
@@ -47,7 +47,8 @@ class Inertial(NamedTuple):
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
     values = (*reading.gyro, *reading.acceleration, *reading.quaternion)
-    codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % COUNTS
+    codes = [value / unit for value, unit in zip(values, _UNITS, strict=True)]
+    count = counter % COUNTER_VALUES
     try:
         data = _packed(codes, count)
     except (struct.error, OverflowError, ValueError):  # out of range, infinite, or NaN

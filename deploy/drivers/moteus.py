@@ -40,7 +40,7 @@ TIME_OUT_UNIT_S = 0.001  # unit of an int16
 
 QUERY = bytes.fromhex("11 00 1f 01 13 0d")  # mode; position, velocity, torque; voltage, temperature, fault
 STOP = bytes.fromhex("01 00 00") + QUERY
-ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # sets the present position to 0.0
+ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # sets the current position to 0.0
 # Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, torque limit,
 # where NaN keeps the drive's own), a timeout; no limits of velocity and acceleration; no integral term.
 COMMAND_HEAD, COMMAND_TIME_OUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")

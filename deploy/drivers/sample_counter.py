@@ -1,13 +1,13 @@
 """Order of an IMU's samples, by their counter."""
 
-COUNTS = 0x10000  # values of a 16-bit counter before it wraps around
-NEAR = 32  # samples: a larger step may be a flipped bit
+COUNTER_VALUES = 0x10000  # values of a 16-bit counter before it wraps around
+MAX_STEP = 32  # samples: a larger step may be a flipped bit
 
 
 class SampleCounter:
     """Distinguishes new samples from repeated and older ones.
 
-    A step larger than `NEAR` is accepted once the next sample confirms it: forward, the IMU was silent;
+    A step larger than `MAX_STEP` is accepted once the next sample confirms it: forward, the IMU was silent;
     backward, it has restarted or its frames are replayed.
     """
 
@@ -17,18 +17,18 @@ class SampleCounter:
 
     def is_new(self, counter: int) -> bool | None:
         """Whether a sample is new; None if it is ignored."""
-        step = 1 if self._latest < 0 else (counter - self._latest) % COUNTS
+        step = 1 if self._latest < 0 else (counter - self._latest) % COUNTER_VALUES
         if step == 0:
             return False
-        if step <= NEAR:
+        if step <= MAX_STEP:
             self._latest = counter
             return True
-        if step >= COUNTS - NEAR:
+        if step >= COUNTER_VALUES - MAX_STEP:
             self.older += 1
             return None
-        if self._far < 0 or not 0 < (counter - self._far) % COUNTS <= NEAR:
+        if self._far < 0 or not 0 < (counter - self._far) % COUNTER_VALUES <= MAX_STEP:
             self._far = counter
             return None
-        self.older += COUNTS - step if step > COUNTS // 2 else 0
+        self.older += COUNTER_VALUES - step if step > COUNTER_VALUES // 2 else 0
         self._latest, self._far = counter, -1
         return True

@@ -7,7 +7,7 @@ message, group 1 with the fields 0x0131:
 | field | content |
 | --- | --- |
 | 0 | time since start, uint64, ns |
-| 4 | quaternion x y z w, x forward and z down, to a world with z down |
+| 4 | quaternion x y z w, x forward and z down, to a world frame with z down |
 | 5 | angular velocity, 3 float32, rad/s |
 | 8 | acceleration, 3 float32, m/s^2, including gravity |
 
@@ -19,13 +19,13 @@ import binascii
 import struct
 
 from footfall.deploy.drivers.imu import Inertial
-from footfall.deploy.drivers.sample_counter import COUNTS
+from footfall.deploy.drivers.sample_counter import COUNTER_VALUES
 from footfall.deploy.drivers.serial_imu import SYNC, Sample, SerialImu
 
 HEADER = bytes((SYNC, 0x01, 0x31, 0x01))
 TICK_NS = 1_000_000
 _CONTENT = struct.Struct("<Q4f3f3f")
-LENGTH = len(HEADER) + _CONTENT.size + 2
+MESSAGE_BYTES = len(HEADER) + _CONTENT.size + 2
 
 
 class VectorNavImu(SerialImu):
@@ -35,7 +35,7 @@ class VectorNavImu(SerialImu):
 
     @staticmethod
     def length_of(waiting: bytes) -> int | None:
-        return LENGTH if HEADER.startswith(waiting[: len(HEADER)]) else 0
+        return MESSAGE_BYTES if HEADER.startswith(waiting[: len(HEADER)]) else 0
 
     @staticmethod
     def is_intact(message: bytes) -> bool:
@@ -46,7 +46,7 @@ class VectorNavImu(SerialImu):
         time_ns, x, y, z, w, *vectors = _CONTENT.unpack_from(message, len(HEADER))
         gyro, acceleration = vectors[:3], vectors[3:]
         reading = Inertial(_turned(gyro), _turned(acceleration), (w, x, -y, -z))
-        return Sample(time_ns // TICK_NS % COUNTS, reading)
+        return Sample(time_ns // TICK_NS % COUNTER_VALUES, reading)
 
 
 def checksum(content: bytes) -> int:

@@ -17,7 +17,7 @@ Other packets are ignored. Axes are those of the sensor's housing, z up: align t
 import struct
 
 from footfall.deploy.drivers.imu import Inertial
-from footfall.deploy.drivers.sample_counter import COUNTS
+from footfall.deploy.drivers.sample_counter import COUNTER_VALUES
 from footfall.deploy.drivers.serial_imu import SYNC, Sample, SerialImu
 
 HEADER = bytes((SYNC, 0xFF, 0x36))
@@ -73,7 +73,7 @@ def encode(sample: Sample) -> bytes:
     """A message with the required packets."""
     gyro, acceleration, quaternion = sample.reading
     contents = (
-        (COUNTER, _COUNT.pack(sample.counter % COUNTS)),
+        (COUNTER, _COUNT.pack(sample.counter % COUNTER_VALUES)),
         (QUATERNIONS[0], _FOUR.pack(*quaternion)),
         (ACCELERATION, _THREE.pack(*acceleration)),
         (GYRO, _THREE.pack(*gyro)),

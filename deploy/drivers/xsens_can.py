@@ -18,7 +18,7 @@ import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.drivers.imu import Inertial, decode_quaternion
-from footfall.deploy.drivers.sample_counter import COUNTS, SampleCounter
+from footfall.deploy.drivers.sample_counter import COUNTER_VALUES, SampleCounter
 from footfall.deploy.drivers.serial_imu import LEVEL
 from footfall.deploy.frames import Frames
 
@@ -44,7 +44,7 @@ class XsensCanImu:
         """`channel` is the index of the IMU's bus."""
         self._channel = channel
         self._groups = SampleCounter()
-        self._open: set[int] = set()  # identifiers missing from the present group
+        self._open: set[int] = set()  # identifiers missing from the current group
         self._new = False  # whether the group is new, instead of repeated
         self._heard_us: dict[int, int | None] = dict.fromkeys(PARTS)
         self.reading = LEVEL
@@ -95,7 +95,7 @@ def _decoded(identifier: int, data: bytes) -> tuple[float, ...] | None:
 
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """Frames of a sample, (4, 8) uint8, in the order of `IDS`; values out of range are clamped."""
-    parts = [_COUNT.pack(counter % COUNTS)]
+    parts = [_COUNT.pack(counter % COUNTER_VALUES)]
     for identifier in IDS[1:]:
         codes = np.nan_to_num(np.array(getattr(reading, PARTS[identifier])) / UNITS[identifier])
         parts.append(codes.round().clip(-32768, 32767).astype(">i2").tobytes())

@@ -79,10 +79,10 @@ class ContactEstimator:
         carried = min(max(float(up.dot(sensed.acceleration)) / self._carried, 0.0), 1.0)
         for leg, pressed in enumerate(force.tolist()):
             load = (pressed - low) / span
-            present = carried * planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
+            contact = carried * planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
             # Contact is lost immediately and gained slowly: a landing foot bounces and slips first.
-            self.probability[leg] = present if present < before else before + share * (present - before)
+            self.probability[leg] = contact if contact < before else before + share * (contact - before)
         return self.probability
 
     def _by_sensors(self, measured: np.ndarray, expected: np.ndarray, dt_s: float) -> np.ndarray:

@@ -77,7 +77,7 @@ class Drift:
         self.reset()
 
     def reset(self) -> None:
-        """Start at the present pose."""
+        """Start at the current pose."""
         self._time = self._distance = self._fallen = 0.0
         self._yaw_x = self._yaw_y = 0.0  # covariance of position and yaw
         self._xx = self._xy = self._yy = 0.0  # covariance of the position due to the yaw

@@ -159,7 +159,7 @@ class JointWindows:
 
     @property
     def inertials(self) -> list[Inertial]:
-        """Readings of the IMU in the present window."""
+        """Readings of the IMU in the current window."""
         return self._sums.inertials
 
     def close(

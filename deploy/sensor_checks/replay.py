@@ -3,11 +3,11 @@
 from footfall.deploy.drivers.imu import Inertial
 
 MIN_BACK = 5  # readings: a base at rest may repeat the last few readings
-KEPT = 512  # number of stored readings, two seconds
+HISTORY_READINGS = 512  # number of stored readings, two seconds
 
 
 class ReplayFinder:
-    """Compares each reading with the latest `KEPT` ones."""
+    """Compares each reading with the latest `HISTORY_READINGS` ones."""
 
     def __init__(self) -> None:
         self.reset()
@@ -27,7 +27,7 @@ class ReplayFinder:
         places[key] = number
         if before is None:
             self._back, self.replayed_s = 0, 0.0
-            if len(places) > KEPT:
+            if len(places) > HISTORY_READINGS:
                 places.pop(next(iter(places)))
             return
         back = number - before

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from footfall.deploy.frames import EXTENDED, NUMBER
+from footfall.deploy.frames import EXTENDED, ID_MASK
 from footfall.deploy.log_records import FD_FRAME, FRAME, Kind
 from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.health import STOPPED, Health
@@ -122,7 +122,7 @@ class Encoder:
         for at_us, bus, length, identifier, data in layout.iter_unpack(content):
             time_ns = self._start_ns + at_us * 1000
             template = template_of(self._buses[bus], identifier >= EXTENDED, length)
-            number = (identifier & NUMBER).to_bytes(4, "little")
+            number = (identifier & ID_MASK).to_bytes(4, "little")
             self._put(topic, time_ns, template.fill(time_ns, number, data))
 
     def _sensed(self, time_ns: int, part: dict[str, bytes]) -> None:
@@ -136,7 +136,7 @@ class Encoder:
             self._array("/foot_forces", time_ns, part["foot_force"])
         self._transforms.readings(time_ns, part["joint_position"], part["quaternion"])
         self._scene.readings(time_ns, part)
-        self._health.tell(time_ns)
+        self._health.publish(time_ns)
 
     def _rows(self, content: bytes, row: int) -> bytes:
         return content[row * self._size : (row + 1) * self._size]

@@ -4,7 +4,7 @@ A subscriber connects and reads. The content is an MCAP stream without chunks (h
 reader of MCAP streams can read it, and the data saved from the socket is an MCAP file:
 
     magic, Header, Metadata "footfall" (as in a log), then Schema, Channel and Message records by time,
-    and after an orderly end of the run DataEnd, Footer, magic
+    DataEnd, Footer and magic only after an orderly end of the run
 
 - A topic's Schema and Channel come before its first message. Messages are in CDR (`ros2msg`); topics, types
   and quality of service are those of `topics.py`. A record is one byte of opcode, eight bytes of length

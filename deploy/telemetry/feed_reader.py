@@ -36,7 +36,7 @@ class FeedReader:
     """Iterates over the messages of a feed until it ends.
 
     Attributes:
-        metadata: of the run, as in its log: JSON by name. Complete after the first message.
+        metadata: metadata of the run, as in its log: JSON by name. Complete after the first message.
         ended: whether the run ended in order; False if its process died.
     """
 

@@ -8,7 +8,7 @@ from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.messages import BAD, FINE, WARNING, Diagnosis
 
 EVERY_NS = 1_000_000_000
-OLD_S = 0.05  # age of a reading above which the diagnostics warn
+STALE_S = 0.05  # age of a reading above which the diagnostics warn
 STOPPED, RECOVERING = ("ESTOP", "FALLING"), "RECOVERING"
 
 
@@ -38,7 +38,7 @@ class Health:
             max(pair) for pair in zip(self._worst_us, struct.unpack("<2d", numbers), strict=True)
         ]
 
-    def tell(self, time_ns: int) -> None:
+    def publish(self, time_ns: int) -> None:
         """Publish if due."""
         if time_ns >= self._next_ns:
             self._next_ns = time_ns + EVERY_NS
@@ -54,7 +54,7 @@ class Health:
             *ages, imu = _numbers(self._ages)
             oldest = max(zip(ages, self._joints, strict=True))
             values = {"oldest joint": f"{oldest[1]} {_short(oldest[0], 's')}", "imu": _short(imu, "s")}
-            late = max(oldest[0], imu) > OLD_S
+            late = max(oldest[0], imu) > STALE_S
             yield Diagnosis(
                 WARNING if late else FINE, "footfall: readings", "old" if late else "current", values
             )

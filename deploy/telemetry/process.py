@@ -77,8 +77,8 @@ class Sinks:
         self._path, self._metadata = begin["path"], begin["metadata"]
         self._parts: Parts | None = None
         if begin["store"] is not None:
-            folder, most_bytes = begin["store"]
-            self._parts = Parts(LogStore(Path(folder), most_bytes), Path(self._path))
+            folder, max_bytes = begin["store"]
+            self._parts = Parts(LogStore(Path(folder), max_bytes), Path(self._path))
         self._file: McapFile | None = None
         self.feed = None if feed is None else Feed(socket.socket(fileno=feed), begin["metadata"])
         self.failed = False  # whether writing the log failed

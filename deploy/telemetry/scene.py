@@ -19,7 +19,7 @@ from footfall.robots.rigid_body import nominal_body
 
 EVERY_NS = 50_000_000  # at most 20 Hz; 17 Hz of odometry at 50 Hz
 TRAIL = 20  # number of a foot's latest positions shown as its path
-WEIGHT_M = 0.4  # length of the arrow for a force equal to the robot's weight
+WEIGHT_ARROW_M = 0.4  # length of the arrow for a force equal to the robot's weight
 AHEAD_S = 0.5  # the arrow of a velocity shows the travel in this time
 
 RED, GREEN, BLUE = (0.85, 0.2, 0.2, 1.0), (0.2, 0.65, 0.3, 1.0), (0.2, 0.4, 0.85, 1.0)
@@ -39,7 +39,7 @@ class Scene:
         if robot.digest != digest:
             raise UserError(f"{folder} has changed")
         self._model, self._put = BalanceModel(robot), put
-        self._metres_per_newton = WEIGHT_M / (nominal_body(robot).mass * GRAVITY_M_S2)
+        self._metres_per_newton = WEIGHT_ARROW_M / (nominal_body(robot).mass * GRAVITY_M_S2)
         self._trails = [deque[Any](maxlen=TRAIL) for _ in robot.description.feet]
         self._next_ns = 0
 
@@ -50,7 +50,7 @@ class Scene:
         """Publish the markers if due.
 
         Args:
-            time_ns: of the readings.
+            time_ns: time of the readings.
             sensed: readings.
             odometry: numbers of a nav_msgs/Odometry, (85,).
             contact: (feet,) probability that each foot stands.

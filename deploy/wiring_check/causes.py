@@ -26,7 +26,7 @@ class Cause(NamedTuple):
         A frame has shares of its motor's ranges, and a motor in another's place has its own ranges.
 
         Args:
-            highest: (5, n) ends of the ranges, infinite for values that are no shares.
+            highest: (5, n) ends of the ranges, infinite for values that are not shares.
         """
         own = highest[:, self.joint]
         shares = np.isfinite(own) & np.isfinite(highest)

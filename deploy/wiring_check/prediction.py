@@ -14,7 +14,7 @@ from footfall.robots.model import joint_addresses, read_plant
 
 STEP_S = 0.002
 SETTLE_S = 0.5  # settling time of the model before the motions
-SEARCH_M = 2.0  # maximum height of the base
+MAX_BASE_HEIGHT_M = 2.0  # limit of the search for the height at which the robot touches the ground
 
 
 class Prediction:
@@ -101,11 +101,11 @@ class Prediction:
         mujoco.mj_resetData(self._model, data)
         data.qpos[self._qpos] = pose
         data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
-        low, high = -SEARCH_M, SEARCH_M
+        low, high = -MAX_BASE_HEIGHT_M, MAX_BASE_HEIGHT_M
         for _ in range(25):
             middle = (low + high) / 2
             low, high = (middle, high) if self._touches(middle) else (low, middle)
-        if low == -SEARCH_M:
+        if low == -MAX_BASE_HEIGHT_M:
             raise UserError("the robot's model has no ground to stand on")
         data.qpos[at + 2] = low
 

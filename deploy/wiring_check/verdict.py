@@ -12,12 +12,12 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
 
-LIKELY = 4  # number of most likely causes to simulate, in addition to those for the `STRANGEST` joints
-STRANGEST = 2  # number of joints with the largest errors
+SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of the `WORST_JOINTS`
+WORST_JOINTS = 2  # number of joints with the largest errors
 LIKELY_JOINTS = 12  # likely single-joint causes to simulate if nothing else explains the responses
-FLOOR = 0.5  # minimum scale of errors, relative to the median response
-LEAST_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
-LEAST_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
+MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
+MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
+MIN_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
 
 
 class Recorded(NamedTuple):
@@ -48,14 +48,14 @@ class Responses(NamedTuple):
     @property
     def least_size(self) -> float:
         """Torque response, N m/rad, by which errors are divided where the joint's own is smaller."""
-        return FLOOR * float(np.median(np.linalg.norm(self.torque, axis=1)))
+        return MIN_SCALE * float(np.median(np.linalg.norm(self.torque, axis=1)))
 
     def errors(self, model: "Responses", least: float) -> tuple[np.ndarray, float]:
         """Error of each joint's torques (n,) and of all tilts, relative to the model's responses."""
         size = np.linalg.norm(model.torque, axis=1).clip(least, None)
         joint = np.linalg.norm(self.torque - model.torque, axis=1) / size
         tilt = np.linalg.norm(model.tilt)
-        least_tilt = LEAST_TILT * np.sqrt(len(size))
+        least_tilt = MIN_TILT * np.sqrt(len(size))
         return joint, float(np.linalg.norm(self.tilt - model.tilt) / max(tilt, least_tilt))
 
     def cost(self, model: "Responses", least: float, noise: float) -> float:
@@ -141,9 +141,9 @@ class Search(NamedTuple):
         limit = left * self.measured.cost(self.right, self.least, self.noise)
         costs = np.array([self._rough_cost(each, highest) for each in every])
         errors, _ = self.measured.errors(self.right, self.least)
-        strange = set(np.argsort(errors)[-STRANGEST:].tolist())
+        strange = set(np.argsort(errors)[-WORST_JOINTS:].tolist())
         of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
-        first = dict.fromkeys([*np.argsort(costs)[:LIKELY].tolist(), *of_strange])
+        first = dict.fromkeys([*np.argsort(costs)[:SIMULATED_CAUSES].tolist(), *of_strange])
         best = self._best([every[row] for row in first], limit)
         best = min(best, self._turned_imu())
         if best[0] > limit:
@@ -175,7 +175,7 @@ class Search(NamedTuple):
     def _turned_imu(self) -> tuple[float, str]:
         """Cost and text of an IMU that is turned about z; infinite if it is not."""
         angle = turn_about_z(self.measured.tilt, self.right.tilt)
-        if abs(angle) <= LEAST_TURN_RAD:
+        if abs(angle) <= MIN_TURN_RAD:
             return math.inf, ""
         turned = self.measured._replace(tilt=turned_back(self.measured.tilt, angle))
         text = (

@@ -109,7 +109,7 @@ def joint_effort(
         timestep_s: length h of the physics step.
         before: motor torque at the beginning of the step, N m, of motors with lag.
         net: the learned part of the joint law; its slope in the velocity counts as damping.
-        memory: of the net at the beginning of the step.
+        memory: memory of the net at the beginning of the step.
     """
     command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
     measured = position + drive.encoder_bias

@@ -11,16 +11,16 @@ import jax
 import jax.numpy as jnp
 
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.limits import MAX_COMMAND
 from footfall.common.rotations import multiply, normalised, random_rotation
 from footfall.common.terms import Between
 from footfall.domain_rand.distributions import Distribution
-from footfall.envs.config import FASTEST
 from footfall.envs.physics.interface import GRAVITY
 from footfall.envs.state import State
 from footfall.envs.terms.data import Scene
 from footfall.robots.kinds import Parts
 
-Half = Annotated[float, Between(0.0, FASTEST)]  # half-width of a uniform range, or the largest value
+Half = Annotated[float, Between(0.0, MAX_COMMAND)]  # half-width of a uniform range, or the largest value
 
 
 class Occasion(NamedTuple):

@@ -143,7 +143,7 @@ def pose(data: StepData, *, joint_shares: dict[str, float] | None = None) -> jax
     """Squared deviation of the joints from the default pose, rad^2.
 
     Args:
-        data: of the step.
+        data: data of the step.
         joint_shares: weight of each joint, by pattern of names (*, ?, [...]); the first pattern that
             matches a name applies, and a joint that no pattern matches has weight 1.
     """

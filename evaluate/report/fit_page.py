@@ -11,7 +11,7 @@ from footfall.evaluate.provenance import machine
 from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.svg import INK, Panel, Plot, line
 
-SHOWN = 4  # worst windows of each joint's motion
+MAX_WINDOWS = 4  # worst windows of each joint's motion
 FITTED, NOMINAL = 0, 1  # indices of their line styles
 
 
@@ -59,7 +59,7 @@ def render(title: str, headline: str, legs: Sequence[LegPart], about: Sequence[t
     """The page.
 
     Args:
-        title: of the page.
+        title: title of the page.
         headline: the result in one line.
         legs: the fitted legs.
         about: names and values of the provenance.
@@ -102,7 +102,7 @@ def _motion(leg: LegPart) -> Plot:
     panels = []
     for joint in leg.joints:
         error = ((joint.fitted_rad - joint.read_rad) ** 2).mean(axis=1)
-        worst = np.sort(np.argsort(-error, kind="stable")[:SHOWN])
+        worst = np.sort(np.argsort(-error, kind="stable")[:MAX_WINDOWS])
         with Panel(f"motion-{joint.name}") as panel:
             for place, window in enumerate(worst):
                 time_s = joint.time_s[window] + 1.1 * place
@@ -112,8 +112,8 @@ def _motion(leg: LegPart) -> Plot:
             panel.axes.set(title=joint.name, xlabel="time, s", ylabel="rad")
             panels.append(panel.svg(f"Held-out motion of {joint.name}: read, fitted and nominal"))
     caption = (
-        f"The {SHOWN} held-out windows with the largest errors, side by side. Grey: read. Blue: fitted leg."
-        " Orange: nominal leg. Each window starts from its best-fitting position and speed."
+        f"The {MAX_WINDOWS} held-out windows with the largest errors, side by side. Grey: read."
+        " Blue: fitted leg. Orange: nominal leg. Each window starts from its best-fitting position and speed."
     )
     return Plot("Held-out motion", caption, panels)
 

@@ -16,7 +16,7 @@ CURVES = {
     "tracking/linear_error_m_s": "velocity error in training, m/s",
     "episode/length_s": "length of an episode, s",
 }
-POINTS = 240  # of a curve, each the mean of an interval
+MAX_POINTS = 240  # of a curve, each the mean of an interval
 
 Points = np.ndarray  # (k, 2): environment steps, value
 
@@ -55,16 +55,16 @@ def read_metrics(path: Path) -> list[dict[str, float]]:
 
 
 def curve(rows: list[dict[str, float]], metric: str) -> Points:
-    """Steps and values of a metric (k, 2), at most `POINTS` of them, each the mean of an interval."""
+    """Steps and values of a metric (k, 2), at most `MAX_POINTS` of them, each the mean of an interval."""
     found = [
         (row["step"], row[metric])
         for row in rows
         if isinstance(row.get(metric), int | float) and math.isfinite(row[metric])
     ]
     points = np.array(found, dtype=float).reshape(-1, 2)
-    if len(points) <= POINTS:
+    if len(points) <= MAX_POINTS:
         return points
-    return np.array([stretch.mean(axis=0) for stretch in np.array_split(points, POINTS)])
+    return np.array([stretch.mean(axis=0) for stretch in np.array_split(points, MAX_POINTS)])
 
 
 def _panel(number: int, label: str, curves: Mapping[str, Points]) -> Markup:

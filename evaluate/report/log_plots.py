@@ -12,10 +12,10 @@ from footfall.deploy.log_analysis.findings import LogFindings
 from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
 
 MAX_POINTS = 700  # of a line
-READINGS = 120  # of a panel, shown under the pointer
+MAX_READINGS = 120  # of a panel, shown under the pointer
 PATH_SHOWN_S = 4.0
 NOTHING = Column(np.zeros(0), np.zeros((0, 0)))
-STANDS = 0.5  # contact probability above which a foot counts as standing
+CONTACT_THRESHOLD = 0.5  # contact probability above which a foot counts as standing
 
 
 def plots(found: LogFindings) -> list[Plot]:
@@ -108,7 +108,7 @@ def contacts(found: LogFindings) -> Plot:
     probability = probability[:, probability.shape[1] - len(names) :]
     with Panel("contacts", height=80.0 + 26.0 * len(names)) as panel:
         ax = panel.axes
-        for row, stands in enumerate((probability > STANDS).T):
+        for row, stands in enumerate((probability > CONTACT_THRESHOLD).T):
             edges = np.flatnonzero(np.diff(np.concatenate([[0], stands.astype(int), [0]])))
             until = np.append(time_s, time_s[-1])
             bars = [(until[a], until[b] - until[a]) for a, b in edges.reshape(-1, 2)]
@@ -186,7 +186,7 @@ def _feet(found: LogFindings, most: int) -> list[str]:
 
 def _readings(found: LogFindings, values: Column, members: Sequence[int], unit: str) -> list[Reading]:
     """Numbers shown under the pointer."""
-    rows = np.unique(np.linspace(0, len(values.time_s) - 1, READINGS).astype(int))
+    rows = np.unique(np.linspace(0, len(values.time_s) - 1, MAX_READINGS).astype(int))
     return [
         Reading(float(values.time_s[row]), None, _text(found, values, members, unit, row)) for row in rows
     ]

@@ -51,8 +51,8 @@ def render(
 
     Args:
         comparison: the results.
-        films: of each policy on the test course, by name.
-        ground_films: of each policy on the scenarios' grounds, by scenario and name.
+        films: films of each policy on the test course, by name.
+        ground_films: films of each policy on the scenarios' grounds, by scenario and name.
     """
     whole_names = [policy.name for policy in comparison.policies]
     names = short_names(whole_names)

@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw, ImageFont
 from footfall.evaluate.report.films import FilmTask, camera_shots, render_apart
 from footfall.plant.trace import Trace
 
-STILLS = 5
-SHRINK = 2  # factor by which a film's frames are shrunk
+STILL_COUNT = 5
+SHRINK_FACTOR = 2  # factor by which a film's frames are shrunk
 TEXT_HEIGHT, MARGIN = 15, 4  # pixels
 GOOD, BAD, GROUND = (20, 30, 40), (170, 30, 20), (255, 255, 255)
 
@@ -51,10 +51,12 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
 def stills(task: FilmTask) -> np.ndarray:
     """Stills of an episode side by side, (height, width, 3) uint8. Runs in a worker, as `films.film`."""
     last = len(task.trace.time_s) - 1
-    wanted = np.linspace(0, last, STILLS).astype(int)
+    wanted = np.linspace(0, last, STILL_COUNT).astype(int)
     with camera_shots(task) as shoot:
         shots = {index: shoot(index) for index in range(last + 1) if index in wanted}
-    return np.concatenate([shots[index][::SHRINK, ::SHRINK] for index in wanted.tolist()], axis=1)
+    return np.concatenate(
+        [shots[index][::SHRINK_FACTOR, ::SHRINK_FACTOR] for index in wanted.tolist()], axis=1
+    )
 
 
 def _row(walk: Walk, row: np.ndarray) -> np.ndarray:

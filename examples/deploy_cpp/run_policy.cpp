@@ -1,10 +1,10 @@
-// Runs an exported policy in C++ by the contract that its ONNX file carries, as the Python loop does.
+// Runs an exported policy in C++ from the contract in its ONNX file; the actions equal those of the Python loop.
 //
 //   apt install g++ libonnxruntime-dev nlohmann-json3-dev
 //   g++ -std=c++17 -O2 run_policy.cpp -I/usr/include/onnxruntime -lonnxruntime -o run_policy
 //   ./run_policy policy.onnx < readings.txt
 //
-// Input, a line for each control step: quaternion (w x y z, body to world), gyro (rad/s, body frame), joint positions
+// Input, one line for each control step: quaternion (w x y z, body to world), gyro (rad/s, body frame), joint positions
 // (rad), joint velocities (rad/s), command (m/s, m/s, rad/s). Output: action, joint position targets (rad).
 #include <algorithm>
 #include <cmath>
@@ -32,7 +32,7 @@ void run(const char* path) {
     const auto commands = contract["commands"];
     const Vector range[] = {commands["forward_m_s"], commands["leftward_m_s"], commands["yaw_rad_s"]};
     const Vector offset = gait.value("phase", Vector(n)), amplitude = gait.value("amplitude_rad", Vector(n));
-    std::map<std::string, std::deque<Vector>> history;  // the last values of each term, the oldest first
+    std::map<std::string, std::deque<Vector>> history;  // latest values of each term, oldest first
     Vector action(n), line(4 + 3 + 2 * n + 3);
     for (long step = 0;; ++step) {
         for (double& number : line) if (!(std::cin >> number)) return;
@@ -50,12 +50,12 @@ void run(const char* path) {
             {"command", Vector(command, line.end())},
             {"last_action", action},
             {"clock", {moving * std::sin(2 * M_PI * phase), moving * std::cos(2 * M_PI * phase)}}};
-        std::vector<float> input;  // term by term; within a term the oldest step comes first
+        std::vector<float> input;  // term by term; within a term oldest step first
         for (const auto& term : contract["observation"]) {
             const auto found = terms.find(term["name"]);
             if (found == terms.end()) throw std::runtime_error("unknown term " + term["name"].dump());
             auto& kept = history[term["name"]];
-            do kept.push_back(found->second); while (kept.size() < term["history"]);  // the first step fills it
+            do kept.push_back(found->second); while (kept.size() < term["history"]);  // the first step fills the history
             if (kept.size() > term["history"]) kept.pop_front();
             for (const Vector& values : kept)
                 for (double value : values) input.push_back(float(value * term["scale"].get<double>()));

@@ -6,15 +6,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from footfall.deploy.command_source import NO_SETTINGS, Pose, Request, Wish
+from footfall.deploy.command_source import NO_SETTINGS, ZERO_COMMAND, Pose, Request, Wish
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
 from footfall.operate.missions.path import Path
 
-STILL = np.zeros(3)
 TAKES_OVER_S = 10.0  # maximum time for a policy to take over, or to start a jump
-LEAP = np.array([0.3, 0.0, 0.0])  # command that makes the robot jump
-LEAPT_M = 0.2  # farther than this from its start the robot has left the ground
+JUMP_COMMAND = np.array([0.3, 0.0, 0.0])  # command that makes the robot jump
+MIN_JUMP_M = 0.2  # farther than this from its start the robot has left the ground
 LANDED_S = 1.5  # time after which it stands again
 JUMP_S = 3.0  # approximate duration of a jump
 
@@ -83,7 +82,7 @@ class Reach:
         error_m = distance(self.goal, now.pose)
         done = arrived(self.goal, now.pose, self.tracking)
         turn_s = abs(self.goal.yaw_rad - now.pose.yaw_rad) / self.limits.yaw_rad_s
-        velocity = STILL if done else towards(self.goal, now.pose, self.limits, self.tracking)
+        velocity = ZERO_COMMAND if done else towards(self.goal, now.pose, self.limits, self.tracking)
         trouble = _off(error_m, self.tracking)
         return Act(Request(velocity), turn_s + error_m, done, error_m, trouble)
 
@@ -117,7 +116,9 @@ class Change:
     settings: dict[str, float] = field(default_factory=dict)
 
     def act(self, now: Now) -> Act:
-        request = Request(STILL, policy=self.policy, gait=self.gait, settings=self.settings or NO_SETTINGS)
+        request = Request(
+            ZERO_COMMAND, policy=self.policy, gait=self.gait, settings=self.settings or NO_SETTINGS
+        )
         done = self.policy in ("", now.policy)
         late = not done and now.time_s > TAKES_OVER_S
         return Act(request, 0.0, done, trouble=f"'{self.policy}' does not take over" if late else "")
@@ -142,13 +143,13 @@ class Leap:
             return self._request(now, self.policy)
         if self._from is None:
             self._from, self._since_s, self._leapt = now.pose, now.time_s, False
-        if not self._leapt and distance(self._from, now.pose) > LEAPT_M:
+        if not self._leapt and distance(self._from, now.pose) > MIN_JUMP_M:
             self._leapt, self._since_s = True, now.time_s
         if self._leapt and now.time_s - self._since_s > LANDED_S:
             self.times, self._from, self._since_s = self.times - 1, None, now.time_s
-        return self._request(now, self.policy, STILL if self._leapt else LEAP)
+        return self._request(now, self.policy, ZERO_COMMAND if self._leapt else JUMP_COMMAND)
 
-    def _request(self, now: Now, policy: str, velocity: np.ndarray = STILL, done: bool = False) -> Act:
+    def _request(self, now: Now, policy: str, velocity: np.ndarray = ZERO_COMMAND, done: bool = False) -> Act:
         late = not done and now.time_s - self._since_s > TAKES_OVER_S
         trouble = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if late else ""
         return Act(Request(velocity, policy=policy), self.times * JUMP_S, done, trouble=trouble)
@@ -159,7 +160,7 @@ class LieDown:
     """Lie down, which ends the run."""
 
     def act(self, now: Now) -> Act:
-        return Act(Request(STILL, Wish.LIE_DOWN), 0.0, done=True)
+        return Act(Request(ZERO_COMMAND, Wish.LIE_DOWN), 0.0, done=True)
 
 
 def _off(error_m: float, tracking: Tracking) -> str:

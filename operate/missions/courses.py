@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 
 from footfall.common.config import require_between
-from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.common.limits import MAX_COMMAND, MAX_DURATION_S
 from footfall.deploy.command_source import Offer, Pose
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.activities import Follow, Reach
@@ -15,9 +15,9 @@ from footfall.operate.missions.follow import distance
 from footfall.operate.missions.path import SPACING_M, circle, placed, rectangle, sample
 from footfall.operate.missions.step import Plan, Scene
 
-FARTHEST_M = 1000.0  # of a point
-LONGEST_M = 500.0  # of a path: it is planned between two steps of the policy
-SMALLEST_M = 0.1  # side of a rectangle, radius of a circle
+MAX_DISTANCE_M = 1000.0  # of a point
+MAX_PATH_M = 500.0  # of a path: it is planned between two steps of the policy
+MIN_SIZE_M = 0.1  # side of a rectangle, radius of a circle
 _SIZE = re.compile(r"(\d+\.?\d*)x(-?\d+\.?\d*)")
 
 
@@ -30,8 +30,8 @@ class Led:
     timeout_s: float | None = None  # default: three times its planned time plus ten seconds
 
     def __post_init__(self) -> None:
-        require_between(self, 0.01, FASTEST, "speed_m_s")
-        require_between(self, 0.1, LONGEST_S, "timeout_s")
+        require_between(self, 0.01, MAX_COMMAND, "speed_m_s")
+        require_between(self, 0.1, MAX_DURATION_S, "timeout_s")
 
     def check(self, limits: Limits, offer: Offer) -> None:
         if not limits.anywhere:
@@ -42,8 +42,10 @@ class Led:
 
     def _follow(self, corners: np.ndarray, begin: Pose, end_yaw: float | None, scene: Scene) -> Plan:
         length_m = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
-        if length_m > LONGEST_M:
-            raise ValueError(f"the path is {length_m:.0f} m long: {LONGEST_M:g} m at most, use several steps")
+        if length_m > MAX_PATH_M:
+            raise ValueError(
+                f"the path is {length_m:.0f} m long: {MAX_PATH_M:g} m at most, use several steps"
+            )
         path = sample(corners, begin.yaw_rad, end_yaw, scene.pace(self.speed_m_s))
         first_s = abs(float(path.heading[0]) - begin.yaw_rad) / scene.limits.yaw_rad_s
         lasts_s = first_s + float(path.remaining_s[0])
@@ -76,7 +78,7 @@ class GoTo(Led):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between(self, -FARTHEST_M, FARTHEST_M, "to")
+        require_between(self, -MAX_DISTANCE_M, MAX_DISTANCE_M, "to")
         require_between(self, -3600.0, 3600.0, "heading_deg")
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
@@ -102,8 +104,8 @@ class Waypoints(Led):
         if not self.points:
             raise ValueError("points: none is given")
         for point in self.points:
-            if not all(abs(value) <= FARTHEST_M for value in point):
-                raise ValueError(f"points: {list(point)} is farther than {FARTHEST_M:g} m")
+            if not all(abs(value) <= MAX_DISTANCE_M for value in point):
+                raise ValueError(f"points: {list(point)} is farther than {MAX_DISTANCE_M:g} m")
         if any(
             math.dist(one, next_) < SPACING_M
             for one, next_ in zip(self.points, self.points[1:], strict=False)
@@ -129,8 +131,8 @@ class Rectangle(Led):
         super().__post_init__()
         if (found := _SIZE.fullmatch(self.size.replace(" ", ""))) is None:
             raise ValueError(f"size is length x width in metres, such as 2x1, not '{self.size}'")
-        if not all(SMALLEST_M <= abs(float(side)) <= FARTHEST_M for side in found.groups()):
-            raise ValueError(f"size: sides are {SMALLEST_M:g} to {FARTHEST_M:g} m, not {self.size}")
+        if not all(MIN_SIZE_M <= abs(float(side)) <= MAX_DISTANCE_M for side in found.groups()):
+            raise ValueError(f"size: sides are {MIN_SIZE_M:g} to {MAX_DISTANCE_M:g} m, not {self.size}")
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
         length, width = map(float, self.size.replace(" ", "").split("x"))
@@ -145,8 +147,8 @@ class Circle(Led):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not SMALLEST_M <= abs(self.radius_m) <= FARTHEST_M:
-            raise ValueError(f"radius_m is {SMALLEST_M:g} to {FARTHEST_M:g} m, not {self.radius_m:g}")
+        if not MIN_SIZE_M <= abs(self.radius_m) <= MAX_DISTANCE_M:
+            raise ValueError(f"radius_m is {MIN_SIZE_M:g} to {MAX_DISTANCE_M:g} m, not {self.radius_m:g}")
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
         return self._follow(placed(circle(self.radius_m), begin), begin, begin.yaw_rad, scene)

@@ -17,7 +17,7 @@ from footfall.deploy.command_source import Pose
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.path import SPACING_M, Path
 
-WINDOW = round(0.3 / SPACING_M)  # number of samples ahead among which the nearest one is searched
+SEARCH_SAMPLES = round(0.3 / SPACING_M)  # number of samples ahead among which the nearest one is searched
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tracking:
 
 def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
     """Index of the nearest sample, starting at `begin`, and its distance in m."""
-    ahead = path.points[begin : begin + WINDOW] - (pose.x_m, pose.y_m)
+    ahead = path.points[begin : begin + SEARCH_SAMPLES] - (pose.x_m, pose.y_m)
     squares = np.einsum("ij,ij->i", ahead, ahead)
     index = int(squares.argmin())
     return begin + index, math.sqrt(squares[index])

@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple
 
 from footfall.common.config import read_yaml, require_between, structure, structure_value
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
-from footfall.common.limits import FASTEST
+from footfall.common.hints import did_you_mean
+from footfall.common.limits import MAX_COMMAND
 from footfall.deploy.command_source import Pose
 from footfall.operate.abilities import Abilities, Limits
 from footfall.operate.missions.follow import Tracking
@@ -31,7 +31,7 @@ class MissionSettings:
     tracking: Tracking = field(default_factory=Tracking)
 
     def __post_init__(self) -> None:
-        require_between(self, 0.01, FASTEST, "speed_m_s")
+        require_between(self, 0.01, MAX_COMMAND, "speed_m_s")
         require_between(self, 0.0, 1.0, "low_charge")
 
 
@@ -115,7 +115,9 @@ def _step(data: Any, where: str) -> NamedStep:
         raise UserError(f"{where}: a step has one key, its kind: {', '.join(STEPS)}")
     ((kind, value),) = entry.items()
     if kind not in STEPS:
-        raise UserError(f"{where}: no step '{kind}': there are {', '.join(STEPS)}{meant(str(kind), STEPS)}")
+        raise UserError(
+            f"{where}: no step '{kind}': there are {', '.join(STEPS)}{did_you_mean(str(kind), STEPS)}"
+        )
     cls = STEPS[kind]
     if value is None:
         given: Any = {}

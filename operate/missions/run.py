@@ -26,7 +26,7 @@ def mission_run(data: Mapping[str, Any], where: str, spec: str, policy: Policy, 
         data: content as for `mission_of`.
         where: prefix of each message.
         spec: spec of the policy in control at the start.
-        policy: that policy.
+        policy: the policy.
         robot: the robot it runs on.
 
     Raises:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import Pose, Request, Status, Wish
+from footfall.deploy.command_source import ZERO_COMMAND, Pose, Request, Status, Wish
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
-from footfall.operate.missions.activities import STILL, Act, Now
+from footfall.operate.missions.activities import Act, Now
 from footfall.operate.missions.courses import GoTo, Led
 from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
@@ -62,7 +62,7 @@ class MissionSource:
         self._origin: Pose | None = None
         self._yaw = 0.0  # in the mission's frame, not wrapped
         self._began_s = self._best_s = self._progress_s = 0.0
-        self._request = Request(STILL, autonomous=True, owner=f"mission {mission.source}")
+        self._request = Request(ZERO_COMMAND, autonomous=True, owner=f"mission {mission.source}")
         self._low = False
         self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
         self.goal = HERE  # target of the latest step that moves the robot, in the mission's frame
@@ -152,7 +152,7 @@ class MissionSource:
             outcome = f"gave up at step {self._index + 1}{kind}: {outcome}"
             note = f"the mission {outcome}"
         self.progress = self.progress._replace(outcome=outcome, step_remaining_s=0.0, remaining_s=0.0)
-        self._request = self._request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=note)
+        self._request = self._request._replace(velocity=ZERO_COMMAND, wish=Wish.LIE_DOWN, note=note)
         return self._request
 
     def _pose(self, pose: Pose) -> Pose:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from footfall.common.config import require_between, takes_other_keys
-from footfall.common.limits import FASTEST, LONGEST_S
-from footfall.deploy.command_source import Offer, Pose, Request, Wish
+from footfall.common.limits import MAX_COMMAND, MAX_DURATION_S
+from footfall.deploy.command_source import ZERO_COMMAND, Offer, Pose, Request, Wish
 from footfall.operate.abilities import Limits
-from footfall.operate.missions.activities import JUMP_S, STILL, Change, Cover, Hold, Leap, LieDown
-from footfall.operate.missions.courses import FARTHEST_M, Circle, GoTo, Rectangle, Turn, Waypoints
+from footfall.operate.missions.activities import JUMP_S, Change, Cover, Hold, Leap, LieDown
+from footfall.operate.missions.courses import MAX_DISTANCE_M, Circle, GoTo, Rectangle, Turn, Waypoints
 from footfall.operate.missions.path import placed
 from footfall.operate.missions.step import Plan, Scene, Step
 
@@ -29,13 +29,13 @@ class Wait:
     for_s: float
 
     def __post_init__(self) -> None:
-        require_between(self, 0.0, LONGEST_S, "for_s")
+        require_between(self, 0.0, MAX_DURATION_S, "for_s")
 
     def check(self, limits: Limits, offer: Offer) -> None:
         """Possible with any policy."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
-        return Plan(self.for_s, begin, Hold(Request(STILL), self.for_s))
+        return Plan(self.for_s, begin, Hold(Request(ZERO_COMMAND), self.for_s))
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Stand(Wait):
     """Stand for some time."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
-        return Plan(self.for_s, begin, Hold(Request(STILL, Wish.STAND), self.for_s))
+        return Plan(self.for_s, begin, Hold(Request(ZERO_COMMAND, Wish.STAND), self.for_s))
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Walk:
     def __post_init__(self) -> None:
         if (self.for_s is None) == (self.distance_m is None):
             raise ValueError("give for_s or distance_m")
-        require_between(self, -FASTEST, FASTEST, "velocity")
-        require_between(self, 0.0, LONGEST_S, "for_s")
-        require_between(self, 0.0, FARTHEST_M, "distance_m")
+        require_between(self, -MAX_COMMAND, MAX_COMMAND, "velocity")
+        require_between(self, 0.0, MAX_DURATION_S, "for_s")
+        require_between(self, 0.0, MAX_DISTANCE_M, "distance_m")
         if self.distance_m is not None and (self.velocity[2] or not any(self.velocity)):
             raise ValueError("distance_m requires a velocity that moves the robot and does not turn it")
 

@@ -155,7 +155,8 @@ def _running(
             process.wait(END_S)
             errors.seek(0)
             last = errors.read().decode(errors="replace").strip().splitlines()
-            raise UserError(f"the ROS 2 bridge does not start: {last[-1] if last else 'it says nothing'}")
+            reason = last[-1] if last else "it printed no reason"
+            raise UserError(f"the ROS 2 bridge does not start: {reason}")
         yield
 
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 MAX_REFUSALS = 100  # maximum number of different refusals reported, each once
-ANSWER_S = 1.0  # maximum wait for an answer
+ANSWER_TIMEOUT_S = 1.0  # maximum wait for an answer
 SILENT = "the run does not answer"
 
 
@@ -25,7 +25,7 @@ class Link:
         Args:
             path: path of the socket.
             on_status: called with each status of the run.
-            on_refused: called with the reason if something sent with `tell` is refused.
+            on_refused: called with the reason if something sent with `post` is refused.
 
         Raises:
             OSError: no process listens on the socket.
@@ -46,13 +46,13 @@ class Link:
         answer = self._answers[number] = queue.SimpleQueue()
         try:
             self._send({"id": number, **request})
-            return answer.get(timeout=ANSWER_S)
+            return answer.get(timeout=ANSWER_TIMEOUT_S)
         except (OSError, queue.Empty):
             return SILENT
         finally:
             del self._answers[number]
 
-    def tell(self, **request: Any) -> None:
+    def post(self, **request: Any) -> None:
         """Send a request without waiting."""
         try:
             self._send(request)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.command_source import ZERO_COMMAND, Request, Status, Stop
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
-from footfall.operate.inbox import STILL, Inbox
+from footfall.operate.inbox import Inbox
 from footfall.operate.missions.mission import Mission, mission_of
 from footfall.operate.missions.source import MissionSource
 
@@ -74,7 +74,7 @@ class PathSource:
             walk = _Walk(points, yaw_rad, goal)
         except (UserError, TypeError, ValueError) as error:
             return str(error)
-        refused = self._inbox.put(self._operator, velocity=STILL)
+        refused = self._inbox.put(self._operator, velocity=ZERO_COMMAND)
         if not refused:
             self._walk = walk
         return refused
@@ -83,7 +83,7 @@ class PathSource:
         """End the path and stand."""
         if self._walk is not None:
             self._walk = None
-            self._inbox.put(self._operator, velocity=STILL)
+            self._inbox.put(self._operator, velocity=ZERO_COMMAND)
 
     def put(self, **request: Any) -> str:
         """`Inbox.put` for the operator."""
@@ -113,7 +113,7 @@ class PathSource:
         """One step of the walk, if the robot can walk."""
         if status.mode is not Mode.WALKING:
             return
-        velocity, outcome = STILL, "there is no odometry"
+        velocity, outcome = ZERO_COMMAND, "there is no odometry"
         if math.isfinite(status.pose.x_m):
             try:
                 if walk.mission is None:

@@ -22,12 +22,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from footfall.deploy.command_source import Status
-from footfall.operate.inbox import STILL, Inbox
+from footfall.deploy.command_source import ZERO_COMMAND, Status
+from footfall.operate.inbox import Inbox
 from footfall.operate.ros2.path_source import PathSource, PathState
 
 STATUS_EVERY_S = 0.1
-LONGEST_LINE = 2**20  # bytes
+MAX_LINE_BYTES = 2**20  # bytes
 OTHERS = ("stop", "take_over", "note", "path")
 ASKED = ("velocity", "wish", "policy", "gait", "settings")  # arguments of `Inbox.put`
 
@@ -74,19 +74,19 @@ class SteeringSocket:
 
     def _converse(self, bridge: socket.socket) -> None:
         """Serve one bridge until it disconnects."""
-        waiting, told, due_s = bytearray(), 0, 0.0
+        waiting, notes_sent, due_s = bytearray(), 0, 0.0
         while not self._ended.is_set():
             status = self._inbox.status
             if time.monotonic() >= due_s and status is not None:
-                now = described(status, self._inbox.owner, self._paths.state, told)
+                now = described(status, self._inbox.owner, self._paths.state, notes_sent)
                 bridge.sendall(_line({"status": now}))
                 self._wait_for_the_first_request()
-                told, due_s = len(status.notes), time.monotonic() + STATUS_EVERY_S
+                notes_sent, due_s = len(status.notes), time.monotonic() + STATUS_EVERY_S
             try:
                 arrived = bridge.recv(4096)
             except TimeoutError:
                 continue
-            if not arrived or len(waiting) > LONGEST_LINE:
+            if not arrived or len(waiting) > MAX_LINE_BYTES:
                 return
             *lines, rest = (waiting + arrived).split(b"\n")
             waiting = bytearray(rest)
@@ -97,7 +97,7 @@ class SteeringSocket:
         """Send standstill for the bridge: after starting a run, the user still has to start a publisher of
         commands."""
         if not self._asked and self._inbox.owner in ("", self._operator):
-            self._inbox.put(self._operator, velocity=STILL)
+            self._inbox.put(self._operator, velocity=ZERO_COMMAND)
 
     def _answer(self, line: bytes | bytearray) -> bytes:
         try:

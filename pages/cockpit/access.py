@@ -24,7 +24,7 @@ class Access:
 
         Args:
             path: requested path, with its query.
-            headers: of the request.
+            headers: headers of the request.
             socket: whether it opens a WebSocket, which must come from a page of this server.
         """
         host, origin = headers.get("Host"), headers.get("Origin")

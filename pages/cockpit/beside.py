@@ -23,7 +23,7 @@ from footfall.pages.page import check_address
 from footfall.pages.run_feed import RunFeed
 from footfall.robots.description import Robot
 
-START_S = 30.0
+START_TIMEOUT_S = 30.0
 NICENESS = 5
 
 
@@ -60,7 +60,7 @@ def cockpit(
     process.start()
     theirs.close()
     try:
-        if not ours.poll(START_S) or "serving" not in _first(ours):
+        if not ours.poll(START_TIMEOUT_S) or "serving" not in _first(ours):
             raise UserError(f"the cockpit at {host}:{port} did not start")
         link = CockpitLink(inbox, ours, more)
         try:

@@ -6,14 +6,14 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-LATEST_S = 0.5  # between a challenge and the command that answers it
+MAX_ANSWER_S = 0.5  # between a challenge and the command that answers it
 
 
 class Freshness:
     """Challenges to one page, and the commands that answer them.
 
     A command must repeat a challenge that the page received within the last half second, and have a higher
-        number than the previous command. So late, repeated and overtaken commands are refused.
+    number than the previous command. So late, repeated and overtaken commands are refused.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -33,7 +33,7 @@ class Freshness:
         """Why a command is refused; empty if it is not.
 
         Args:
-            number: of the command.
+            number: number of the command.
             answer: the challenge that it repeats.
         """
         if type(number) is not int or type(answer) is not int:
@@ -44,7 +44,7 @@ class Freshness:
         if given_s is None:
             return "a command with a wrong answer is refused"
         age_s = self._clock() - given_s
-        if age_s > LATEST_S:
+        if age_s > MAX_ANSWER_S:
             return f"a command that is {age_s:.1f} s old is refused"
         self._last, self.round_trip_s = number, age_s
         return ""

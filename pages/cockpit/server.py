@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 PAGE = Path(__file__).with_name("cockpit.html")
 SOCKET = "/steer"
-EVERY_S = 0.1  # between two messages with the run's state
-LONGEST_BYTES = 2048  # of a visitor's message
-MOST_A_SECOND = 100  # messages of one visitor
-MOST_VISITORS = 8
+STATE_INTERVAL_S = 0.1  # between two messages with the run's state
+MAX_MESSAGE_BYTES = 2048  # of a visitor's message
+MAX_MESSAGES_PER_S = 100  # messages of one visitor
+MAX_VISITORS = 8
 # Commands that a visitor may send, and their values. No command resets a fault.
 COMMANDS = {"take": (), "release": (), "put": ("velocity", "wish", "policy", "gait", "settings")}
 HEADERS = {
@@ -57,7 +57,7 @@ class Cockpit:
 
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         loop = asyncio.get_running_loop()
-        options: dict[str, Any] = {"max_size": LONGEST_BYTES, "compression": None, "ping_interval": None}
+        options: dict[str, Any] = {"max_size": MAX_MESSAGE_BYTES, "compression": None, "ping_interval": None}
         async with serve(self._serve_visitor, host, port, process_request=self._answer, **options):
             self._link.send_bytes(b'{"serving": true}')
             loop.add_reader(self._link.fileno(), self._receive)
@@ -65,7 +65,7 @@ class Cockpit:
             loop.remove_reader(self._link.fileno())
             for visitor in list(self._visitors.values()):
                 with suppress(Exception):
-                    await asyncio.wait_for(visitor.send(self._message(None)), EVERY_S)
+                    await asyncio.wait_for(visitor.send(self._message(None)), STATE_INTERVAL_S)
 
     def _answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
         """The page, an error, or None to continue with a WebSocket."""
@@ -74,7 +74,7 @@ class Cockpit:
         if reason is not None:
             return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
         if path == SOCKET:
-            if len(self._visitors) < MOST_VISITORS:
+            if len(self._visitors) < MAX_VISITORS:
                 return None
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many visitors\n")
         if path != "/":
@@ -100,14 +100,14 @@ class Cockpit:
         finally:
             sender.cancel()
             del self._visitors[name]
-            # Whether the visitor has control, the inbox knows: the state here may be older.
+            # The state here may be older than the control: the inbox decides whether the visitor has it.
             self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
 
     async def _send_states(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
         with suppress(Exception):
             while True:
                 await connection.send(self._message(name, fresh))
-                await asyncio.sleep(EVERY_S)
+                await asyncio.sleep(STATE_INTERVAL_S)
 
     def _message(self, name: str | None, fresh: Freshness | None = None) -> str:
         """The state of the run for a visitor, with a challenge."""
@@ -123,7 +123,7 @@ class Cockpit:
         async for content in connection:
             now = int(loop.time())
             second, count = now, count + 1 if now == second else 1
-            if count > MOST_A_SECOND:
+            if count > MAX_MESSAGES_PER_S:
                 return
             refused = self._command(name, content, fresh)
             if refused:

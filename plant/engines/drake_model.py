@@ -1,7 +1,7 @@
 """The bodies of a compiled MuJoCo model as a plant of Drake.
 
 Drake's own reader of MJCF ignores friction loss, sites and priorities of contacts. The compiled model holds
-masses, inertias, rotor inertia and friction as they are simulated, those of a drawn robot included.
+masses, inertias, rotor inertia and friction as simulated, including those of a randomised robot.
 """
 
 import logging
@@ -105,7 +105,7 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
         filtered.ExcludeBetween(GeometrySet(shapes[one]), GeometrySet(shapes[other]))
     scene.collision_filter_manager().Apply(filtered)
     plant.Finalize()
-    positions, velocities = _places(model, [joint for joint in joints if joint is not None])
+    positions, velocities = _state_indices(model, [joint for joint in joints if joint is not None])
     return DrakePlant(builder.Build(), plant, positions, velocities, geoms)
 
 
@@ -124,8 +124,8 @@ def check_model(model: mujoco.MjModel, feet: list[int]) -> None:
         "tendons or equality constraints": model.ntendon or model.neq,
         "friction loss in the model": model.dof_frictionloss.any(),
     }
-    for reason, present in reasons.items():
-        if present:
+    for reason, found in reasons.items():
+        if found:
             raise UserError(f"--engine drake does not simulate {reason}: leave it out")
 
 
@@ -139,10 +139,10 @@ def collidable(model: mujoco.MjModel) -> np.ndarray:
 def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:
     """Pairs of these geoms that MuJoCo does not test for contact, the lower id first."""
     listed = {tuple(sorted(pair)) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
-    excluded, asks, answers = excluded_bodies(model), model.geom_contype, model.geom_conaffinity
+    excluded, contype, conaffinity = excluded_bodies(model), model.geom_contype, model.geom_conaffinity
     for one, other in combinations(sorted(geoms), 2):
         low, high = sorted(model.geom_bodyid[[one, other]].tolist())
-        bits = asks[one] & answers[other] or asks[other] & answers[one]
+        bits = contype[one] & conaffinity[other] or contype[other] & conaffinity[one]
         meet = bits and not adjacent(model, low, high) and (low, high) not in excluded
         if not meet and (one, other) not in listed:
             yield one, other
@@ -183,9 +183,9 @@ def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, floa
 def _join(plant: MultibodyPlant, model: mujoco.MjModel, body: int, bodies: list[Any]) -> Any:
     """Join a body to its parent; returns the joint, or None if the body is welded."""
     parent, child = bodies[model.body_parentid[body]], bodies[body]
-    place = _pose(model.body_quat[body], model.body_pos[body])
+    pose = _pose(model.body_quat[body], model.body_pos[body])
     if not model.body_jntnum[body]:
-        plant.WeldFrames(parent.body_frame(), child.body_frame(), place)
+        plant.WeldFrames(parent.body_frame(), child.body_frame(), pose)
         return None
     joint = int(model.body_jntadr[body])
     if model.jnt_type[joint] == FREE:
@@ -193,7 +193,7 @@ def _join(plant: MultibodyPlant, model: mujoco.MjModel, body: int, bodies: list[
             QuaternionFloatingJoint(f"joint_{joint}", plant.world_frame(), child.body_frame())
         )
     anchor = RigidTransform(model.jnt_pos[joint])
-    before = plant.AddFrame(FixedOffsetFrame(f"before_{joint}", parent.body_frame(), place @ anchor))
+    before = plant.AddFrame(FixedOffsetFrame(f"before_{joint}", parent.body_frame(), pose @ anchor))
     after = plant.AddFrame(FixedOffsetFrame(f"after_{joint}", child.body_frame(), anchor))
     dof = int(model.jnt_dofadr[joint])
     hinge = RevoluteJoint(f"joint_{joint}", before, after, model.jnt_axis[joint], model.dof_damping[dof])
@@ -207,13 +207,13 @@ def _join(plant: MultibodyPlant, model: mujoco.MjModel, body: int, bodies: list[
     return added
 
 
-def _places(model: mujoco.MjModel, joints: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+def _state_indices(model: mujoco.MjModel, joints: list[Any]) -> tuple[np.ndarray, np.ndarray]:
     """`positions` and `velocities` of `DrakePlant`."""
     positions, velocities = np.zeros(model.nq, int), np.zeros(model.nv, int)
     for index, joint in enumerate(joints):
         q, v = model.jnt_qposadr[index], model.jnt_dofadr[index]
         at, moves = joint.position_start(), joint.velocity_start()
-        if model.jnt_type[index] == FREE:  # Drake: quaternion, place; angular, linear velocity
+        if model.jnt_type[index] == FREE:  # Drake: quaternion, position; angular, linear velocity
             positions[q : q + 7] = at + np.array([4, 5, 6, 0, 1, 2, 3])
             velocities[v : v + 6] = moves + np.array([3, 4, 5, 0, 1, 2])
         else:
@@ -221,10 +221,10 @@ def _places(model: mujoco.MjModel, joints: list[Any]) -> tuple[np.ndarray, np.nd
     return positions, velocities
 
 
-def _pose(quaternion: np.ndarray, place: np.ndarray) -> RigidTransform:
+def _pose(quaternion: np.ndarray, position: np.ndarray) -> RigidTransform:
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, quaternion)
-    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(matrix.reshape(3, 3)), place)
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(matrix.reshape(3, 3)), position)
 
 
 _SHAPES = {

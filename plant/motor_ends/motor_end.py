@@ -14,7 +14,7 @@ from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
-SUPPLY = (24.0, 1.0)  # V, and A of each motor, without a declared battery
+DEFAULT_SUPPLY = (24.0, 1.0)  # V, and A of each motor, without a declared battery
 
 
 class Request(IntEnum):
@@ -23,7 +23,7 @@ class Request(IntEnum):
     COMMAND = 0
     ENABLE = 1
     DISABLE = 2
-    ZERO = 3  # set the present position as zero
+    ZERO = 3  # set the current position as zero
     CLEAR = 4  # clear latched errors
     STOP = 5  # disable, and clear latched errors
     RUN = 6  # enable, unless an error is latched, and follow the command
@@ -50,7 +50,7 @@ class Report(NamedTuple):
     error: np.ndarray  # (k,) uint64 error codes, 0 for none
     on: np.ndarray  # (k,) bool, which are enabled
     temperature_c: int | np.ndarray = 30  # of all, or (k,)
-    supply: tuple[float, float] = SUPPLY  # V, and A of each motor
+    supply: tuple[float, float] = DEFAULT_SUPPLY  # V, and A of each motor
 
     def take(self, motor: Motors) -> "Report":
         """The state of some of these motors."""

@@ -40,13 +40,13 @@ class ShapedCommand:
     def advance(self, command: np.ndarray, dt_s: float) -> None:
         """Move the shaped command towards a command (3,) during `dt_s`."""
         goal = command.tolist() if self._asks_to_move(command) else [0.0, 0.0, 0.0]
-        present = self.value.tolist()
-        if present == goal:
+        current = self.value.tolist()
+        if current == goal:
             return
         self.value = np.array(
             [
                 now + min(max(wanted - now, -most * dt_s), most * dt_s)
-                for now, wanted, most in zip(present, goal, self._max_acceleration, strict=True)
+                for now, wanted, most in zip(current, goal, self._max_acceleration, strict=True)
             ]
         )
 

@@ -38,7 +38,7 @@ def corrected_gradient(
 ) -> np.ndarray:
     """A gradient (2,), rise over run along x and y, moved towards the plane through the stance feet.
 
-    Least squares around the present gradient: two feet correct it only along the line between them, so the
+    Least squares around the current gradient: two feet correct it only along the line between them, so the
     alternating pairs of a trot give both directions.
 
     Args:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from footfall.common.config import read_yaml, require_positive, structure
 from footfall.common.errors import UserError
-from footfall.common.hints import meant
+from footfall.common.hints import did_you_mean
 from footfall.robots.importer.motors import ByJoint
 
 TABLE = Path(__file__).with_name("actuators.yaml")
@@ -67,7 +67,7 @@ def figures_of(chosen: Mapping[str, str]) -> Figures:
     for name in chosen.values():
         if name not in known:
             raise UserError(
-                f"--actuator: no actuator '{name}': there are {', '.join(known)}{meant(name, known)}"
+                f"--actuator: no actuator '{name}': there are {', '.join(known)}{did_you_mean(name, known)}"
             )
     rows = {part: known[name] for part, name in chosen.items()}
     return Figures(

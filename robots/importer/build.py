@@ -14,7 +14,7 @@ from footfall.robots.importer.model_xml import FOOT_FRICTION
 from footfall.robots.importer.orientation import guessed_forward, turned
 from footfall.robots.importer.source import Source
 
-SHOWN = 4  # names listed in a message; further ones are counted
+MAX_NAMES = 4  # names listed in a message; further ones are counted
 
 
 def build_machine(
@@ -30,7 +30,7 @@ def build_machine(
         up: axis that points up.
 
     Raises:
-        UserError: the source is no legged machine that footfall can drive; the message says why.
+        UserError: the source is not a legged machine that footfall supports; the message has the reason.
     """
     if forward or up != "z":
         source = turned(source, base_of(source.model), forward or ("y" if up.endswith("x") else "x"), up)
@@ -72,8 +72,8 @@ def build_machine(
 
 def shortened(names: list[str]) -> str:
     """The first few names, and the number of the others."""
-    more = len(names) - SHOWN
-    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - MAX_NAMES
+    return ", ".join(names[:MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _with_friction(link: Link, friction: float) -> Link:

@@ -111,8 +111,8 @@ def size_of(model: mujoco.MjModel, data: mujoco.MjData, legs: Sequence[Limb]) ->
     """The size of a robot whose base is body 1, in its default pose.
 
     Args:
-        model: with a free base.
-        data: with kinematics computed and the base level.
+        model: model with a free base.
+        data: data with computed kinematics and a level base.
         legs: each with a foot of spheres and ellipsoids.
     """
     feet = [leg.geoms for leg in legs]
@@ -136,7 +136,7 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     """Settings of the shipped robot with as many feet, scaled to another size.
 
     Args:
-        size: of the other robot.
+        size: size of the other robot.
         feet: their number.
         stiffest: largest stiffness of the robot's own gains, N m/rad; the minimum for `stand`.
     """

@@ -228,7 +228,7 @@ def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], 
 
     Args:
         folder: the new folder.
-        texts: of the files, by name.
+        texts: contents of the files, by name.
         completed: returns further or replaced texts for the robot that the files describe.
     """
     try:

@@ -41,7 +41,7 @@ def stand_on(
         link: the limb's last link, with index `index`.
         limb: the limb.
         joints: the joints that only this leg has.
-        name: of the leg.
+        name: name of the leg.
         up: the world's z in the link's frame with all joints at zero, (3,).
 
     Raises:

@@ -50,7 +50,7 @@ def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
     Args:
         machine: the robot.
         pose: the default pose.
-        seed: of the random poses.
+        seed: seed of the random poses.
     """
     model = mujoco.MjModel.from_xml_string(model_xml(machine))
     data = pose_of(model, model.qpos0)

@@ -16,7 +16,7 @@ from footfall.robots.importer.source import Source
 FOOT_NAME = re.compile(r"foot|feet|sole|paw|(^|[^a-z])toes?([^a-z]|$)", re.IGNORECASE)
 NO_FOOT_NAME = re.compile(r"gripper|hand|finger|thumb|palm|wrist|wheel", re.IGNORECASE)
 MIN_DEPTH_SHARE = 0.7  # smallest depth of a foot, over that of the deepest limb
-FEWEST_FEET = 2
+MIN_FEET = 2
 
 
 class Limb(NamedTuple):
@@ -28,9 +28,11 @@ class Limb(NamedTuple):
 
 
 class Limbs(NamedTuple):
+    """The legs of a model."""
+
     base: int  # body that carries the free joint
     legs: tuple[Limb, ...]
-    guesses: tuple[str, ...]
+    guesses: tuple[str, ...]  # assumptions, for the user to check, one line each
 
 
 def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
@@ -42,7 +44,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
             taken, or else those that reach lowest.
 
     Raises:
-        UserError: there are no feet, or a leg has joints that are no independent hinges.
+        UserError: there are no feet, or a joint of a leg is not an independent hinge.
     """
     model = source.model
     base = base_of(model)
@@ -53,13 +55,13 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     called = {end: _called_feet(model, _welded(model, end)) for end in ends}
     if named:
         feet, why = _by_name(source, ends, named), "as requested"
-    elif sum(bool(called[end]) and depth[end] > 0 for end in ends) >= FEWEST_FEET:
+    elif sum(bool(called[end]) and depth[end] > 0 for end in ends) >= MIN_FEET:
         feet, why = [end for end in ends if called[end] and depth[end] > 0], "by their names"
     else:
         feet = [end for end in ends if depth[end] >= MIN_DEPTH_SHARE * max(depth.values()) > 0]
         _refuse_hands(source.path, model, feet)
         why = "as the lowest limbs with all joints at zero"
-    if len(feet) < FEWEST_FEET:
+    if len(feet) < MIN_FEET:
         raise UserError(_no_feet(source.path, model, base, feet))
     legs = tuple(_limb(model, base, end, called[end]) for end in feet)
     for leg in legs:
@@ -123,7 +125,7 @@ def _by_name(source: Source, ends: list[int], named: tuple[str, ...]) -> list[in
         top = int(model.body_weldid[body]) if body >= 0 else -1
         if top not in ends:
             known = ", ".join(model.body(end).name for end in ends)
-            what = "no link" if body < 0 else "no end of a limb is"
+            what = "there is no link" if body < 0 else "a limb does not end in"
             raise UserError(f"{source.path}: {what} '{name}': limbs end in {known}")
         found.append(top)
     return found

@@ -38,7 +38,7 @@ def model_xml(
 
     Args:
         machine: the robot.
-        height_m: of the base above the ground.
+        height_m: height of the base above the ground.
         not_colliding: pairs of links that do not collide.
         pairs: names of geoms that always collide, in pairs.
         notes: lines of the comment at the top.

@@ -16,7 +16,7 @@ from footfall.robots.importer.statics import Statics
 # The joints of Go1 and G1, whose rotor inertias are published, have 1.2e-4 to 2.5e-4.
 ARMATURE_PER_TORQUE = 1.7e-4  # kg m^2 per N m of peak torque
 NO_LOAD_SPEED_RAD_S = 30.0  # if a file gives none
-FASTEST_RAD_S = 60.0  # larger values in a file are not a motor's
+MAX_SPEED_RAD_S = 60.0  # larger values in a file are not a motor's
 FRICTION_SPEED_RAD_S = 0.2
 PLANT_STEP_S = 0.001
 FRICTION_TAKEN = 0.3  # share of a velocity that the friction ramp may remove in one step of the plant
@@ -160,7 +160,7 @@ def choose_drive(
     motors, unknown = {}, []
     for hinge in hinges:
         fastest = value_for(hinge.name, speed) or source.speed_rad_s.get(hinge.name, np.inf)
-        if fastest > FASTEST_RAD_S:
+        if fastest > MAX_SPEED_RAD_S:
             unknown.append(hinge.name)
             fastest = NO_LOAD_SPEED_RAD_S
         ramp = hinge.friction * PLANT_STEP_S / (FRICTION_TAKEN * hinge.armature)

@@ -19,7 +19,7 @@ AXES = {
     for name, axis in zip("xyz", np.eye(3), strict=True)
 }
 WORDS = {"l": "l", "left": "l", "r": "r", "right": "r"}
-CLEAR = 0.9  # smallest cosine of the angle between the guessed direction and an axis
+MIN_COSINE = 0.9  # smallest cosine of the angle between the guessed direction and an axis
 
 
 def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
@@ -72,7 +72,7 @@ def guessed_forward(source: Source, limbs: Limbs) -> str:
     across = data.xmat[limbs.base].reshape(3, 3).T @ (left - right)
     ahead = np.cross(across, AXES["z"])
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    return next((name for name, axis in AXES.items() if name[-1] != "z" and axis @ ahead > CLEAR), "x")
+    return next((name for name, axis in AXES.items() if name[-1] != "z" and axis @ ahead > MIN_COSINE), "x")
 
 
 def side_letters(names: Iterable[str]) -> list[str]:

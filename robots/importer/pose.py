@@ -15,7 +15,7 @@ from footfall.robots.targets import soft_limits
 
 GIVEN_RANGE = 0.94  # share of each joint's range for a given pose: the soft limits, less rounding
 USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
-FARTHEST_RAD = np.pi  # largest angle of a joint
+MAX_ANGLE_RAD = np.pi  # largest angle of a joint
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
 SPREAD_SHARE = 0.4  # at zero, a spread leg reaches down less than this share of its length
 SPREAD_IN = 0.7  # distance of a spread leg's foot from its hip, over that at zero
@@ -48,7 +48,7 @@ def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, se
         machine: the robot.
         given: joints of a given pose, clamped to the soft limits, rad. If empty, or if it folds the legs, a
             pose is searched.
-        seed: of the search.
+        seed: seed of the search.
     """
     return _Search(machine, seed).run(given or {})
 
@@ -214,8 +214,8 @@ class LegSearch:
         low, high = np.array([joint.range for joint in joints]).T
         middle, half = (low + high) / 2, USED_RANGE * (high - low) / 2
         self.low, self.high = (
-            np.maximum(middle - half, np.minimum(-FARTHEST_RAD, middle)),
-            np.minimum(middle + half, np.maximum(FARTHEST_RAD, middle)),
+            np.maximum(middle - half, np.minimum(-MAX_ANGLE_RAD, middle)),
+            np.minimum(middle + half, np.maximum(MAX_ANGLE_RAD, middle)),
         )
         self.near_zero = np.clip(0.0, self.low, self.high)
         self._model = model

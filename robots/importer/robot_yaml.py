@@ -52,7 +52,7 @@ def robot_yaml(
     """The text of `robot.yaml`.
 
     Args:
-        machine: with the reflected inertia of its joints.
+        machine: machine with the reflected inertia of its joints.
         pose: the default pose.
         drive: motors and gains.
         protocols: motor model of each joint.

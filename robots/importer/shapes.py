@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 
 DIRECTIONS = 400
-THINNEST_M = 1e-3  # smallest half-thickness of a shape
+MIN_HALF_THICKNESS_M = 1e-3  # smallest half-thickness of a shape
 SOLE_M = 0.02  # thickness of a sole, and of the layer of points that counts as its underside
 NEARLY_LEVEL = 0.05  # sine of the angle
 MIN_IMPROVEMENT = 0.9  # a less simple shape is used if its error is below this share of the simpler one's
@@ -60,7 +60,7 @@ def fit_along(shapes: Sequence[Shape], direction: np.ndarray) -> Shape:
     directions = _directions()
     reach = np.max([directions @ s.position + [support(s, u) for u in directions] for s in shapes], axis=0)
     norm = float(np.linalg.norm(direction))
-    if norm > THINNEST_M:
+    if norm > MIN_HALF_THICKNESS_M:
         _, _, rows = np.linalg.svd(direction[None] / norm)
         turned = rows[[1, 2, 0]].T
         frame = turned * np.sign(np.linalg.det(turned))
@@ -175,7 +175,7 @@ def _fit_capsule(
     (*centre, radius, half), error = _least_squares(columns, reach)
     turned = np.roll(frame, 2 - axis, axis=1)  # MuJoCo's capsules lie along z
     shape = Shape(Kind.mjGEOM_CAPSULE, _size(radius, half), np.array(centre), quaternion_of(turned))
-    return shape, error if radius > THINNEST_M and half > THINNEST_M else np.inf
+    return shape, error if radius > MIN_HALF_THICKNESS_M and half > MIN_HALF_THICKNESS_M else np.inf
 
 
 def _fit_box(
@@ -195,5 +195,5 @@ def _least_squares(columns: np.ndarray, reach: np.ndarray) -> tuple[list[float],
 
 def _size(*values: float) -> np.ndarray:
     size = np.zeros(3)
-    size[: len(values)] = np.maximum(values, THINNEST_M)
+    size[: len(values)] = np.maximum(values, MIN_HALF_THICKNESS_M)
     return size

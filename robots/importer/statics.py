@@ -37,7 +37,7 @@ def statics(
     """Torques and stability of a model that stands with pose `qpos`, its feet touching the ground.
 
     Args:
-        model: with a free base as its first joint.
+        model: model with a free base as its first joint.
         joints: names of the driven joints.
         legs: the legs; their geoms, spheres and ellipsoids, stand on the ground.
         qpos: (nq,) the base level.

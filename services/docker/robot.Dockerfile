@@ -1,4 +1,4 @@
-# A robot's computer: what acts, without JAX, torch or a compiler. Build it in the clone:
+# Image for a robot's computer, without JAX, torch or a compiler. Build it in a clone of the repository:
 #   docker build --file services/docker/robot.Dockerfile --tag footfall-robot .
 # With extras: --build-arg EXTRAS=cockpit
 FROM python:3.12-slim AS build

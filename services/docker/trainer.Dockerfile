@@ -1,4 +1,4 @@
-# A trainer on NVIDIA GPUs; the host needs a driver and its container toolkit. Build it in the clone:
+# Image for training on NVIDIA GPUs; the host needs NVIDIA's driver and container toolkit. Build it in a clone:
 #   docker build --file services/docker/trainer.Dockerfile --tag footfall-trainer .
 #   docker run --rm --gpus all --volume "$PWD/runs:/home/trainer/runs" footfall-trainer train --robot go1 --preset gpu
 FROM python:3.12-slim AS build
@@ -8,7 +8,7 @@ RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
 
 FROM python:3.12-slim
 COPY --from=build /wheels /wheels
-# CUDA comes with JAX's wheels; libegl1 is for films of a report.
+# JAX's wheels contain CUDA; libegl1 renders the films of a report.
 RUN apt-get update && apt-get install --yes --no-install-recommends libegl1 && rm -r /var/lib/apt/lists/*
 RUN wheel=$(ls /wheels/*.whl) && pip install --no-cache-dir "${wheel}[train,report]" "jax[cuda12]" \
     && rm -r /wheels && useradd --create-home trainer

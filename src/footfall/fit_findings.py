@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from footfall.identify.fit import MISFIT, LegFit
+from footfall.identify.fit import MISFIT_RATIO, LegFit
 
 
 def verdicts(fit: LegFit) -> list[str]:
@@ -11,7 +11,7 @@ def verdicts(fit: LegFit) -> list[str]:
     lines = []
     for place, joint in enumerate(fit.leg.joint_names):
         ratio = fit.misfit[place]
-        verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT else "fits"
+        verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT_RATIO else "fits"
         lines.append(
             f"{joint}: held out {1e3 * fit.held_out_rad[place]:.2f} mrad rms,"
             f" nominal {1e3 * fit.nominal_rad[place]:.2f}: {verdict}"

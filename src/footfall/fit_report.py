@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from footfall.fit_findings import not_told, verdicts
-from footfall.identify.fit import MISFIT, LegFit
+from footfall.identify.fit import MISFIT_RATIO, LegFit
 from footfall.robots.description import Robot
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: P
     """HTML page of a fit; requires the extra `report`."""
     from footfall.evaluate.report.fit_page import render
 
-    wrong = [fit.leg.name for fit in fits if (fit.misfit > MISFIT).any()]
+    wrong = [fit.leg.name for fit in fits if (fit.misfit > MISFIT_RATIO).any()]
     worst = max(float(fit.held_out_rad.max()) for fit in fits)
     gain = min(float((fit.nominal_rad / fit.held_out_rad).min()) for fit in fits)
     headline = (
@@ -30,7 +30,7 @@ def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: P
         ("recordings", ", ".join(str(log) for log in logs)),
         ("held out", judges),
         ("intervals", "95 %, by bootstrap over windows with refits; valid only if the model is right"),
-        ("misfit", f"a residual of more than {MISFIT:g} times the noise of the readings"),
+        ("misfit", f"a residual of more than {MISFIT_RATIO:g} times the noise of the readings"),
     ]
     return render(f"{robot.name}: identified", headline, [_part(fit) for fit in fits], about)
 
@@ -70,7 +70,7 @@ def _part(fit: LegFit) -> "LegPart":
     return LegPart(
         name=fit.leg.name,
         verdicts=verdicts(fit),
-        good=not (fit.misfit > MISFIT).any(),
+        good=not (fit.misfit > MISFIT_RATIO).any(),
         estimates=rows,
         not_told=not_told(fit),
         joints=joints,

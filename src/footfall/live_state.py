@@ -12,14 +12,14 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from footfall.common.limits import LONGEST_S
+from footfall.common.limits import MAX_DURATION_S
 from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
 from footfall.service_manager import telling_service_manager
 
 PER_SECOND = 5  # updates per second on a terminal
 LINE_EVERY_S = 5.0  # interval otherwise
-PATIENCE_S = 1.0  # timeout of a blocked output
+OUTPUT_TIMEOUT_S = 1.0  # timeout of a blocked output
 
 
 @contextmanager
@@ -44,8 +44,8 @@ def live_state(
     ended = threading.Event()
 
     def state() -> Text:
-        told = line()
-        return Text(describe(loop, velocity(), duration_s) + (f"\n{told}" if told else ""))
+        extra = line()
+        return Text(describe(loop, velocity(), duration_s) + (f"\n{extra}" if extra else ""))
 
     def draw() -> None:
         with Live(
@@ -71,7 +71,7 @@ def live_state(
     finally:
         ended.set()
         resume(console.file)
-        thread.join(PATIENCE_S)
+        thread.join(OUTPUT_TIMEOUT_S)
 
 
 def resume(output: IO[str]) -> None:
@@ -87,7 +87,7 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     walking_s = loop.walking_s if loop.walking else loop.walked_s
     hold = "hold it up: " if loop.held_up else ""
     parts = [
-        f"{walking_s:.1f} s" if duration_s >= LONGEST_S else f"{walking_s:.1f} of {duration_s:g} s",
+        f"{walking_s:.1f} s" if duration_s >= MAX_DURATION_S else f"{walking_s:.1f} of {duration_s:g} s",
         loop.state.mode.value,
         "command {:+.2f} {:+.2f} m/s {:+.2f} rad/s".format(*loop.asked_command),
     ]

@@ -7,7 +7,7 @@ from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
 from footfall.common.engines import EngineName
-from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.common.limits import MAX_COMMAND, MAX_DURATION_S
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # values of --bus with a simulated robot
 
@@ -19,8 +19,10 @@ def _vector(_: type, tokens: Any) -> tuple[float, ...]:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != 3 or not all(abs(number) <= FASTEST for number in numbers):
-        raise ValueError(f"expected three numbers such as 0.5,0,0, at most {FASTEST:g} each, found '{text}'")
+    if len(numbers) != 3 or not all(abs(number) <= MAX_COMMAND for number in numbers):
+        raise ValueError(
+            f"expected three numbers such as 0.5,0,0, at most {MAX_COMMAND:g} each, found '{text}'"
+        )
     return numbers
 
 
@@ -42,8 +44,8 @@ def _whole(_: type, tokens: Any) -> int:
 
 
 def _seconds(_: type, value: float | None) -> None:
-    if value is not None and not 0.0 < value <= LONGEST_S:
-        raise ValueError(f"Must be a number above 0, and at most {LONGEST_S:g}, a day.")
+    if value is not None and not 0.0 < value <= MAX_DURATION_S:
+        raise ValueError(f"Must be a number above 0, and at most {MAX_DURATION_S:g}, a day.")
 
 
 def _as_typed(kind: Any, tokens: Any) -> Any:

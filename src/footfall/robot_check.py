@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from footfall.plain_table import print_table
+
 if TYPE_CHECKING:
     from footfall.plant.lying import LyingResult
     from footfall.plant.standing import StandingResult
@@ -24,7 +26,7 @@ def show_tree(robot: "Robot", inspection: "Inspection") -> None:
         figures = [_joint_row(robot, robot.joint_index(name)) for name in driven] or [[""] * 5]
         rows.append(["  " * link.depth + link.name, f"{link.mass_kg:.3f}", *figures[0]])
         rows += [["", "", *more] for more in figures[1:]]
-    _print_table(["link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad"], rows)
+    print_table(["link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad"], rows)
     x, y, z = inspection.centre_m
     centre = f"centre of mass {x:.3f} {y:.3f} {z:.3f} m from the base's origin"
     print(f"total {inspection.mass_kg:.2f} kg, {centre}\n")
@@ -50,9 +52,7 @@ def show_feet(inspection: "Inspection") -> None:
         ]
         for foot in inspection.feet
     ]
-    _print_table(
-        ["foot", "place in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows
-    )
+    print_table(["foot", "place in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows)
     side = "inside" if inspection.margin_m >= 0.0 else "outside"
     print(f"the centre of mass is {1e3 * abs(inspection.margin_m):.0f} mm {side} the feet\n")
 
@@ -115,7 +115,7 @@ def show_controllers(results: "Sequence[ControllerResult]") -> None:
         ]
         for result in results
     ]
-    _print_table(["controller", "command, m/s", "speed, m/s", "in simulation"], rows)
+    print_table(["controller", "command, m/s", "speed, m/s", "in simulation"], rows)
     print()
 
 
@@ -138,10 +138,3 @@ def beyond_frames(robot: "Robot") -> Iterator[str]:
         for gain, value, most in (("kp", kp, ranges.kp), ("kd", kd, ranges.kd)):
             if value > most:
                 yield f"joint {joint.name}: {gain} is {value:.3g}, above the {most:g} of {protocol} frames"
-
-
-def _print_table(header: list[str], rows: list[list[str]]) -> None:
-    """Print a table with aligned columns, without terminal codes."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for row in (header, *rows):
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

@@ -32,25 +32,25 @@ def telling_service_manager(loop: ControlLoop) -> Iterator[None]:
         if address.startswith("@"):  # abstract socket name
             address = "\0" + address[1:]
 
-        def tell(*lines: str) -> None:
+        def notify(*lines: str) -> None:
             with suppress(OSError):  # a failure must not stop the robot
                 manager.sendto("\n".join(lines).encode(), address)
 
-        def go_on() -> None:
+        def notify_periodically() -> None:
             while not ended.wait(period_s):
                 alive = time.perf_counter() - loop.heartbeat_s < OLDEST_TICK_S
-                tell(_status(loop), *["WATCHDOG=1"] * alive)
+                notify(_status(loop), *["WATCHDOG=1"] * alive)
 
         ended = threading.Event()
-        thread = threading.Thread(target=go_on, name="service manager", daemon=True)
-        tell("READY=1", _status(loop))
+        thread = threading.Thread(target=notify_periodically, name="service manager", daemon=True)
+        notify("READY=1", _status(loop))
         thread.start()
         try:
             yield
         finally:
             ended.set()
             thread.join()
-            tell("STOPPING=1", _status(loop))
+            notify("STOPPING=1", _status(loop))
 
 
 def _status(loop: ControlLoop) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from footfall.options import SIMULATED, VIRTUAL
+from footfall.robot_bus import interface_bus
 
 if TYPE_CHECKING:
     from footfall.deploy.bus import Bus
@@ -20,14 +21,13 @@ def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: 
         from footfall.identify.simulated import simulated_bus
 
         return simulated_bus(robot, plant=plant, seed=seed)
-    from footfall.deploy.interfaces import robots_interfaces
     from footfall.deploy.stop_inputs.open import filters_of
     from footfall.deploy.wiring import wire
 
+    stand = None
     if kind == VIRTUAL:
         from footfall.identify.simulated import on_a_stand
-        from footfall.plant.serve import serving
 
-        resources.enter_context(serving(robot, VIRTUAL, on_a_stand(), seed))
+        stand = on_a_stand()
     wiring = wire(robot)
-    return resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(robot, wiring)))
+    return resources.enter_context(interface_bus(robot, wiring, kind, filters_of(robot, wiring), stand, seed))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.limits import LONGEST_S
+from footfall.common.limits import MAX_DURATION_S
 from footfall.deploy.command_source import CommandSource, Scheduled
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
@@ -75,7 +75,7 @@ def steered(
     Raises:
         UserError: there is no such source, it cannot be opened, or a step of the mission is impossible.
     """
-    longest_s = duration_s or LONGEST_S
+    longest_s = duration_s or MAX_DURATION_S
     if by is None and command is None and inbox is not None:
         figures = {"from": COCKPIT}
         yield Steered(inbox, longest_s, lambda: figures, realtime=True, odometry=True)

@@ -222,7 +222,7 @@ def test_a_merge_replaces_leaf_by_leaf_and_leaves_both_as_they_were() -> None:
 
 
 def test_the_largest_size_is_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(config, "LARGEST_BYTES", 2000)
+    monkeypatch.setattr(config, "MAX_FILE_BYTES", 2000)
     path = tmp_path / "a.yaml"
     path.write_text("a: 1 #" + "x" * 1994)
     assert read_yaml(path) == {"a": 1}

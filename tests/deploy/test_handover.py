@@ -49,7 +49,7 @@ def walk(policies: Handover, until_s: float, from_s: float = 0.0) -> list[tuple[
             readings = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
             inputs = PolicyInput(now_us * 1e-6, readings, command, np.zeros(3), 0.3)
             decision = policies.step(now_us, inputs)
-            steps.append((now_us * 1e-6, policies.present.policy.name, decision[0]))
+            steps.append((now_us * 1e-6, policies.current.policy.name, decision[0]))
     return steps
 
 

@@ -11,7 +11,7 @@ from footfall.deploy.drivers import imu, mit, mit_driver
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.receiver import NEVER
+from footfall.deploy.receiver import NEVER_US
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque
@@ -111,7 +111,7 @@ class TestIn:
             reading = imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.81], [1.0, 0.0, 0.0, 0.0])
             return imu_frames(wiring, reading, counter)
 
-        assert layer.last_heard().imu_us == NEVER
+        assert layer.last_heard().imu_us == NEVER_US
         layer.absorb([frames(1)], 1000)
         layer.absorb([frames(1)], 2000)
         assert layer.last_heard().imu_us == 1000

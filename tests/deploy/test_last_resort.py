@@ -5,7 +5,7 @@ from deploy_policies import Hold
 from frame_robot import FrameRobot
 from loops import loop_of, until
 
-from footfall.deploy.last_resort import OFF_US
+from footfall.deploy.last_resort import DISABLE_TIMEOUT_US
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.plant.motor_ends.motor_end import Request
@@ -30,7 +30,7 @@ def test_what_motors_say_from_the_second_tick_on_answers_being_disabled(go1: Rob
 
 def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
-    assert shut_down(loop, body, silent=[7]) == np.arange(2000, OFF_US + 4000, 2000).tolist()
+    assert shut_down(loop, body, silent=[7]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()
     assert loop.last_resort.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]
     assert loop.last_resort.on_at_the_end == []
 
@@ -38,6 +38,6 @@ def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named
 def test_a_motor_that_answers_and_pulls_on_is_asked_for_as_long_and_named(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.readings[2, 7] = 2.0
-    assert shut_down(loop, body, silent=[]) == np.arange(2000, OFF_US + 4000, 2000).tolist()
+    assert shut_down(loop, body, silent=[]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()
     assert loop.last_resort.silent_at_the_end == []
     assert loop.last_resort.on_at_the_end == ["RR_thigh_joint (can2, id 2)"]

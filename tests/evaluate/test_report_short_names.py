@@ -2,20 +2,20 @@
 
 import pytest
 
-from footfall.evaluate.report.short_names import LONGEST, short_names, titled
+from footfall.evaluate.report.short_names import MAX_CHARS, short_names, titled
 
 LONG = "runs/2026-11-23_go1_without-height-scan_seed-17_policy-final"
 
 
 def test_a_name_that_fits_stays_as_it_is() -> None:
-    names = ["mpc", "x" * LONGEST]
+    names = ["mpc", "x" * MAX_CHARS]
     assert short_names(names) == {name: name for name in names}
 
 
 def test_a_longer_one_keeps_its_beginning_and_its_end() -> None:
-    assert short_names([LONG]) == {LONG: "runs/2026-11…d-17_policy-final"[:LONGEST]} or True
+    assert short_names([LONG]) == {LONG: "runs/2026-11…d-17_policy-final"[:MAX_CHARS]} or True
     (short,) = short_names([LONG]).values()
-    assert len(short) == LONGEST
+    assert len(short) == MAX_CHARS
     assert short == f"{LONG[:12]}…{LONG[-19:]}"
 
 
@@ -24,13 +24,13 @@ def test_no_two_are_alike() -> None:
     found = short_names([LONG, *others])
     assert len(set(found.values())) == 3
     assert [short[-4:] for short in found.values()] == ["inal", " (2)", " (3)"]
-    assert max(map(len, found.values())) == LONGEST
+    assert max(map(len, found.values())) == MAX_CHARS
     taken = short_names([LONG])[LONG]
     assert short_names([LONG, taken])[taken] == taken != short_names([LONG, taken])[LONG]
 
 
 @pytest.mark.parametrize(
-    ("name", "title"), [("mpc", "mpc: 2.00 m/s"), ("x" * LONGEST, f"{'x' * LONGEST}\n2.00 m/s")]
+    ("name", "title"), [("mpc", "mpc: 2.00 m/s"), ("x" * MAX_CHARS, f"{'x' * MAX_CHARS}\n2.00 m/s")]
 )
 def test_a_title_has_two_lines_where_it_does_not_fit_one(name: str, title: str) -> None:
     assert titled(name, "2.00 m/s") == title

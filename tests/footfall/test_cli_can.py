@@ -234,7 +234,7 @@ class TestRefusals:
 
 def test_another_processs_robot_is_scanned_watched(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every motor heard at least once counts: a busy machine may stall at the end."""
-    monkeypatch.setattr(bench, "SILENCE_US", 60_000_000)
+    monkeypatch.setattr(bench, "SILENCE_TIMEOUT_US", 60_000_000)
     with robot_on_multicast("--duration", "600", "--motor-timeout", "20"):
         assert [row[-1] for row in tried(shell, "scan", "--bus", "udp_multicast")] == ["found"] * 12
         assert len(tried(shell, "monitor", "--bus", "udp_multicast", "--duration", "1")) == 12

@@ -17,7 +17,7 @@ from walking_run import WALKING, eventually
 from footfall.common.errors import UserError
 from footfall.deploy.modes import Mode
 from footfall.operate.inbox import Inbox
-from footfall.pages.cockpit.freshness import LATEST_S, Freshness
+from footfall.pages.cockpit.freshness import MAX_ANSWER_S, Freshness
 from footfall.robots.description import Robot
 
 pytest.importorskip("websockets")
@@ -208,10 +208,10 @@ def test_a_command_that_was_on_its_way_for_long_is_refused() -> None:
     now = SimpleNamespace(s=10.0)
     fresh = Freshness(lambda: now.s)
     challenge = fresh.challenge()
-    now.s += 0.9 * LATEST_S
+    now.s += 0.9 * MAX_ANSWER_S
     assert fresh.refusal(1, challenge) == ""
     assert "old" in fresh.refusal(1, challenge)  # comes twice
-    now.s += 0.2 * LATEST_S
+    now.s += 0.2 * MAX_ANSWER_S
     assert "old" in fresh.refusal(2, challenge)  # on its way for too long
     assert fresh.refusal(2, fresh.challenge()) == ""
     assert fresh.round_trip_s == 0.0

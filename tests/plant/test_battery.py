@@ -8,7 +8,7 @@ from plant_bodies import body_of
 
 from footfall.common.errors import UserError
 from footfall.plant.battery import SimulatedBattery
-from footfall.plant.motor_ends.motor_end import SUPPLY
+from footfall.plant.motor_ends.motor_end import DEFAULT_SUPPLY
 from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
@@ -18,7 +18,7 @@ class Motors:
 
     enabled = np.ones(12, bool)
     share = 1.0
-    supply = SUPPLY
+    supply = DEFAULT_SUPPLY
 
     def sag(self, share: float) -> None:
         self.share *= share

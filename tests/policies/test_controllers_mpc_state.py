@@ -205,18 +205,18 @@ class TestMpc:
         assert restart.stop_speed_m_s < restart.start_speed_m_s
         disturbance = Disturbance(restart)
         between = base(0.5 * (restart.stop_speed_m_s + restart.start_speed_m_s))
-        assert not disturbance.present(between, False, 0.0, 0.1)
-        assert disturbance.present(base(1.01 * restart.start_speed_m_s), False, 0.0, 0.1)
+        assert not disturbance.active(between, False, 0.0, 0.1)
+        assert disturbance.active(base(1.01 * restart.start_speed_m_s), False, 0.0, 0.1)
         disturbance.reset()
-        assert not disturbance.present(base(), False, 0.0, 0.1)
+        assert not disturbance.active(base(), False, 0.0, 0.1)
         for roll, pitch in ((-1.01, 0.0), (0.0, 1.01)):
             tilted = base(0.0, roll * restart.start_tilt_rad, pitch * restart.start_tilt_rad)
-            assert disturbance.present(tilted, False, 0.0, 0.1)
+            assert disturbance.active(tilted, False, 0.0, 0.1)
             steps = 0
-            while disturbance.present(base(), False, 0.0, restart.calm_s / 10.5):
+            while disturbance.active(base(), False, 0.0, restart.calm_s / 10.5):
                 steps += 1
             assert steps == 10
-        assert disturbance.present(between, True, 0.0, 0.1)
+        assert disturbance.active(between, True, 0.0, 0.1)
 
     def test_a_standing_robot_that_drifts_off_its_feet_steps_before_it_tips_over(self) -> None:
         restart = replace(CONFIG.restart, most_off_m=0.04)
@@ -225,9 +225,9 @@ class TestMpc:
         drifts = slow._replace(velocity=np.array([0.0, -0.05, 0.0]))
         offsets = [capture_offset_m(base, centre, feet) for base in (slow, drifts)]
         np.testing.assert_allclose(offsets, [0.03, 0.03 + 0.05 * np.sqrt(0.7 / 9.81)], atol=1e-3)
-        standing = [Disturbance(restart).present(slow, False, each, 0.1) for each in offsets]
+        standing = [Disturbance(restart).active(slow, False, each, 0.1) for each in offsets]
         assert standing == [False, True]
-        assert not Disturbance(restart).present(slow, True, offsets[1], 0.1)
+        assert not Disturbance(restart).active(slow, True, offsets[1], 0.1)
 
     def test_swinging_feet_move_relative_to_the_moving_base(self, mpc: Mpc) -> None:
         """Their velocity is the change of their place in the base's axes."""

@@ -16,6 +16,6 @@ if __name__ == "__main__":
     if "hang" in rest:
         ended.wait()
     link = Link(str(options.steer), lambda _: None, lambda _: None)
-    Reading(options, lambda message: link.tell(note=message.channel.topic), ended.set)
-    link.tell(velocity=[0.25, 0.0, 0.0])
+    Reading(options, lambda message: link.post(note=message.channel.topic), ended.set)
+    link.post(velocity=[0.25, 0.0, 0.0])
     ended.wait()

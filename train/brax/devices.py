@@ -68,7 +68,7 @@ def place(tree: Any, where: Any) -> Any:
     """Put host arrays, which are the same in every process, on the devices.
 
     Args:
-        tree: of arrays.
+        tree: tree of arrays.
         where: a tree prefix of it with shardings at its leaves.
     """
 

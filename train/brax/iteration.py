@@ -23,13 +23,13 @@ from footfall.train.stacked import StackedScalars
 
 
 class Experience(NamedTuple):
-    """What a rollout leaves to learn from."""
+    """Training data from a rollout, and its metrics."""
 
     rollout: Transition  # arrays (time, environment, ...)
     metrics: Any  # scalars by name
 
 
-EPISODE_SPECS = (SHARDED, SHARDED)  # how each half's arguments and results lie on several devices
+EPISODE_SPECS = (SHARDED, SHARDED)  # how each half's arguments and results are sharded over several devices
 EXPERIENCE_SPECS = Experience(SHARDED_ROLLOUT, REPLICATED)
 LEARNED_SPECS = (LEARNER_SPECS, REPLICATED, SHARDED)
 Learned = tuple[TrainState, StackedScalars, jax.Array]
@@ -43,7 +43,7 @@ class Iteration:
     learn: Callable[[TrainState, dict[str, jax.Array], Experience], Learned]
 
     def __call__(self, state: TrainState) -> Learned:
-        """Act, and learn from it. Compiled halves reuse the memory of the state."""
+        """Roll out, then learn from the rollout. Compiled halves reuse the memory of the state."""
         episodes, learner = state.episodes, state.learner
         episodes, experience = self.act(episodes, learner)
         learner, metrics, seen = self.learn(learner, episodes[1], experience)

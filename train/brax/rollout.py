@@ -33,7 +33,7 @@ def roll_out(
         config: the trainer's settings.
         state: the training's state.
         keys: one for each control step.
-        summary: what to keep of a control step's metrics, arrays (environment,).
+        summary: function of a control step's metrics, arrays (environment,), that returns those to keep.
 
     Returns:
         The episodes to continue with; transitions (time, environment, ...), and each control step's summary.

@@ -1,5 +1,6 @@
 """Networks of another training as the start of a new one."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +13,28 @@ from flax import serialization
 from footfall.common.errors import UserError
 from footfall.train.brax.networks import ACTOR, CRITIC, with_dense_layers
 from footfall.train.config import PpoConfig
-from footfall.train.origin import EXPORTED, read_exported
-
-ANEW = "the optimiser, the schedules and the curriculum begin anew"
-CRITIC_ANEW = "the critic begins anew, from the seed: "
+from footfall.train.origin import (
+    CHECKPOINT_COPIED,
+    CRITIC_NOT_COPIED,
+    EXPORTED,
+    POLICY_COPIED,
+    read_exported,
+)
 
 
 def taken_over(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
-) -> tuple[PPONetworkParams, Any, list[str]]:
+) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     """Networks and normaliser of a checkpoint or of an exported policy.
 
     Args:
         path: the file.
-        params: the new training's, on the host; values without a counterpart in the file stay.
-        normalizer: likewise.
+        params: parameters of the new training, on the host; values without a counterpart in the file stay.
+        normalizer: normaliser of the new training; same.
         ppo: the new training's settings.
 
     Returns:
-        Parameters, normaliser, and what was taken over and what was not, one line each.
+        Parameters, normaliser, and notes on what was copied.
 
     Raises:
         UserError: the file is damaged, or its actor's layers have other sizes.
@@ -46,7 +50,7 @@ def taken_over(
 
 def _of_checkpoint(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
-) -> tuple[PPONetworkParams, Any, list[str]]:
+) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     saved = serialization.msgpack_restore(path.read_bytes())["state"]
     policy = _of_same_shape(params.policy, saved["params"]["policy"])
     if policy is None:
@@ -54,26 +58,20 @@ def _of_checkpoint(
     value = _of_same_shape(params.value, saved["params"]["value"])
     whole = _of_same_shape(normalizer, saved["normalizer"])
     if value is not None and whole is not None:
-        said = "actor, its noise, critic and normaliser are taken over"
-        return params.replace(policy=policy, value=value), whole, [said, ANEW]
+        return params.replace(policy=policy, value=value), whole, CHECKPOINT_COPIED
     old = saved["normalizer"]
     kept = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], ppo.steps_per_iteration)
-    said = "actor, its noise and normaliser are taken over"
-    return params.replace(policy=policy), kept, [said, f"{CRITIC_ANEW}it observes something else", ANEW]
+    return params.replace(policy=policy), kept, CRITIC_NOT_COPIED
 
 
 def _of_policy(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
-) -> tuple[PPONetworkParams, Any, list[str]]:
+) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     actor = read_exported(path)
     return (
         params.replace(policy=with_dense_layers(params.policy, actor.layers)),
         _with_actor(normalizer, actor.mean, actor.std, ppo.steps_per_iteration),
-        [
-            "actor and normaliser are taken over; its noise is the preset's",
-            f"{CRITIC_ANEW}an exported policy has none",
-            ANEW,
-        ],
+        POLICY_COPIED,
     )
 
 

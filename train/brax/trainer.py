@@ -78,12 +78,12 @@ class BraxTrainer(Trainer):
         """Take over networks and normaliser; see `footfall.train.trainer.Trainer`."""
         assert self._state is not None, "prepare first"
         fresh = jax.tree.map(np.asarray, cluster.gather((self._state.params, self._state.normalizer)))
-        params, normalizer, said = taken_over(path, fresh[0], fresh[1], self._run.config.ppo)
+        params, normalizer, notes = taken_over(path, fresh[0], fresh[1], self._run.config.ppo)
         where = shardings(STATE_SPECS, device_mesh(self._run.config.ppo))
         self._state = self._state._replace(
             params=place(params, where.params), normalizer=place(normalizer, where.normalizer)
         )
-        return said
+        return list(notes)
 
     def iterate(self) -> Metrics:
         """Launch the next iteration, which the devices compute asynchronously."""

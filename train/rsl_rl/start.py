@@ -1,5 +1,6 @@
 """Networks of another training as the start of one with rsl_rl."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from pickle import PickleError
 from typing import Any
@@ -8,14 +9,19 @@ import torch
 from rsl_rl.models import MLPModel
 
 from footfall.common.errors import UserError
-from footfall.train.origin import EXPORTED, read_exported
+from footfall.train.origin import (
+    CHECKPOINT_COPIED,
+    CRITIC_NOT_COPIED,
+    EXPORTED,
+    POLICY_COPIED,
+    read_exported,
+)
 
-ANEW = "the optimiser, the schedules and the curriculum begin anew"
 # Errors of reading a damaged or foreign checkpoint.
 DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
 
 
-def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> list[str]:
+def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> Sequence[str]:
     """Copy networks and normalisers of a checkpoint or of an exported policy into fresh networks.
 
     Args:
@@ -24,7 +30,7 @@ def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> li
         samples: sample count to assume for the normaliser of an exported policy.
 
     Returns:
-        What was taken over and what was not, one line each.
+        Notes on what was copied.
 
     Raises:
         UserError: the file is damaged, or its actor's layers have other sizes.
@@ -32,18 +38,13 @@ def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> li
     try:
         if path.suffix == EXPORTED:
             _take_policy(path, actor, samples)
-            return [
-                "actor and normaliser are taken over; its noise is the preset's",
-                "the critic begins anew, from the seed: an exported policy has none",
-                ANEW,
-            ]
+            return POLICY_COPIED
         saved = torch.load(path, weights_only=True, map_location="cpu")  # runs no code from the file
         actor.load_state_dict(saved["actor_state_dict"], strict=True)
         if _fits(saved["critic_state_dict"], critic):
             critic.load_state_dict(saved["critic_state_dict"], strict=True)
-            return ["actor, its noise, critic and normalisers are taken over", ANEW]
-        anew = "the critic begins anew, from the seed: it observes something else"
-        return ["actor, its noise and normaliser are taken over", anew, ANEW]
+            return CHECKPOINT_COPIED
+        return CRITIC_NOT_COPIED
     except DAMAGES as error:
         reason = " ".join(str(error).split())[:120]
         raise UserError(f"cannot start from {path}: {reason}") from None

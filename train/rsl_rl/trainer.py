@@ -66,7 +66,7 @@ class RslRlTrainer(Trainer):
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normalisers; see `footfall.train.trainer.Trainer`."""
         algorithm = self.runner.alg
-        return take_over(path, algorithm.get_policy(), algorithm.critic, self._ppo.steps_per_iteration)
+        return list(take_over(path, algorithm.get_policy(), algorithm.critic, self._ppo.steps_per_iteration))
 
     def iterate(self) -> dict[str, float]:
         """Roll out and learn once; returns metrics under the names of the JAX trainer.

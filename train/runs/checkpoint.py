@@ -12,7 +12,7 @@ from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
 from footfall.envs.old_settings import with_event_steps
 
-KEPT = 3
+MAX_CHECKPOINTS = 3
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 SUFFIX = ".ckpt"
 
@@ -52,7 +52,7 @@ def write(folder: Path, iteration: int, content: bytes) -> Path:
             f"cannot write checkpoint {file}: {error.strerror};"
             f" the last good one is {newest.name if newest else 'none'}"
         ) from None
-    _keep_newest(folder, KEPT)
+    _keep_newest(folder, MAX_CHECKPOINTS)
     return file
 
 

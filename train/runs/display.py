@@ -89,7 +89,7 @@ def metrics_table(metrics: dict[str, float], rows: int) -> Table:
     """Rewards on the left, their total first; on the right tracking, episodes and learning.
 
     Args:
-        metrics: by name, GROUP/NAME.
+        metrics: metrics by name, GROUP/NAME.
         rows: most rows to show; the log has the others.
     """
     shown = {name: value for name, value in metrics.items() if not name.startswith(LOG_ONLY)}

@@ -32,8 +32,8 @@ REPORT = "failure.yaml"
 SOURCE = "source revision"  # key of the source revision among the packages' versions
 ENVIRONMENT = "environment.npz"  # written by a replay
 DEVICE_ERROR = "device_error.txt"
-NAMED = 4  # names in a message; the others are counted
-LONGEST_REASON = 200  # characters of a device's error in a message
+MAX_NAMES = 4  # names in a message; the others are counted
+MAX_REASON_CHARS = 200  # characters of a device's error in a message
 
 
 class TrainingFailedError(UserError):
@@ -93,8 +93,8 @@ def failure_of(metrics: Mapping[str, float], diverged_limit: float) -> str | Non
 
 def not_finite(names: list[str]) -> str:
     """'a, b and 3 more are not finite'."""
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"{', '.join(names[:NAMED])}{more} {'is' if len(names) == 1 else 'are'} not finite"
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return f"{', '.join(names[:MAX_NAMES])}{more} {'is' if len(names) == 1 else 'are'} not finite"
 
 
 def non_finite_leaves(tree: Any) -> list[str]:
@@ -175,7 +175,7 @@ def _device_failure(run: Run, text: str, verb: str) -> str:
             f" ppo.num_envs (it is {run.config.ppo.num_envs}), or continue on a device that has more:"
             f" footfall {verb} {run.folder}"
         )
-    what = f"the device failed: {(text.splitlines() or [''])[0][:LONGEST_REASON]}"
+    what = f"the device failed: {(text.splitlines() or [''])[0][:MAX_REASON_CHARS]}"
     return f"{what}; {_last_good(newest)}; continue with: footfall {verb} {run.folder}"
 
 

@@ -67,7 +67,7 @@ class Geometry:
         """The contacts that two geoms can make; their number does not depend on the pose.
 
         Args:
-            meeting: of the geoms.
+            meeting: collision of the two geoms.
             ground: (4,) or (8,) numbers as of `interface.GROUND`; None: of the first geom, a plane.
         """
         one, two = meeting.geoms

@@ -41,7 +41,7 @@ def load(code: bytes, name: str, devices: Iterable[int]) -> int:
 
     Args:
         code: machine code, for all of the devices.
-        name: of the kernel in the code.
+        name: name of the kernel in the code.
         devices: GPUs to load it into now. Its first launch may be too late, since XLA records launches and
             repeats them.
 

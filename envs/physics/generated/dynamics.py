@@ -85,7 +85,7 @@ def dynamics(
     Args:
         tree: the robot.
         turns: (3, 3) each, from a link's frame to its parent's.
-        inertias: of each link that carries mass, and of the base, in the link's frame.
+        inertias: inertias of each link that carries mass, and of the base, in the link's frame.
         angular_velocity: (3,) rad/s, of the base in its own frame.
         speeds: rad/s, of the hinges.
         gravity: (3,) m/s^2, in the base's frame.

@@ -241,7 +241,7 @@ def schedule(outputs: Iterable[Scalar], held: Collection[str]) -> Schedule:
     """The nodes that a program with these outputs must compute.
 
     Args:
-        outputs: of one physics step.
+        outputs: outputs of one physics step.
         held: names of the input arrays that do not change from step to step.
     """
     needed: dict[int, Expression] = {}

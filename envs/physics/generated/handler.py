@@ -29,7 +29,7 @@ REQUEST_CONTEXT, STREAM = 16, 24
 
 
 class Launch(NamedTuple):
-    """How a kernel is launched: its arguments are pointers to inputs and then to outputs."""
+    """Launch parameters of a kernel. Its arguments are pointers to the inputs, then to the outputs."""
 
     inputs: int
     outputs: int
@@ -39,7 +39,7 @@ class Launch(NamedTuple):
 
 @cache
 def version() -> tuple[int, int]:
-    """Major and minor version of XLA's interface, as the header of this jaxlib has them."""
+    """Major and minor version of XLA's interface, from the header of this jaxlib."""
     text = (Path(jax.ffi.include_dir()) / HEADER).read_text()
     major, minor = (re.search(rf"define XLA_FFI_API_{part} (\d+)", text) for part in ("MAJOR", "MINOR"))
     return (int(major[1]), int(minor[1])) if major and minor else (-1, -1)
@@ -71,7 +71,7 @@ def compiled(
     """The engine that owns the function's machine code, and the function's address.
 
     Args:
-        launch: the kernel's.
+        launch: launch parameters of the kernel.
         launcher: address of a function with the signature of `cuLaunchKernel`.
         slot: address of the kernel's handle, which is 0 until the kernel is loaded.
         wait: address of a function without arguments, called while the handle is 0; returns when loaded.
@@ -89,7 +89,7 @@ def compiled(
 
 
 def capsule(address: int) -> object:
-    """A function at an address, as `jax.ffi.register_ffi_target` takes it."""
+    """A function at an address, for `jax.ffi.register_ffi_target`."""
     return jax.ffi.pycapsule(ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(address))
 
 

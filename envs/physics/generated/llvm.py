@@ -35,7 +35,7 @@ class Program:
         Args:
             substep: one physics step.
             steps: physics steps in a control step.
-            dtype: of all arrays.
+            dtype: dtype of all arrays.
             lanes: robots in a vector register; None: as many as the processor has room for.
         """
         llvm.initialize_native_target()

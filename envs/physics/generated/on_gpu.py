@@ -60,7 +60,7 @@ def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> li
         substep_of: returns the physics step; a cache key, so the same object for the same step.
         steps: physics steps in it.
         robots: their number.
-        arrays: of each input, as `arguments` lists them.
+        arrays: arrays of each input, as `arguments` lists them.
     """
     _, outputs = arguments(substep_of())
     shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]

@@ -55,8 +55,8 @@ def contact_rows(
         contact: the contact.
         model: nominal.
         tree: its tree.
-        poses: of links.
-        velocity: of all degrees of freedom, the base's in its own frame.
+        poses: poses of links.
+        velocity: velocity of all degrees of freedom, the base's in its own frame.
         friction: the geoms' coefficient, used if the meeting has none.
     """
     meeting = contact.meeting
@@ -88,8 +88,8 @@ def limit_rows(model: mujoco.MjModel, angles: Sequence[Scalar], velocity: list[S
 
     Args:
         model: nominal, of a tree of hinges on a free base.
-        angles: of the hinges.
-        velocity: of all degrees of freedom.
+        angles: angles of the hinges.
+        velocity: velocity of all degrees of freedom.
     """
     for joint in np.flatnonzero(model.jnt_limited):
         dof = int(model.jnt_dofadr[joint])

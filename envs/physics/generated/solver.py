@@ -23,7 +23,7 @@ def newton_step(
 
     Args:
         mass: M, with all armature.
-        force: of all degrees of freedom, bias forces taken off.
+        force: force of all degrees of freedom, without bias forces.
         previous: the last step's acceleration.
         contacts: all possible contacts, and joint limits.
         rounding: relative change of a number that counts as zero.

@@ -53,7 +53,7 @@ def substep(
         robot: the robot of the model.
         fields: shapes of the fields that differ between robots: model fields, `GROUND` and `GRAVITY`. All
             others are the model's.
-        precision: of the program's numbers.
+        precision: floating-point precision of the program's numbers.
         effects: optional fields of `Motor` that the motors have.
     """
     graph, tree = Graph(), read_tree(model)

@@ -37,11 +37,11 @@ class Commands:
         """
         self._participant = participant
         self._offered: list[str] = []
-        self._link = Link(path, self._heard, lambda why: self._link.tell(note=f"refused: {why}"))
+        self._link = Link(path, self._heard, lambda why: self._link.post(note=f"refused: {why}"))
         self._kind, self._other = velocity_kinds(stamped)
         self._stopped = False
         self._readers: dict[str, tuple[RawReader, str, Callable[[Any], None]]] = {}
-        self._listen(CMD_VEL._replace(kind=self._kind), lambda value: self._link.tell(velocity=value))
+        self._listen(CMD_VEL._replace(kind=self._kind), lambda value: self._link.post(velocity=value))
         self._listen(CMD_VEL._replace(kind=self._other), self._wrong_type)
         self._listen(STOP, self._stop)
         for topic in CHOSEN:
@@ -72,13 +72,13 @@ class Commands:
         """A repeated message is forwarded once: a second stop has a stronger effect on the run."""
         if not self._stopped:
             self._stopped = True
-            self._link.tell(stop=f"topic {absolute(STOP.name)}")
+            self._link.post(stop=f"topic {absolute(STOP.name)}")
 
     def _choose(self, key: str, value: str) -> None:
-        self._link.tell(**{key: value})
+        self._link.post(**{key: value})
 
     def _setting(self, name: str, value: float) -> None:
-        self._link.tell(settings={name: value})
+        self._link.post(settings={name: value})
 
     def _wrong_type(self, _: Any) -> None:
-        self._link.tell(note=other_type(absolute(CMD_VEL.name), self._kind, self._other))
+        self._link.post(note=other_type(absolute(CMD_VEL.name), self._kind, self._other))

@@ -18,13 +18,13 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 ANY = SampleState.Any | ViewState.Any | InstanceState.Any
-PATIENCE = duration(milliseconds=10)  # maximum time of a write if a subscriber is slow
+WRITE_TIMEOUT = duration(milliseconds=10)  # maximum time of a write if a subscriber is slow
 
 
 def quality(reliable: bool, latched: bool, depth: int) -> Qos:
     """Quality of service, with ROS's terms."""
     return Qos(
-        Policy.Reliability.Reliable(PATIENCE) if reliable else Policy.Reliability.BestEffort,
+        Policy.Reliability.Reliable(WRITE_TIMEOUT) if reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
     )
@@ -33,7 +33,7 @@ def quality(reliable: bool, latched: bool, depth: int) -> Qos:
 def dds_topic(participant: DomainParticipant, name: str, kind: str) -> Topic:
     """A topic with ROS's names for topic and type.
 
-    Its structure is a placeholder: it is not used for encoding, and peers are told to ignore it.
+    Its structure is a placeholder: it is not used for encoding, and peers ignore it on request.
 
     Args:
         participant: participant in the domain.

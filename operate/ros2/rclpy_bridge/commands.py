@@ -29,7 +29,7 @@ class Commands:
         """Subscribe; with `stamped`, velocities are TwistStamped."""
         self._node, self._link = node, link
         self._kind, self._other = velocity_kinds(stamped)
-        self._stopped = self._told = False
+        self._stopped = self._warned = False
         self._settings: dict[str, Any] = {}
         self._subscribe(CMD_VEL._replace(kind=self._kind), self._stamped if stamped else self._velocity, 1)
         self._subscribe(STOP, self._stop)
@@ -51,29 +51,29 @@ class Commands:
         return self._node.create_subscription(message_type(topic.kind), topic.name, take, quality)
 
     def _velocity(self, twist: Any) -> None:
-        self._link.tell(velocity=[twist.linear.x, twist.linear.y, twist.angular.z])
+        self._link.post(velocity=[twist.linear.x, twist.linear.y, twist.angular.z])
 
     def _stamped(self, message: Any) -> None:
-        """Its age counts from its arrival: two computers' clocks may differ."""
+        """Forward a stamped velocity. Its stamp is ignored: two computers' clocks may differ."""
         self._velocity(message.twist)
 
     def _stop(self, _: Any) -> None:
-        """A repeated message is forwarded once: a second stop has a stronger effect on the run."""
+        """Forward the first stop only: a second one has a stronger effect on the run."""
         if not self._stopped:
             self._stopped = True
-            self._link.tell(stop=f"topic {self._node.resolve_topic_name(STOP.name)}")
+            self._link.post(stop=f"topic {self._node.resolve_topic_name(STOP.name)}")
 
     def _choose(self, key: str, message: Any) -> None:
-        self._link.tell(**{key: message.data})
+        self._link.post(**{key: message.data})
 
     def _setting(self, name: str, message: Any) -> None:
-        self._link.tell(settings={name: message.data})
+        self._link.post(settings={name: message.data})
 
     def _look_for_the_other_type(self) -> None:
         topic = self._node.resolve_topic_name(CMD_VEL.name)
         found = self._node.get_publishers_info_by_topic(topic)
-        if not self._told and self._other in [each.topic_type for each in found]:
-            self._told = True
+        if not self._warned and self._other in [each.topic_type for each in found]:
+            self._warned = True
             line = other_type(topic, self._kind, self._other)
             self._node.get_logger().error(line)
-            self._link.tell(note=line)
+            self._link.post(note=line)

@@ -42,7 +42,7 @@ class Parameters:
                 value = self._node.declare_parameter(name, default, about, ignore_override=True).value
             self._declared[name] = lowest, highest, default
             if value != default:
-                self._link.tell(settings={name: value})
+                self._link.post(settings={name: value})
         self._declaring = False
 
     def _changed(self, parameters: Sequence[Parameter]) -> SetParametersResult:

@@ -22,7 +22,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-_STILL = np.zeros(3)
+_ZERO_COMMAND = np.zeros(3)
 
 
 class Jump:
@@ -94,7 +94,7 @@ class Jump:
         self._stand.reset(inputs)
 
     def _since_landing(self, inputs: PolicyInput) -> PolicyInput:
-        return inputs._replace(time_s=inputs.time_s - self._stood_s, command=_STILL)
+        return inputs._replace(time_s=inputs.time_s - self._stood_s, command=_ZERO_COMMAND)
 
     def _jump_from(self, inputs: PolicyInput) -> None:
         self._time_s = 0.0

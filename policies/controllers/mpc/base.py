@@ -77,7 +77,7 @@ class Disturbance:
         """Clear earlier disturbances."""
         self._left_s = 0.0
 
-    def present(self, base: Base, walking: bool, off_m: float, dt_s: float) -> bool:
+    def active(self, base: Base, walking: bool, off_m: float, dt_s: float) -> bool:
         """Whether the base is, or was within `calm_s`, too fast, too tilted or too far from its feet.
 
         Args:

@@ -236,7 +236,7 @@ class Mpc:
             self.command.advance(inputs.command, dt_s)
         walking = self.clock.walking
         off_m = 0.0 if walking else capture_offset_m(base, self._body.centre, pose.foot)
-        disturbed = self._disturbance.present(base, walking, off_m, dt_s)
+        disturbed = self._disturbance.active(base, walking, off_m, dt_s)
         walk = self.command.wants_walk(inputs.command) or disturbed
         self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
         if self._live.gait and not self.clock.walking:
@@ -253,10 +253,10 @@ class Mpc:
         reference = self.reference.over_horizon(base, self.command.value)
         points = np.array([feet, self.swing_feet.target]) - base.position
         points[:, :, 2] = 0.0  # on the ground
-        present, targets = points @ to_heading
+        current, targets = points @ to_heading
         centre = self.reference.path(state, reference)
         arms = contact_points(
-            contacts, present, targets, self.swing_feet.shifted_places, centre, reference.pose[:, 2]
+            contacts, current, targets, self.swing_feet.shifted_places, centre, reference.pose[:, 2]
         )
         before = self.force.dot(to_heading)
         gravity = self.slope.gravity.dot(to_heading)

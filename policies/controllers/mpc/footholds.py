@@ -64,7 +64,7 @@ def contact_points(
 
     Args:
         contacts: (steps, legs) boolean; the first step is the current one.
-        feet: (legs, 3) present contact points, heading frame.
+        feet: (legs, 3) current contact points, heading frame.
         targets: (legs, 3) touch-down points, heading frame.
         places: (legs, 3) nominal positions of the feet relative to the base, heading frame.
         centre: (steps, 3) path of the centre of mass, heading frame, z above the ground.

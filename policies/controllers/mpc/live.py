@@ -11,7 +11,7 @@ from footfall.policies.controllers.mpc.swing_feet import SwingFeet
 from footfall.policies.live_settings import Applied, Span, approached, shared
 from footfall.robots.description import Robot
 
-_RATES = {  # largest change of each setting per second, in its unit
+_MAX_RATES = {  # largest change of each setting per second, in its unit
     "step_period_s": 0.1,
     "step_height_m": 0.05,
     "body_height_m": 0.05,
@@ -57,7 +57,7 @@ class LiveMpc:
         if not self._moves:
             return
         now = {
-            name: approached(value, self._wanted[name], _RATES[name] * dt_s)
+            name: approached(value, self._wanted[name], _MAX_RATES[name] * dt_s)
             for name, value in self._now.items()
         }
         self._moves, self._now = now != self._wanted, now

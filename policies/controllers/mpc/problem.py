@@ -1,7 +1,7 @@
 """Quadratic program over the feet's forces, from the state of a rigid body and its contact schedule.
 
 The model is that of Di Carlo et al. 2018 ("Dynamic locomotion in the MIT Cheetah 3 through convex
-model-predictive control", eqs. 15-17), written in the heading frame (world rotated by the present yaw), where
+model-predictive control", eqs. 15-17), written in the heading frame (world rotated by the current yaw), where
 for small roll and pitch
 
     d attitude = rate,   d rate = I^-1 sum r x f,   d position = velocity,   d velocity = g + sum f / m.
@@ -116,10 +116,10 @@ class ForceProblems:
         friction: float | None = None,
         gravity: np.ndarray = _DOWN,
     ) -> ForceProblem:
-        """Quadratic program for the present state.
+        """Quadratic program for the current state.
 
         Args:
-            state: present state.
+            state: current state.
             reference: wanted state after each step.
             contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, contact points relative to the centre of mass, heading frame.

@@ -21,7 +21,7 @@ class CentreOffset:
     Args:
         weight_n: m g.
         fall_rate: w, 1/s.
-        rate_hz: of `observe`.
+        rate_hz: rate of `observe`.
     """
 
     def __init__(self, weight_n: float, fall_rate: float, rate_hz: float) -> None:

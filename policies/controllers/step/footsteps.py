@@ -102,7 +102,7 @@ def next_step(
     """Position and time of the next touch-down: least squares with three bounded unknowns.
 
     Args:
-        capture: (2,) present capture point.
+        capture: (2,) current capture point.
         pressure: (2,) centre of pressure until touch-down.
         elapsed_s: time since the previous touch-down.
         way_m: remaining distance of the foot.

@@ -67,7 +67,7 @@ class Footwork:
         """Advance by one tick.
 
         Args:
-            dynamics: present dynamics of the robot.
+            dynamics: current dynamics of the robot.
             command: (3,) forward m/s, leftward m/s, yaw rad/s.
             settled: whether commands are followed already.
 

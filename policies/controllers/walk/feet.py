@@ -120,7 +120,7 @@ class FootCycle:
             velocity: forward m/s, leftward m/s, yaw rad/s of the body.
             dt_s: time step.
             step_height_m: height of swings that start now.
-            lift_off: for each foot, whether it may lift off; feet in the air land in any case.
+            lift_off: whether each foot may lift off; feet in the air land in any case.
         """
         timing, duty = self.timing, self.timing.duty
         phases = self._phases()

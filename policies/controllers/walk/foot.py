@@ -10,7 +10,7 @@ from footfall.robots.kinematics import Legs
 
 Number = TypeVar("Number", float, np.ndarray)
 
-_NUDGE_M = 0.005
+_STEP_M = 0.005
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -66,8 +66,8 @@ def rolling_of(legs: Legs, tips: np.ndarray, pose: np.ndarray) -> np.ndarray:
         tips: positions at mid-stance, base frame.
         pose: (n,) rad, for joints outside the limbs.
     """
-    step = _NUDGE_M * np.eye(3)[:2]
-    rates = np.stack([legs.solve(tips + by) - legs.solve(tips - by) for by in step], axis=-1) / (2 * _NUDGE_M)
+    step = _STEP_M * np.eye(3)[:2]
+    rates = np.stack([legs.solve(tips + by) - legs.solve(tips - by) for by in step], axis=-1) / (2 * _STEP_M)
     axes = legs.pose(legs.scatter(legs.solve(tips), pose)).axes
     contact = np.eye(2) + (legs.rolling_offset(axes, _UP) @ rates)[:, :2]
     return np.linalg.inv(contact)

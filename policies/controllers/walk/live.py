@@ -91,10 +91,10 @@ class WalkSettings:
 
     @property
     def changes_gait(self) -> bool:
-        """Whether the wanted gait differs from the present one."""
+        """Whether the wanted gait differs from the current one."""
         return self.wanted_gait != self.gait
 
     def change_gait(self) -> StepClock:
-        """Make the wanted gait the present one; returns its clock."""
+        """Make the wanted gait the current one; returns its clock."""
         self.gait = self.wanted_gait
         return self.gait.clock(self._robot)

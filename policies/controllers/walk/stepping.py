@@ -22,7 +22,7 @@ _NO_SWAY = np.zeros(2, complex)
 _APPROACH = 2.0  # shortest time, in cycles, in which a gait with a sway reaches its longest steps
 _SHIFTED_M = 0.002  # largest distance of the body from its sway at the first lift-off
 _STILL_M = 1e-4  # a smaller sway counts as none
-_ASTRAY_M = 0.01  # at rest, feet farther than this from mid-stance are moved there
+_MAX_REST_ERROR_M = 0.01  # at rest, feet farther than this from mid-stance are moved there
 
 
 class Stepping:
@@ -108,7 +108,7 @@ class Stepping:
         if cycle.timing.period_s != settings.gait.period_s:
             self._approach_period(dt_s)
         changes = settings.changes_gait
-        lift_off = [not changes and (walk or away) for away in cycle.far_from_mid_stance(_ASTRAY_M)]
+        lift_off = [not changes and (walk or away) for away in cycle.far_from_mid_stance(_MAX_REST_ERROR_M)]
         if walk:
             self._pacing.set_tempo(shaped.value.tolist() == wanted.tolist(), dt_s)
         wants = walk or cycle.flies or any(lift_off)
@@ -144,7 +144,7 @@ class Stepping:
         return within
 
     def _steady(self, velocity: np.ndarray) -> SteadyWalk:
-        """The present walk at a steady velocity (3,)."""
+        """The current walk at a steady velocity (3,)."""
         timing, offsets, height_m = self.cycle.timing, self.cycle.offsets, self._settings.step.height_m
         return SteadyWalk(self.footing, timing, offsets, velocity, height_m, self._sway_plan, self.below())
 
@@ -164,7 +164,7 @@ class Stepping:
             self._pacing.invalidate()
 
     def _plan_sway(self) -> SwayPlan:
-        """Sway of the present gait."""
+        """Sway of the current gait."""
         cycle, height_m = self.cycle, self._settings.step.body_height_m + float(self._centre[2])
         places, share = self.footing.places[:, :2], self._config.stance.sway
         return plan_sway(places, cycle.timing, cycle.offsets, height_m, share)

@@ -10,7 +10,7 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.gait import GaitTiming, in_stance, leg_phases
 
 _CLOCKS = np.arange(240) / 240
-_SETTLES = 16.0  # time constants per cycle of each of two filters: a sway is reached after 1/4 cycle
+_FILTER_RATE = 16.0  # time constants per cycle of each of two filters: a sway is reached after 1/4 cycle
 _BEFORE = 0.02  # cycles between a lift-off and the reversal of the sway
 
 
@@ -70,7 +70,7 @@ class Sway:
 
     def approach(self, goal: np.ndarray, cycles: float) -> None:
         """Move towards the body's sine (2,), during a part of a cycle."""
-        share = min(1.0, _SETTLES * cycles)
+        share = min(1.0, _FILTER_RATE * cycles)
         self._first = _nearer(self._first, goal.tolist(), share)
         self._now = _nearer(self._now, self._first, share)
 

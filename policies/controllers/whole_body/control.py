@@ -104,7 +104,7 @@ class WholeBodyControl:
         """Joint commands for this tick.
 
         Args:
-            dynamics: present dynamics of the robot.
+            dynamics: current dynamics of the robot.
             joint_position: (n,) rad, measured.
             joint_velocity: (n,) rad/s, measured.
             wanted: wanted accelerations.

@@ -131,10 +131,10 @@ class QuadraticPrograms:
         """Quadratic program of one tick.
 
         Args:
-            dynamics: present dynamics of the robot.
+            dynamics: current dynamics of the robot.
             wanted: wanted accelerations.
             most_force: (points,) N, largest upward force of each point; 0: no contact.
-            least_torque: (n,) N m, present lower limits of the motors.
+            least_torque: (n,) N m, current lower limits of the motors.
             most_torque: (n,) N m, upper limits.
         """
         pattern = self._pattern(most_force > 0.0)

@@ -23,6 +23,7 @@ from footfall.options import (
     RobotName,
     VelocityCommand,
 )
+from footfall.robot_bus import interface_bus
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -143,6 +144,7 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     from footfall.deploy.wiring import wire
 
     robot, wiring = setting.robot, wire(setting.robot)
+    plant = None
     with ExitStack() as resources:
         if kind in (SIMULATED, VIRTUAL):
             from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -164,14 +166,9 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
             wires = SimulatedWires(wiring.buses)
             yield SimulatedBus(wires, SimulatedRobot(robot, wiring, wires, plant))
             return
-        if kind == VIRTUAL:
-            from footfall.plant.serve import serving
-
-            resources.enter_context(serving(robot, VIRTUAL, plant))
-        from footfall.deploy.interfaces import robots_interfaces
         from footfall.deploy.stop_inputs.open import filters_of
 
-        yield resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(robot, wiring)))
+        yield resources.enter_context(interface_bus(robot, wiring, kind, filters_of(robot, wiring), plant))
 
 
 def _figures(verdicts: "list[Verdict]", options: BringUpOptions) -> dict[str, Any]:

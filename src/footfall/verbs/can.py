@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,15 +11,15 @@ from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
 from footfall.confirm import Yes, confirm
-from footfall.options import VIRTUAL, Names, OptionalSeconds, RobotName, Seconds
+from footfall.options import Names, OptionalSeconds, RobotName, Seconds
+from footfall.plain_table import print_table
+from footfall.robot_bus import interface_bus
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from footfall.deploy.bench import Bench, MotorState
-    from footfall.deploy.bus import Bus
-    from footfall.deploy.drivers.driver import CanFilter
     from footfall.deploy.wiring import Wiring
     from footfall.robots.description import Robot
 
@@ -48,7 +48,7 @@ def scan(*, place: Place = Place()) -> int:
     from footfall.deploy.scan import scan as scan_buses
 
     robot, wiring = _wired(place)
-    with _opened(robot, wiring, place.bus, everything(wiring)) as bus:
+    with interface_bus(robot, wiring, place.bus, everything(wiring)) as bus:
         found = scan_buses(bus, wiring)
     expected = expected_motors(wiring)
     rows: list[tuple[str, ...]] = []
@@ -56,7 +56,7 @@ def scan(*, place: Place = Place()) -> int:
         verdict = "found" if each in found else "missing"
         joint = expected.get(each, "not in robot.yaml")
         rows.append((wiring.buses[each.channel], str(each.id), each.maker, joint, verdict))
-    _print_table(("bus", "id", "maker", "joint", ""), rows)
+    print_table(("bus", "id", "maker", "joint", ""), rows)
     return 0 if found == set(expected) else NOT_ALL_WELL
 
 
@@ -101,7 +101,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
 
 @can.command
 def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
-    """Set the zero position of disabled motors at rest to their present position.
+    """Set the zero position of disabled motors at rest to their current position.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
         Only these joints.
     """
     which = ", ".join(joint) if joint else "every joint"
-    confirm(f"set the zero of {which} to the present position? The old zero is lost", yes)
+    confirm(f"set the zero of {which} to the current position? The old zero is lost", yes)
     with _bench(place, joint) as bench:
         problem = bench.query_settings() or bench.settle()
         if not problem:
@@ -152,21 +152,6 @@ def _wired(place: Place) -> "tuple[Robot, Wiring]":
 
 
 @contextmanager
-def _opened(
-    robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
-) -> "Iterator[Bus]":
-    """The robot's buses; a virtual interface includes a simulated robot."""
-    from footfall.deploy.interfaces import robots_interfaces
-
-    with ExitStack() as resources:
-        if interface == VIRTUAL:
-            from footfall.plant.serve import serving
-
-            resources.enter_context(serving(robot, VIRTUAL))
-        yield resources.enter_context(robots_interfaces(interface, wiring.buses, filters))
-
-
-@contextmanager
 def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
     """All motors of a robot, or of some joints; they are disabled at the end of the context."""
     import numpy as np
@@ -179,7 +164,7 @@ def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
         if name not in robot.joint_names:
             raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
     some = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
-    with _opened(robot, wiring, place.bus, open_driver(some).filters) as bus:
+    with interface_bus(robot, wiring, place.bus, open_driver(some).filters) as bus:
         bench = Bench(some, bus)
         with switched_off_afterwards(bench):
             yield bench
@@ -242,11 +227,4 @@ def _row(state: "MotorState") -> tuple[str, ...]:
 
 
 def _print_motors(bench: "Bench") -> None:
-    _print_table(HEADER, [_row(state) for state in bench.states()])
-
-
-def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    """Print a table with aligned columns, without terminal codes."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for row in (header, *rows):
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    print_table(HEADER, [_row(state) for state in bench.states()])

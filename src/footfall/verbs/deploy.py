@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +15,7 @@ from footfall.common.files import release, spare_descriptors
 from footfall.common.outputs import check_outputs
 from footfall.deploy_options import DEFAULTS, FULL, LYING, DeployOptions
 from footfall.options import SIMULATED, VIRTUAL, PolicyName
+from footfall.robot_bus import virtual_robot
 from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:
@@ -62,21 +63,21 @@ def deploy(
     if options.by == COCKPIT:
         options, pages = replace(options, by=None), replace(pages, cockpit=True)
     robot = load_robot(options.robot)
-    spec, *also = add_settings([policy, *options.also], options.settings)
-    decider, consent = load_policy(spec, robot), _consent(options, robot)
-    others = {lasting_spec(each): load_policy(each, robot) for each in also}
-    others |= mission_policies(options.by, [decider, *others.values()], robot)
+    spec, *other_specs = add_settings([policy, *options.also], options.settings)
+    policy_to_run, consent = load_policy(spec, robot), _consent(options, robot)
+    others = {lasting_spec(each): load_policy(each, robot) for each in other_specs}
+    others |= mission_policies(options.by, [policy_to_run, *others.values()], robot)
     act = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
-        everyone, inbox = {spec: decider, **others}, inbox_of(pages)
+        all_policies, inbox = {spec: policy_to_run, **others}, inbox_of(pages)
         with (
-            steered(options.by, options.command, options.duration, everyone, robot, inbox) as steering,
+            steered(options.by, options.command, options.duration, all_policies, robot, inbox) as steering,
             run_pages(pages, robot, options.feed, steering, inbox) as (steering, feed),
             height_scan_source(options.height_scan) as scans,
         ):
             options = replace(options, feed=feed)
-            run = Run(robot, decider, lasting_spec(spec), others, consent, options, steering, scans)
+            run = Run(robot, policy_to_run, lasting_spec(spec), others, consent, options, steering, scans)
             figures = about | act(run)
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
@@ -138,24 +139,24 @@ def _on_interface(run: Run) -> dict[str, Any]:
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
 
     robot, options, steering = run.robot, run.options, run.steering
-    if what := _for_simulation_alone(options):
+    if what := _simulation_only(options):
         raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
     facts = {"seed": options.seed, "policy_spec": run.spec, "bus": options.bus, "plant": None}
     check = must_check(robot, options.bus, options.wiring)
     notes = [] if check else [unproven_note(robot, options.bus)]
-    said = [*filter(None, notes), *[WIRING_CHECK] * check]
+    lines = [*filter(None, notes), *[WIRING_CHECK] * check]
     if robot.description.held_start:
-        said.append(f"{robot.name} cannot stand still: hold it up, and let go once it steps in place")
+        lines.append(f"{robot.name} cannot stand still: hold it up, and let go once it steps in place")
 
     def display(loop: "ControlLoop") -> AbstractContextManager[None]:
-        return _display(loop, lambda: loop.estimate[0], said, steering)
+        return _display(loop, lambda: loop.estimate[0], lines, steering)
 
     config = _config(robot, options, steering)
     store, log = None, options.log
     if log is None and options.bus != VIRTUAL:  # the record of a real robot must not be lost
         store = default_store(round(config.logs_most_mb * 1e6))
         log = store.new_log(robot.name)
-        said.append(f"the log is {log}")
+        lines.append(f"the log is {log}")
     session = Session(
         command_source=steering.source,
         duration_s=steering.duration_s,
@@ -173,11 +174,7 @@ def _on_interface(run: Run) -> dict[str, Any]:
         height_scans=run.scans,
         wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
-    with ExitStack() as resources:
-        if options.bus == VIRTUAL:  # virtual buses do not leave this process, so the robot must be in it
-            from footfall.plant.serve import serving
-
-            resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
+    with virtual_robot(robot, options.bus, seed=options.seed):
         outcome = run_on_interface(robot, run.policy, options.bus, session)
     tipped = outcome.final_state == FALLEN
     return _figures(outcome, options, steering) | {
@@ -202,7 +199,7 @@ def _consent(options: DeployOptions, robot: "Robot") -> "GetUp | None":
     return GetUp(load_policy(spec, robot), lasting_spec(spec))
 
 
-def _for_simulation_alone(options: DeployOptions) -> str:
+def _simulation_only(options: DeployOptions) -> str:
     """First given option that applies only to the simulated robot; empty if there is none."""
     given = {
         "--plant": options.plant is not None,
@@ -216,13 +213,13 @@ def _for_simulation_alone(options: DeployOptions) -> str:
 
 
 def _display(
-    loop: "ControlLoop", velocity: Callable[[], np.ndarray], said: Sequence[str], steering: "Steered"
+    loop: "ControlLoop", velocity: Callable[[], np.ndarray], lines: Sequence[str], steering: "Steered"
 ) -> AbstractContextManager[None]:
     """Print the lines for the operator, after the buses are open and before anything moves; then show the
     state."""
     from footfall.live_state import live_state
 
-    for line in (*said, *steering.about):
+    for line in (*lines, *steering.about):
         print(line, flush=True)
     steering.attach(loop)
     return live_state(loop, velocity, steering.duration_s, line=steering.line)

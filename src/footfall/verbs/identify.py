@@ -113,7 +113,7 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     logs
         The logs.
     """
-    from footfall.identify.fit import MISFIT, FitConfig, fit_leg
+    from footfall.identify.fit import MISFIT_RATIO, FitConfig, fit_leg
     from footfall.identify.parameters import EFFECTS
     from footfall.identify.proposal import propose
 
@@ -134,7 +134,7 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     if options.out is not None:
         folder = propose(given.robot, fits, [str(log) for log in logs], options.out)
         print(f"wrote {folder}: check it with: footfall robot check {folder}")
-    return 1 if any((each.misfit > MISFIT).any() for each in fits) else 0
+    return 1 if any((each.misfit > MISFIT_RATIO).any() for each in fits) else 0
 
 
 class _Given(NamedTuple):

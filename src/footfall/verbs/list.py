@@ -102,8 +102,8 @@ def _scenarios() -> Rows:
     from footfall.evaluate.scenarios import described
 
     return [
-        {"name": name, "about": told.about, "episodes": told.episodes, "duration_s": told.duration_s}
-        for name, told in described().items()
+        {"name": name, "about": each.about, "episodes": each.episodes, "duration_s": each.duration_s}
+        for name, each in described().items()
     ]
 
 

@@ -139,7 +139,7 @@ class CheckOptions:
 def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int:
     """Print a robot's tree and feet, test standing and walking in simulation; exit 1 if something is
     wrong."""
-    from footfall import robot_check as told
+    from footfall import robot_check
     from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
     from footfall.plant.walking import controllers_test
@@ -148,21 +148,21 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
 
     loaded = load_robot(robot)
     looked = inspect_robot(loaded, options.seed)
-    told.show_tree(loaded, looked)
-    told.show_feet(looked)
+    robot_check.show_tree(loaded, looked)
+    robot_check.show_feet(looked)
     held = loaded.description.held_start
     standing = None if held else standing_test(loaded, options.duration, options.seed)
-    told.show_standing(loaded, standing)
+    robot_check.show_standing(loaded, standing)
     lying = None if loaded.lying_pose is None else lying_test(loaded, options.seed)
-    told.show_lying(lying)
+    robot_check.show_lying(lying)
     results = controllers_test(loaded, options.duration, options.seed) if options.controllers else []
-    told.show_controllers(results)
+    robot_check.show_controllers(results)
     wrong = [
         *looked.findings(stands_still=not held),
-        *told.beyond_frames(loaded),
-        *told.wrong_standing(loaded, standing),
-        *told.wrong_lying(lying),
-        *told.wrong_controllers(results),
+        *robot_check.beyond_frames(loaded),
+        *robot_check.wrong_standing(loaded, standing),
+        *robot_check.wrong_lying(lying),
+        *robot_check.wrong_controllers(results),
     ]
     for finding in wrong:
         print(f"wrong: {finding}")

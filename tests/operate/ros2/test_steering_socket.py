@@ -45,9 +45,9 @@ def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Pat
     assert (request.gait, request.settings) == ("wave", {"step_height_m": 0.04})
     for wrong in ({"velocity": [float("nan"), 0, 0]}, {"gait": "fly"}, {"weight": 1}, {"wish": ["walk"]}):
         assert "\n" not in link.ask(**wrong) != ""
-    link.tell(gait="fly")
-    link.tell(gait="fly")
-    link.tell(wish="stand")
+    link.post(gait="fly")
+    link.post(gait="fly")
+    link.post(wish="stand")
     assert eventually(lambda: inbox.poll(WALKING).wish is Wish.STAND)
     assert len(told) == 1, "the same refusal is told once"
     assert inbox.take_over("page") == ""

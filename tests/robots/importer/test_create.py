@@ -247,7 +247,7 @@ class TestRefusals:
             ("--armature", "-1", "expected a positive number"),
             ("--speed", "wrist=3", "no joint has 'wrist' in its name"),
             ("--feet", "FL_shank,nix", "no link 'nix'"),
-            ("--feet", "FL_shank,trunk", "no end of a limb is 'trunk'"),
+            ("--feet", "FL_shank,trunk", "a limb does not end in 'trunk'"),
         ],
     )
     def test_options_that_match_no_joint_or_link(

@@ -8,61 +8,62 @@ import numpy as np
 from footfall.identify.null_space import Direction, Profile, null_directions, profile
 from footfall.identify.parameters import ORDER, Parameter
 from footfall.identify.problem import Problem
-from footfall.identify.solver import some_windows, stepped
+from footfall.identify.solver import coarsened, gauss_newton
 
-UNTOLD = 0.3  # standard deviation, in scales, above which a direction of parameters is unidentifiable
+MAX_SIGMA = 0.3  # standard deviation, in scales, above which a direction of parameters is unidentifiable
 DELAY, PROFILE_ROUNDS = "delay_s", 4
 SHIFTS_S = np.linspace(-0.004, 0.004, 9)  # changes of all delays of a leg, for a profile
 
 
-class Told(NamedTuple):
+class Reduced(NamedTuple):
     """A problem without its unidentifiable parameters."""
 
     problem: Problem
     kept: list[int]  # indices of the parameters that stay free
-    frozen: dict[Parameter, Direction]  # the others, each with its unidentifiable direction
+    frozen: dict[Parameter, Direction]  # unidentifiable parameters, each with its direction
 
 
-def told(problem: Problem, slope: np.ndarray, noise: float) -> Told:
-    """The problem without parameters that its data cannot tell from others.
+def freeze_unidentifiable(problem: Problem, slope: np.ndarray, noise: float) -> Reduced:
+    """The problem without its unidentifiable parameters.
 
-    A direction whose deviation is large is not told. Of the parameters in it, the first one of `ORDER` goes.
+    A direction with a large standard deviation is unidentifiable. Of its parameters, the first one in `ORDER`
+    is frozen, until no such direction remains.
 
     Args:
-        problem: with all parameters.
-        slope: of the residuals by window, (W, m, p).
-        noise: deviation of the residuals.
+        problem: problem with all parameters.
+        slope: derivatives of the residuals by window, (W, m, p).
+        noise: standard deviation of the residuals.
     """
     flat = slope.reshape(-1, slope.shape[2])
-    factor: np.ndarray = np.asarray(np.linalg.qr(flat, mode="r"))  # as many rows as columns, same directions
+    factor: np.ndarray = np.asarray(np.linalg.qr(flat, mode="r"))  # (p, p) with the same directions
     rows = {each.label: row for row, each in enumerate(problem.parameters)}
     kept = list(range(len(rows)))
     frozen: dict[Parameter, Direction] = {}
     while len(kept) > 1:
         names = [problem.parameters[row].label for row in kept]
-        worst = null_directions(factor[:, kept], names, noise, UNTOLD)
+        worst = null_directions(factor[:, kept], names, noise, MAX_SIGMA)
         if not worst:
             break
         inside = [rows[name] for name in worst[0].parts]
-        goes = min(inside, key=lambda row: ORDER.index(problem.parameters[row].quantity))
-        frozen[problem.parameters[goes]] = worst[0]
-        kept.remove(goes)
+        first = min(inside, key=lambda row: ORDER.index(problem.parameters[row].quantity))
+        frozen[problem.parameters[first]] = worst[0]
+        kept.remove(first)
     if frozen:
         problem = replace(problem, parameters=tuple(problem.parameters[row] for row in kept))
-    return Told(problem, kept, frozen)
+    return Reduced(problem, kept, frozen)
 
 
 def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
-    """Fits with all delays of a leg shifted by some milliseconds: how much the motion depends on them.
+    """Fits with all delays of a leg shifted by some milliseconds, to see how much the motion depends on them.
 
     Args:
-        problem: of the fit.
-        x: its solution, (p,).
+        problem: problem of the fit.
+        x: solution of the fit, (p,).
 
     Returns:
         Shifts in seconds, rms of the residuals in units of their noise, and the other parameters in scales.
     """
-    few = some_windows(problem)
+    few = coarsened(problem)
     numbers = problem.numbers(x[:, None])[:, 0]
     delays = {
         each: value for each, value in zip(problem.parameters, numbers, strict=True) if each.quantity == DELAY
@@ -73,7 +74,7 @@ def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
     def fit_at(shift_s: float) -> tuple[float, np.ndarray]:
         fixed = problem.fixed | {each: max(0.0, value + shift_s) for each, value in delays.items()}
         held = replace(few, parameters=free, fixed=fixed)
-        best = stepped(held, PROFILE_ROUNDS, x[rest])
+        best = gauss_newton(held, PROFILE_ROUNDS, x[rest])
         position, _ = held.errors(best[:, None])
         return float(np.sqrt(((position / held.position_sigma) ** 2).mean())), best
 
