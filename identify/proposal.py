@@ -6,7 +6,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import yaml
 
+from footfall.common.config import read_yaml
 from footfall.common.errors import UserError
 from footfall.common.outputs import write_text
 from footfall.domain_rand.randomisation import OWN_FILE
@@ -109,8 +111,9 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
         floor = KINDS["delay_s"].floor
         found["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
     if own.is_file():
-        kept = [line for line in own.read_text().splitlines() if line.partition(":")[0].strip() not in found]
-        lines += kept
+        lines += [line for line in own.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+        kept = {name: value for name, value in (read_yaml(own) or {}).items() if name not in found}
+        lines += yaml.safe_dump(kept, default_flow_style=None, sort_keys=False).splitlines() if kept else []
     lines += [f"{name}: {{low: {low:.5g}, high: {high:.5g}}}" for name, (low, high) in found.items()]
     return "\n".join(lines) + "\n"
 

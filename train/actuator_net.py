@@ -46,6 +46,10 @@ class NetConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.02, 2.0, "window_s")
         require_between(self, 1, 100_000, "windows", "steps", "check_every", "seeds")
+        if self.steps < self.check_every:
+            raise ValueError(
+                f"steps must be at least {self.check_every}, not {self.steps}: no net would be checked"
+            )
 
 
 class Trained(NamedTuple):

@@ -1,6 +1,7 @@
 """Fits recover the parameters of a simulated robot."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.randomisation import load_randomisation, randomisation_of
 from footfall.domain_rand.sample import Sample
 from footfall.evaluate.report import fit_page
 from footfall.fit_report import page
@@ -87,6 +88,17 @@ def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path:
     assert ranges.action_delay_s.low < fit.value("delay_s", LEG.joint_names[0]) < ranges.action_delay_s.high
     with pytest.raises(UserError):
         propose(ROBOT, [fit], ["log.mcap"], folder)
+
+
+def test_a_robots_own_ranges_in_any_layout_are_kept(fit: LegFit, tmp_path: Path) -> None:
+    own = shutil.copytree(ROBOT.folder, tmp_path / "own")
+    text = "# My robot.\n'kp':\n  low: 0.5\n  high: 1.5\npayload_kg:\n  low: -0.5\n  high: 2.5\n"
+    (own / "randomisation.yaml").write_text(text)
+    folder = propose(load_robot(own), [fit], ["log.mcap"], tmp_path / "identified")
+    ranges = randomisation_of(load_robot(folder))
+    assert (ranges.payload_kg.low, ranges.payload_kg.high) == (-0.5, 2.5)
+    assert ranges.kp.high < 1.5
+    assert "# My robot." in (folder / "randomisation.yaml").read_text()
 
 
 def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recording, tmp_path: Path) -> None:

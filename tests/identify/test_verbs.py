@@ -28,6 +28,10 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
             ("net", ""),
             ("net absent.mcap", ""),
             ("net x --steps 0", ""),
+            ("net x --steps 24", "steps"),  # before the first check
+            ("fit x x", "twice"),
+            ("fit x --held-out ./x", "twice"),  # a log does not judge its own fit
+            ("fit x --out absent/robot", "absent"),  # before minutes of work
         ),
         ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains
         ("record log.mcap --bus virtual --plant other.xml", ""),  # a plant is for the simulated robot alone

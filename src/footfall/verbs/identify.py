@@ -158,6 +158,10 @@ def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
         raise UserError("no log: record one with 'footfall identify record LOG'")
     if options.out is not None and options.out.exists():
         raise UserError(f"{options.out} exists: give another --out; files are not overwritten")
+    check_outputs(options.out)
+    read = [log.resolve() for log in (*logs, *([] if options.held_out is None else [options.held_out]))]
+    if len(set(read)) < len(read):
+        raise UserError("a log is named twice: each log counts once, and --held-out is a log of its own")
     robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
     recordings = [read_recording(log, robot) for log in logs]
     held_out = [] if options.held_out is None else [read_recording(options.held_out, robot)]
@@ -211,6 +215,10 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
     except ValueError as error:
         raise UserError(str(error)) from None
     given = _read(logs, options)
+    if given.robot.actuator_net is not None:
+        raise UserError(
+            f"{given.robot.name} has an actuator net: learn another one with the robot without it"
+        )
     how = FitConfig(explain=False)
     fits = [fit_leg(leg, given.recordings, given.held_out, how) for leg in given.legs]
     with TemporaryDirectory() as place:
