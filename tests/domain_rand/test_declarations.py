@@ -75,7 +75,7 @@ class TestReading:
     def test_training_and_robot_observe_it_alike(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
         assert term_size(Term("joint_torque"), env.contract) == 12
-        state, seen = env.reset(jax.random.PRNGKey(0))
+        state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
         assert seen["state"].shape == (2 * 12 + 3,)
         torque = np.linspace(-6, 6, 12)
         true = env.observer.readings(state.qpos, state.qvel, jnp.asarray(torque))
@@ -90,7 +90,7 @@ class TestReading:
     def test_it_has_noise_and_a_mirror_image_of_its_own(self) -> None:
         env = LocomotionEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
         assert env.observer.numbers == 30 + 12
-        state, _ = env.reset(jax.random.PRNGKey(0))
+        state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
         true = env.observer.readings(state.qpos, state.qvel, jnp.zeros(12))
         _, seen = env.observer.observe(state, jnp.tile(true, (8, 1)), jnp.full(42, 1.0))
         np.testing.assert_allclose(seen[12:24], np.full(12, 0.2), rtol=1e-6)
@@ -111,7 +111,7 @@ class TestQuantity:
 
     def test_it_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
-        state, _ = env.reset(jax.random.PRNGKey(0))
+        state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
         half = 0.5 * ROBOT.motor.no_load_speed
         drive = env.actuation.drive(jnp.zeros((4, 12)), state.sample)
         np.testing.assert_allclose(drive.motor.no_load_speed, half, rtol=1e-6)

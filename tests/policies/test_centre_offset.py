@@ -55,5 +55,5 @@ def test_unknown_torques_give_no_centre_of_pressure() -> None:
 def test_a_load_on_one_side_does_not_fell_a_robot_that_walks() -> None:
     load = {"com_offset_m": np.array([0.05, 0.05, 0.0])}
     delays = {"action_delay_s": np.array(0.012), "observation_delay_s": np.array(0.006)}
-    walk = Episode(command_source=lambda _: np.array([0.3, 0.0, 0.0]), duration_s=4.0, sample=load | delays)
+    walk = Episode(command_source=lambda _: np.array([0.3, 0.0, 0.0]), duration_s=3.6, sample=load | delays)
     assert not run_episode(G1, load_policy("step", G1), walk).fell
