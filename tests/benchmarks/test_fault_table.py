@@ -17,16 +17,10 @@ from footfall.plant.episode import Push
 from footfall.robots.description import Robot, available_robots
 
 
-def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
+def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
     titles = [fault_runs.title_of(kind) for kind in KINDS]
     assert len(set(titles)) == len(titles) >= 60
-    assert [kind.name for kind in KINDS if kind.within_s is None and not kind.reason] == []
-
-
-def test_who_may_take_longer_than_100_ms_has_a_reason() -> None:
-    assert IMPLAUSIBLE_S == 0.1
-    slow = [kind for kind in KINDS if kind.within_s is not None and kind.within_s > IMPLAUSIBLE_S]
-    assert len(slow) > 10
+    slow = [kind for kind in KINDS if kind.within_s is None or kind.within_s > IMPLAUSIBLE_S]
     assert [fault_runs.title_of(kind) for kind in slow if not kind.reason] == []
 
 

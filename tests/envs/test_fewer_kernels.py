@@ -5,15 +5,12 @@ from collections import Counter
 from contextlib import suppress
 from typing import Any
 
-import numpy as np
-import pytest
-from long_tests import long_test
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
+import numpy as np
+import pytest
 from brax.training.agents.ppo.losses import compute_gae
+from long_tests import long_test
 from mujoco import mjx
 
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels, insert, segment_sum

@@ -9,13 +9,10 @@ import subprocess
 import sys
 from importlib.metadata import version
 
+import jax
 import mujoco
 import numpy as np
 import pytest
-
-pytest.importorskip("jax")
-
-import jax
 
 from footfall.envs.physics.c import _Simulations
 from footfall.envs.workarounds import fewer_kernels, partitioner, undisturbed

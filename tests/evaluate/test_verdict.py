@@ -55,44 +55,29 @@ def test_figures_that_favour_a_fallen_robot_count_only_upright_ones() -> None:
     }
 
 
-class TestBest:
-    def test_is_who_has_an_interval_apart_from_all_others(self) -> None:
-        assert best(ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)]) == 1
-
-    def test_is_nobody_where_intervals_overlap(self) -> None:
-        assert best(ERROR, [scored(0.30, 0.06), scored(0.20, 0.06)]) is None
-        assert best(FALLS, [scored(0.1, falls=4), scored(0.1, falls=5)]) is None
-
-    def test_who_stands_every_push_beats_who_does_not_but_not_another_of_his_kind(self) -> None:
-        unmoved, weak = pushed(None, None, None, falls=0), pushed(1.0, 0.8, 1.2)
-        assert best(PUSH, [weak, unmoved]) == 1
-        assert not beats(PUSH, unmoved, unmoved)
-
-    def test_who_falls_more_often_wins_nothing_by_falling_early(self) -> None:
-        careless, careful = scored(0.1, 0.01, falls=1), scored(0.5, 0.01, falls=0)
-        assert best(ERROR, [careless, careful]) is None
-        assert best(ERROR, [careless, scored(0.5, 0.01, falls=1)]) == 0
-
-    def test_few_episodes_rank_nobody(self) -> None:
-        assert best(ERROR, [scored(0.1, episodes=7), scored(0.5, episodes=7)]) is None
-        assert best(ERROR, [scored(0.1, episodes=8), scored(0.5, episodes=8)]) == 0
-        assert best(ERROR, [scored(0.1, episodes=24), scored(0.5, episodes=7)]) is None
-
-    def test_a_figure_without_a_better_side_or_without_an_interval_has_no_best(self) -> None:
-        one, other = ({**scored(0.1), "peak_torque_nm": torque} for torque in (10.0, 20.0))
-        assert best(figures()["peak_torque_nm"], [one, other]) is None
-        one, other = ({**scored(0.1), "peak_torque_share": share} for share in (0.5, 1.0))
-        assert best(figures()["peak_torque_share"], [one, other]) is None
-
-    def test_several_lead_together_where_each_beats_all_the_rest(self) -> None:
-        summaries = [scored(0.10, 0.02), scored(0.50, 0.02), scored(0.11, 0.02)]
-        assert leaders(ERROR, summaries) == {0, 2}
-        assert best(ERROR, summaries) is None
-
-    def test_a_policy_whose_episodes_all_failed_beats_nobody(self) -> None:
-        failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
-        assert best(ERROR, [failed, scored(0.1)]) is None
-        assert leaders(FALLS, [failed, scored(0.1)]) == set()
+def test_best_is_the_policy_whose_interval_lies_apart_from_all_others() -> None:
+    unmoved, weak = pushed(None, None, None, falls=0), pushed(1.0, 0.8, 1.2)
+    failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
+    torque, share = figures()["peak_torque_nm"], figures()["peak_torque_share"]
+    for figure, summaries, expected in (
+        (ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)], 1),
+        (ERROR, [scored(0.30, 0.06), scored(0.20, 0.06)], None),
+        (FALLS, [scored(0.1, falls=4), scored(0.1, falls=5)], None),
+        (PUSH, [weak, unmoved], 1),  # no push felled the second
+        (PUSH, [unmoved, unmoved], None),
+        (ERROR, [scored(0.1, 0.01, falls=1), scored(0.5, 0.01)], None),  # falling early wins nothing
+        (ERROR, [scored(0.1, 0.01, falls=1), scored(0.5, 0.01, falls=1)], 0),
+        (ERROR, [scored(0.1, episodes=7), scored(0.5, episodes=7)], None),  # too few episodes
+        (ERROR, [scored(0.1, episodes=8), scored(0.5, episodes=8)], 0),
+        (ERROR, [scored(0.1, episodes=24), scored(0.5, episodes=7)], None),
+        (torque, [scored(0.1) | {"peak_torque_nm": each} for each in (10.0, 20.0)], None),  # no better side
+        (share, [scored(0.1) | {"peak_torque_share": each} for each in (0.5, 1.0)], None),  # no interval
+        (ERROR, [scored(0.10, 0.02), scored(0.50, 0.02), scored(0.11, 0.02)], None),  # two lead together
+        (ERROR, [failed, scored(0.1)], None),
+    ):
+        assert best(figure, summaries) == expected, summaries
+    assert leaders(ERROR, [scored(0.10, 0.02), scored(0.50, 0.02), scored(0.11, 0.02)]) == {0, 2}
+    assert leaders(FALLS, [failed, scored(0.1)]) == set()
 
 
 class TestFigures:

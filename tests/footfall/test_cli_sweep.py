@@ -1,6 +1,7 @@
 """`footfall sweep`: what it is asked for, its tables and its exit status."""
 
 import math
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,9 +9,9 @@ import pytest
 from recorder import Recorder
 from shell import Shell
 
-pytest.importorskip("ray")
-
 from footfall.train.sweeps.results import Point, Trial
+
+pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="needs Ray: install footfall[sweep]")
 
 
 @pytest.fixture

@@ -18,8 +18,6 @@ from shell import Shell
 from footfall.cli import main
 from footfall.evaluate.config import EvaluationConfig
 
-pytest.importorskip("jax")
-
 
 @pytest.fixture(scope="module")
 def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -1,6 +1,7 @@
 """What the tests of `pages` share."""
 
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,12 @@ import pytest
 from footfall.policies.registry import ZOO
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import Provenance, create_run
+
+
+@pytest.fixture(autouse=True, scope="session")
+def viser_installed() -> None:
+    if find_spec("viser") is None:
+        pytest.skip("needs viser: install footfall[watch]")
 
 
 @pytest.fixture

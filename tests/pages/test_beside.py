@@ -11,8 +11,6 @@ from notes import Notes
 from footfall.common.errors import UserError
 from footfall.pages import beside
 
-pytest.importorskip("viser")
-
 
 def test_why_it_ended_is_told_where_its_own_output_goes_nowhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -18,7 +18,6 @@ from footfall.policies.registry import ZOO
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import Provenance, create_run
 
-pytest.importorskip("viser")
 pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium")
 
 WIDTH, HEIGHT = 1000, 640  # software draws each pixel

@@ -9,8 +9,6 @@ from footfall.pages.geometry import COLLISION_GROUP, visible_shapes
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model
 
-pytest.importorskip("viser")
-
 
 class TestGeometry:
     @pytest.mark.parametrize(

@@ -4,10 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 from page_controls import PageControls
-
-pytest.importorskip("viser")
 
 from footfall.pages.live_curves import LiveCurves
 from footfall.pages.moment import Moment

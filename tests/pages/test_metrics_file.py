@@ -9,8 +9,6 @@ import pytest
 
 from footfall.pages.metrics_file import MetricsFile, thinned
 
-pytest.importorskip("viser")
-
 
 class TestMetricsFile:
     def test_its_age_is_since_it_grew(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,9 +17,6 @@ from footfall.pages import page
 from footfall.pages.page import check_page
 from footfall.policies.registry import ZOO
 
-pytest.importorskip("viser")
-
-
 HERE = ("::1", "127.0.0.1")
 
 
@@ -99,10 +96,6 @@ def wait_until(condition, limit_s: float = 120.0) -> None:
 
 
 class TestCommand:
-    @pytest.fixture(autouse=True)
-    def _needs_viser(self) -> None:
-        pytest.importorskip("viser")
-
     def test_a_port_that_was_just_let_go_is_free(self) -> None:
         """The system holds it for a while after a connection that the server ended."""
         with socket.create_server(("127.0.0.1", 0)) as server:

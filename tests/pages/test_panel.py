@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from page_controls import PageControls
 
-pytest.importorskip("viser")
-
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.panel import Panel
 from footfall.pages.snapshots import FINISHED, NEWEST

@@ -8,10 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("viser")
-
 RUN = """
 import sys, time
 from pathlib import Path

@@ -15,8 +15,6 @@ from footfall.pages.walk import standing
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model
 
-pytest.importorskip("viser")
-
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:

@@ -29,8 +29,6 @@ from footfall.pages.snapshots import (
 from footfall.robots.description import load_robot
 from footfall.train.runs.folder import open_run
 
-pytest.importorskip("viser")
-
 
 class TestSnapshots:
     @pytest.fixture

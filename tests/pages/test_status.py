@@ -3,11 +3,8 @@
 from typing import Any
 
 import numpy as np
-import pytest
 
 from footfall.pages.status import WAITING, Status, as_markdown
-
-pytest.importorskip("viser")
 
 
 class TestStatus:

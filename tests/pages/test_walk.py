@@ -26,9 +26,6 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 from footfall.train.runs.folder import open_run
 
-pytest.importorskip("viser")
-
-
 POLICY = ZOO / "go1-flat" / "policy.onnx"
 
 

@@ -4,11 +4,8 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
+import pytest
 from rich.console import Console
 
 from footfall.common.config import dump

@@ -5,12 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from small_disk import fill
 
 from footfall.common.errors import CannotWriteError, UserError

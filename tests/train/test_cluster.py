@@ -7,12 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import numpy as np
+import pytest
 
 from footfall.common.errors import UserError
 from footfall.train import api, cluster

@@ -7,13 +7,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jax.sharding import PartitionSpec
 
 from footfall.common.errors import UserError

@@ -6,9 +6,6 @@ from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
-
-pytest.importorskip("jax")
-
 from rich.console import Console
 from training_metrics import METRICS
 

@@ -7,13 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 from long_tests import long_test
-
-pytest.importorskip("jax")
-
-import jax
 from shell import Shell
 from small_disk import fill
 

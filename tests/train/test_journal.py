@@ -6,8 +6,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("jax")
-
 from footfall.common.errors import CannotWriteError
 from footfall.train.runs import journal
 from footfall.train.runs.folder import Run

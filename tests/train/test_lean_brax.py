@@ -3,10 +3,7 @@
 import subprocess
 import sys
 
-import pytest
 from long_tests import long_test
-
-pytest.importorskip("jax")
 
 IMPORTED = """
 import sys

@@ -9,11 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax.numpy as jnp
+import pytest
 from rich.console import Console
 from training_metrics import METRICS
 

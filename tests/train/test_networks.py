@@ -4,14 +4,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
 import number_environment
 import numpy as np
+import pytest
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
 from flax import linen

@@ -3,14 +3,11 @@
 from dataclasses import replace
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
 import number_environment
 import numpy as np
+import pytest
 from number_environment import (
     ACTIONS,
     REWARD,

@@ -12,14 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
+import numpy as np
 import onnxruntime
+import pytest
 from brax.training.acme import running_statistics
 from number_environment import counting_config
 

@@ -7,8 +7,6 @@ import pytest
 from import_apart import import_apart
 from shell import Shell
 
-pytest.importorskip("jax")
-
 
 def test_training_with_brax_needs_no_torch() -> None:
     import_apart(["footfall.train.api"], blocked=("torch", "rsl_rl", "tensordict"))

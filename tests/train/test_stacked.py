@@ -1,9 +1,5 @@
 """Scalars in one array: by name inside a program, and on the host."""
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
 

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,10 +19,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-
-pytest.importorskip("jax")
-pytest.importorskip("ray")
-
 from long_tests import long_test
 from shell import Shell
 
@@ -38,7 +35,10 @@ from footfall.train.sweeps.space import search_algorithm, search_space
 from footfall.train.sweeps.sweep import collect_results, import_tune, sweep
 from footfall.train.sweeps.trial import Reporter, train_trial
 
-pytestmark = pytest.mark.usefixtures("kept_programs")
+pytestmark = [
+    pytest.mark.usefixtures("kept_programs"),
+    pytest.mark.skipif(find_spec("ray") is None, reason="needs Ray: install footfall[sweep]"),
+]
 
 ITERATIONS = 6
 METRIC = "tracking/linear_error_m_s"

@@ -3,13 +3,10 @@
 from dataclasses import replace
 from typing import Any
 
-import pytest
-
-pytest.importorskip("jax")
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from brax.training.types import Transition
 from number_environment import SIZES, decided
 from ppo_on_numbers import (

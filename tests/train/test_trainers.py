@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("jax")
-
 import footfall.train
 from footfall.common.config import dump
 from footfall.common.errors import UserError
