@@ -99,7 +99,8 @@ class Unanswered(LinkCheck):
             self._usual = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
             lost = 1.0 - rate if window.answering else 0.0 * rate
         else:
-            lost = 1.0 - rate / self._usual
+            # With `lost_share` 1 the usual rate may be 0, of a motor that was silent in first rest.
+            lost = 1.0 - np.divide(rate, self._usual, out=np.ones(self._n), where=self._usual > 0.0)
         self._lost = _updated(self._lost, lost, window, self._limits)
         return self._lost
 

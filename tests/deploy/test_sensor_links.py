@@ -1,6 +1,7 @@
 """Readings that are lost, frozen, replayed or out of order are noticed; single losses are not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from footfall.deploy.sensor_checks import links
 from footfall.deploy.sensor_checks.check import BodyCheck
 from footfall.deploy.sensor_checks.imu import Lean, LongLean
 from footfall.deploy.sensor_checks.link_window import LinkSums
+from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.sensor_checks.travel import Creep
 from footfall.deploy.sensor_checks.unexplained import Ignored, Unexplained
 from footfall.robots.description import Robot
@@ -22,8 +24,8 @@ LOOKS = 10
 class Link:
     """Twelve motors that answer each frame, and an IMU, seen through a check of readings that arrive."""
 
-    def __init__(self, robot: Robot, check: type[links.LinkCheck]) -> None:
-        self.check = check(robot, LIMITS, 0.004)
+    def __init__(self, robot: Robot, check: type[links.LinkCheck], limits: SensorLimits = LIMITS) -> None:
+        self.check = check(robot, limits, 0.004)
         self.sums, self.now_us = LinkSums(answering=True), 0
         self.replies, self.older = np.zeros(12, np.intp), 0
         self.latest = 0, reading(0)
@@ -85,6 +87,13 @@ class TestReplies:
         assert windows_until(links.Unanswered, lambda: link.window(15)) is None
         assert windows_until(links.Unanswered, lambda: link.window(10)) is not None
 
+    def test_a_motor_that_is_silent_at_first_rest_passes_where_all_replies_may_be_lost(
+        self, go1: Robot
+    ) -> None:
+        link = Link(go1, links.Unanswered, replace(LIMITS, lost_share=1.0))
+        for resting in (True, True, False, False):
+            assert link.window(0, resting=resting) <= 1.0
+
     def test_a_second_host_shows_within_a_window_and_late_replies_do_not(self, go1: Robot) -> None:
         link = Link(go1, links.Answers)
         assert link.window() == 0.0
@@ -140,7 +149,7 @@ class TestSlow:
         assert measured(go1, Creep, drifting, samples=samples)[0] > LIMITS.creep_rad
         assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
 
-    def test_a_gait_whose_strides_keep_step_with_the_readings_is_no_drift(self, go1: Robot) -> None:
+    def test_a_gait_in_step_with_the_readings_is_no_drift(self, go1: Robot) -> None:
         """Five strides a second at 1.5 rad/s: all turn back at the same moment between two readings."""
         up_s = 0.1 + 0.15 * 0.004
 
