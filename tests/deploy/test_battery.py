@@ -1,11 +1,14 @@
 """The battery's charge from what motors report, against a pack whose charge is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
-from odrives import with_odrives
+from some_motors import MAKERS, with_motors
 
 from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
@@ -112,7 +115,7 @@ def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robo
 def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: Robot) -> None:
     """A pack of a few hundred joules: 1.2 s from low to empty."""
     battery = Battery(8, 0.25, 0.1, idle_w=60.0)
-    robot = with_odrives(go1, "hip", "knee", battery=battery)
+    robot = with_motors(go1, battery=battery, **MAKERS["ODrive"])
     told: list[tuple[float, float, float]] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -120,7 +123,9 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
         if loop.walking and battery.allowed < 1.0:
             told.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
 
+    config = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
     episode = short_episode(duration_s=10.0, charge=0.35, lie_down=True, command_source=lambda _: FORWARD)
+    episode = replace(episode, config=config)
     trace = run_episode(robot, Hold(robot), episode, watch)
     error, allowed, forward = np.array(told).T
     assert np.abs(error).max() < 0.03

@@ -8,28 +8,22 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from some_motors import with_motors
+from watched_simulation import Simulation
 
 from footfall.common.errors import UserError
 from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.scan import Found, expected, scan
-from footfall.deploy.wiring import Wiring, wire
-from footfall.plant.bus import SimulatedBus
-from footfall.plant.injection import InjectingBus
-from footfall.plant.robot import SimulatedRobot
-from footfall.plant.wires import SimulatedWires
+from footfall.deploy.wiring import Wiring
 from footfall.robots.description import Robot
 
 
-class OnStand:
-    """A simulated robot and what is spoken to it in lockstep."""
+class OnStand(Simulation):
+    """A simulated robot that is used in lockstep."""
 
     def __init__(self, robot: Robot) -> None:
-        self.wiring = wire(robot)
-        wires = SimulatedWires(self.wiring.buses, host_queue=20)
-        self.body = SimulatedRobot(robot, self.wiring, wires)
-        self.bus: SimulatedBus | InjectingBus = SimulatedBus(wires, self.body)
+        super().__init__(robot, motor_timeout_s=None)
         self.clock = LockstepClock(PERIOD_US)
 
     def bench(self, wiring: Wiring | None = None) -> Bench:
@@ -99,7 +93,7 @@ class TestBench:
     ) -> None:
         """Frames to the last of these motors get lost."""
         stand = OnStand(go1)
-        bus = stand.bus = InjectingBus(stand.bus)
+        bus = stand.bus
         left = [lost]
 
         def drop(frames: Frames, _: int) -> Frames:
@@ -188,9 +182,9 @@ class TestScan:
         assert stand.scan() == places == set(expected(stand.wiring))
         assert not stand.body.motors_on.any()
 
-    def test_a_motor_whose_first_rounds_of_probes_are_lost_is_found(self, go1: Robot) -> None:
+    def test_a_scan_repeats_lost_probes(self, go1: Robot) -> None:
         stand = OnStand(go1)
-        bus = stand.bus = InjectingBus(stand.bus)
+        bus = stand.bus
         bus.outgoing = lambda frames, now_us: frames.take(np.full(len(frames.id), now_us > 1_800_000))
         assert stand.scan() == set(expected(stand.wiring))
 

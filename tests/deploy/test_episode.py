@@ -90,7 +90,7 @@ class TestPushesAndFalls:
         assert speed[50:53].max() > 0.25
         assert not trace.fell
 
-    def test_a_tilt_counts_as_a_fall_where_the_supervisor_lets_it_pass(self, go1: Robot) -> None:
+    def test_a_tilt_of_70_degrees_is_a_fall_without_a_supervisors_limit(self, go1: Robot) -> None:
         def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.walking and 0.2 <= loop.walking_s < 0.4:
                 body.data.qpos[2] = 1.0  # in mid-air, so that nothing but the tilt tells
@@ -151,7 +151,7 @@ class TestFaults:
         assert "bus overflow" in trace.faults[0]
 
 
-def test_a_randomised_robot_stands_as_its_sample_says(go1: Robot, trace: Trace) -> None:
+def test_a_randomised_robot_has_its_samples_bias_and_load(go1: Robot, trace: Trace) -> None:
     """Encoders that read 0.02 rad too much leave the joints as much behind; a load shows under the feet."""
     sample = Sample(
         action_delay_s=np.array(0.007),

@@ -35,14 +35,14 @@ def follow(estimator: GyroBias, rate: np.ndarray, seconds: float, noise: float =
 
 
 @pytest.mark.parametrize("rate", [np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([2.0, -1.0, 0.5])])
-def test_what_the_orientation_does_not_turn_is_bias(rate: np.ndarray) -> None:
+def test_the_bias_is_what_the_orientation_does_not_turn(rate: np.ndarray) -> None:
     estimator = GyroBias(GyroConfig())
     assert follow(estimator, rate, 10.0) == pytest.approx(rate.tolist(), abs=1e-3)
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=1e-3)
 
 
 @pytest.mark.parametrize(("seconds", "share"), [(0.1, 0.2), (0.2, 0.5), (0.6, 0.9)])
-def test_it_is_believed_the_more_the_longer_it_was_seen(seconds: float, share: float) -> None:
+def test_the_bias_is_trusted_more_with_time(seconds: float, share: float) -> None:
     """t^2 / (t^2 + 0.2^2)."""
     estimator = GyroBias(GyroConfig(bias_half_s=0.2))
     follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has none before it

@@ -135,7 +135,8 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
         (1.0, Request(still, policy="trot")),
     )
     first, *others = policies()
-    config, log = DeployConfig(stand_s=0.4, handover=HandoverConfig(0.2, 1.0, 0.1)), tmp_path / "run.mcap"
+    log = tmp_path / "run.mcap"
+    config = DeployConfig(stand_s=0.4, handover=HandoverConfig(0.2, 1.0, 0.1))
     by_name = {policy.name: policy for policy in others}
     episode = Episode(source, 2.1, config=config, log=log, others=by_name, record=False)
     trace = run_episode(go1, first, episode)

@@ -54,20 +54,23 @@ class TestHungPolicy:
         )
         assert outcome.final_state == "ESTOP"
         assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
-        assert time.monotonic() - began < 6.0
+        assert time.monotonic() - began < 30.0
         assert not simulation.body.motors_on.any()
 
     def test_a_signal_ends_a_run_whose_policy_hangs(self, go1: Robot) -> None:
         """SIGTERM while the policy spins: the deadline frees the loop, which ends."""
 
+        terminates = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM))
+
         def terminated(command: JointCommand) -> JointCommand:
-            threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+            terminates.start()
             return spin(command)
 
         simulation = Simulation(go1)
         outcome = run_session(
             go1, FailingPolicy(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
         )
+        terminates.cancel()  # a late one would end the tests
         assert outcome.final_state == "ESTOP"
         assert not simulation.body.motors_on.any()
 
@@ -79,9 +82,9 @@ class TestDeadline:
             arm(0.02)
             with pytest.raises(OverdueError):
                 time.sleep(30.0)
-            arm(0.02)
+            arm(0.3)
             arm(0.0)
-            time.sleep(0.05)
+            time.sleep(0.4)
         assert signal.getsignal(signal.SIGALRM) is before
 
         def elsewhere() -> None:
@@ -113,7 +116,7 @@ class TestGuard:
         began = time.perf_counter()
         taken_over = threading.Event()
         Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, taken_over, end)
-        assert ended.wait(5.0)
+        assert ended.wait(30.0)
         assert codes == [1]
         assert set(acts[:-1]) == {"damp"}
         assert acts[-1] == "off"
@@ -148,11 +151,11 @@ class TestGuard:
 
         def block(now_us: int) -> list[Frames]:
             if next(ticks) == 60:
-                time.sleep(0.7)
+                time.sleep(1.8)
             return receive(now_us)
 
         simulation.bus.receive = block  # type: ignore[method-assign]
-        strict = replace(CONFIG.safety, pause_limit_s=0.3, damping_s=0.6)
+        strict = replace(CONFIG.safety, pause_limit_s=1.0, damping_s=0.6)
         session = replace(LONG, config=replace(CONFIG, safety=strict))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "a guard damped the robot" in outcome.faults[-1]

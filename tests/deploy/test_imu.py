@@ -196,7 +196,7 @@ class TestReader:
         assert wire.reader.heard_us == 1000 * (before - 1)
 
     @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30), (0,)])
-    def test_a_counter_that_goes_on_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
+    def test_a_higher_counter_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k)
             assert wire.reader.heard_us == 1000 * k
@@ -239,7 +239,7 @@ class TestReader:
             wire.reader = imu.ImuReader(channel=1)
 
     @pytest.mark.parametrize("before", [1, 2, 3])
-    def test_a_part_was_heard_when_its_frame_arrived(self, wire: Wire, before: int) -> None:
+    def test_a_part_has_the_time_of_its_frames_arrival(self, wire: Wire, before: int) -> None:
         """Frame by frame at first, at once later; what waits in a queue is older than its counter says."""
         for counter in range(before):
             wire.send(counter, 1000 * counter)

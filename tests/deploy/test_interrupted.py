@@ -18,7 +18,7 @@ ENDING = [KeyboardInterrupt, SystemExit, GeneratorExit]
 
 
 @pytest.mark.parametrize("ends", ENDING)
-def test_from_what_is_called_each_tick(go1: Robot, ends: type[BaseException]) -> None:
+def test_an_exception_from_each_tick_damps_and_disables(go1: Robot, ends: type[BaseException]) -> None:
     simulation = Simulation(go1)
 
     def end(loop: ControlLoop) -> None:
@@ -45,7 +45,7 @@ def test_a_policy_that_quits_has_failed(go1: Robot) -> None:
     assert not simulation.body.motors_on.any()
 
 
-def test_again_and_again_while_it_damps(go1: Robot) -> None:
+def test_repeated_exceptions_do_not_stop_the_damping(go1: Robot) -> None:
     simulation = Simulation(go1)
     receive = simulation.bus.receive
 

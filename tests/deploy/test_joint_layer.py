@@ -167,7 +167,7 @@ class TestReadingsOfEveryKind:
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
 
-    def test_a_mixed_batch_of_the_same_layout_is_read_anew(self, go1: Robot, layer: JointLayer) -> None:
+    def test_a_mixed_batch_of_the_same_layout_is_decoded_again(self, go1: Robot, layer: JointLayer) -> None:
         """Every motor, and the IMU's frames among them; the second time with other contents and times."""
         wiring = wire(go1)
         order = np.array([0, 12, 1, 2, 13, 3, 4, 5, 14, 6, 7, 8, 9, 10, 11])
@@ -192,7 +192,7 @@ class TestReadingsOfEveryKind:
         layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
         assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
 
-    def test_a_motor_was_heard_when_its_frame_arrived(self, go1: Robot, layer: JointLayer) -> None:
+    def test_a_motor_has_the_time_of_its_frames_arrival(self, go1: Robot, layer: JointLayer) -> None:
         """Not when the loop got round to it; where nobody knows, then."""
         values, times = np.zeros((3, 12)), 1000.0 + ROWS
         frames = self.replies(go1, slice(None), values)

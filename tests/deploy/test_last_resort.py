@@ -21,7 +21,7 @@ def shut_down(loop: ControlLoop, body: FrameRobot, silent: list[int]) -> list[in
     return [at_us - loop.now_us for at_us, _ in body.sent[sent:]]
 
 
-def test_what_motors_say_from_the_second_tick_on_answers_being_disabled(go1: Robot) -> None:
+def test_replies_from_the_second_tick_on_confirm_disabling(go1: Robot) -> None:
     """All answer at once: what they said before and a tick later may answer what was sent before."""
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[]) == [2000, 4000]

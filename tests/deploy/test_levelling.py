@@ -60,7 +60,7 @@ class TestABipedThatStandsUp:
         np.testing.assert_allclose(toe, -0.1, atol=0.01)
         np.testing.assert_allclose(turned[:6], turned[6:], atol=1e-6)
 
-    def test_moves_no_target_at_once_nor_far(self, g1: Robot) -> None:
+    def test_targets_move_slowly_and_not_far(self, g1: Robot) -> None:
         postures, fallen = standing(g1), pitched(g1, 1.0)
         targets = np.array([postures.command(time_s, fallen).position for time_s in np.arange(0, 1, 0.002)])
         assert np.abs(np.diff(targets, axis=0)).max() < 0.01

@@ -118,7 +118,7 @@ class TestPostures:
     @pytest.mark.parametrize(
         ("ending", "share", "rate_rad_s"), [(Ending.STOPPED, 0.0, 8.0), (Ending.WALKING, 0.7, 12.0)]
     )
-    def test_feet_go_to_the_ground_fast_and_the_rest_of_the_way_is_slow(
+    def test_feet_reach_the_ground_fast_and_the_rest_is_slow(
         self, go1: Robot, ending: Ending, share: float, rate_rad_s: float
     ) -> None:
         """From stretched legs, 0.3 rad beyond the default pose; a calf has 0.9 rad from there to lying."""
@@ -219,7 +219,7 @@ class TestRun:
         assert len(note.of(Mode.LOWERING)) == 1
         assert outcome.final_state == "IDLE"
 
-    def test_it_comes_to_a_stand_before_it_lies_down(self, go1: Robot) -> None:
+    def test_a_robot_stops_before_it_lies_down(self, go1: Robot) -> None:
         policy = Hold(go1)
         run(go1, policy, lying=False, command_source=lambda _: np.array([0.5, 0.0, 0.1]))
         commands = [seen.command.tolist() for seen in policy.seen]

@@ -37,7 +37,7 @@ def test_oldest_logs_make_room_and_nothing_else_does(tmp_path: Path) -> None:
     assert [each.exists() for each in (mine, link, oldest, older, new)] == [True, True, False, True, True]
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_noted(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="--log FILE"):
         LogStore(tmp_path / "file" / "logs", 1000).new_log("go1")
@@ -55,10 +55,8 @@ def test_a_long_run_keeps_its_first_and_last_part(
     health = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
     ticks = 3000
     for tick in range(ticks):
-        gyro, acceleration, quaternion, *joints = np.split(rng.normal(size=46), [3, 6, 10, 22, 34])
-        log.tick(
-            2000 * tick, Sensed(gyro, acceleration, quaternion, *joints), health, rng.normal(size=(5, 12))
-        )
+        sensed = Sensed(*np.split(rng.normal(size=46), [3, 6, 10, 22, 34]))
+        log.tick(2000 * tick, sensed, health, rng.normal(size=(5, 12)))
     assert log.close() == ""
     parts = sorted(tmp_path.iterdir(), key=lambda each: each.stat().st_mtime)
     assert parts[0] == path
@@ -70,8 +68,5 @@ def test_a_long_run_keeps_its_first_and_last_part(
     for each in parts:
         found = read_log(each)
         assert found.metadata["robot"] == "go1"
-        assert {entry.topic for entry in found.entries} >= {
-            "/robot_description",
-            "/tf_static",
-            "/joint_states",
-        }
+        topics = {"/robot_description", "/tf_static", "/joint_states"}
+        assert {entry.topic for entry in found.entries} >= topics

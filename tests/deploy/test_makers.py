@@ -155,12 +155,12 @@ class TestRobots:
         robot, joint = with_motors(go1, **MAKERS[maker]), 8
 
         def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.3 < loop.walking_s < 0.3021:
+            if loop.walking and 0.1 < loop.walking_s < 0.1021:
                 body.reboot(np.array([joint]))
 
         trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
         assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is disabled",)
-        assert maker == "ODrive" or trace.walked_s < 0.32  # an axis says so with its next heartbeat
+        assert maker == "ODrive" or trace.walked_s < 0.12  # an axis says so with its next heartbeat
 
 
 IDENTIFIERS = [

@@ -208,7 +208,7 @@ class TestAddressing:
                 motor = read(frames._replace(**{corrupt: array})).motor
                 assert np.arange(12)[motor].tolist() == known
 
-    def test_a_whole_batch_keeps_another_order(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+    def test_a_whole_batch_in_another_order_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         backwards = self.replies(end, np.arange(12)[::-1])
         for _ in range(3):

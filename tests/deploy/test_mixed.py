@@ -132,7 +132,7 @@ def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:
     assert sent == [[0x10 + turn % 2, 0x20 + turn % 3] for turn in range(6)]
 
 
-def test_each_makers_motors_keep_their_own_way_after_a_timeout() -> None:
+def test_each_maker_has_its_own_behaviour_after_a_timeout() -> None:
     ends: list[Any] = [
         SimpleNamespace(filters=(), broadcasts=False, time_out_error=number, time_out_latches=latches)
         for number, latches in ((1, True), (2, False))

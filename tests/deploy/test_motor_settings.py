@@ -6,40 +6,20 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
 from some_motors import MAKERS, two_motors, with_motors
+from watched_simulation import Simulation
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.settings import ASK_AGAIN, Settings, TimeOut
-from footfall.deploy.session import Session, SessionResult, run_session
+from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
-from footfall.plant.bus import SimulatedBus
 from footfall.plant.frame_changes import late
-from footfall.plant.injection import InjectingBus
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
 from footfall.plant.motors import SimulatedMotors
-from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
-
-QUICK = DeployConfig(stand_s=0.1)
-
-
-class OnABus:
-    """A simulated robot that hangs in a frame, behind a bus that may be faulty."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot, wiring = robot, wire(robot)
-        self._wires = SimulatedWires(wiring.buses)
-        self.body = SimulatedRobot(robot, wiring, self._wires, PlantConfig(hanging=True))
-        self.bus = InjectingBus(SimulatedBus(self._wires, self.body))
-
-    def held(self) -> SessionResult:
-        """A short run that holds the default pose."""
-        session = Session(stand_still, 0.05, realtime=False, config=QUICK, lie_down=False)
-        return run_session(self.robot, Hold(self.robot), self.bus, session)
 
 
 @pytest.mark.parametrize(
@@ -47,9 +27,11 @@ class OnABus:
     [("MIT mode", 5000), ("ODrive", 5000), ("moteus", 5000), ("mixed", 5000), ("Damiao", 1000)],
 )
 def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_us: int) -> None:
-    simulated = OnABus(with_motors(go1, **MAKERS[maker]))
+    robot = with_motors(go1, **MAKERS[maker])
+    simulated = Simulation(robot, motor_timeout_s=None, hanging=True)
     simulated.bus.incoming = late(late_us)
-    outcome = simulated.held()
+    session = Session(stand_still, 0.05, realtime=False, config=DeployConfig(stand_s=0.1), lie_down=False)
+    outcome = run_session(robot, Hold(robot), simulated.bus, session)
     assert (outcome.faults, outcome.final_state) == ((), "IDLE")
 
 

@@ -28,7 +28,7 @@ class TestDrift:
         assert found[0, YAW] == found[YAW, 0] == pytest.approx(-0.5e-4 * 8**2 / 2, rel=2e-3)
         np.testing.assert_allclose([found[1, 1], found[0, 1], found[1, YAW], found[2, 2]], 0.0, atol=1e-12)
 
-    def test_it_is_the_same_whichever_way_one_walks(self) -> None:
+    def test_the_covariance_turns_with_the_heading(self) -> None:
         config = OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.02})
         angle, along = 0.7, walked(config, (0.5, 0.0), 3.0).covariance(np.zeros(3))
         turn = np.eye(4)
@@ -42,7 +42,7 @@ class TestDrift:
         found = drift.covariance(moved)[:3, :3]
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
-    def test_slips_add_up_with_the_way_not_with_the_displacement(self) -> None:
+    def test_slips_add_up_with_the_walked_distance(self) -> None:
         """There and back, 2 x 1.5 m: three metres."""
         drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
         for speed in (0.5, -0.5):
@@ -78,7 +78,7 @@ class TestLateness:
         assert found[0, 0] > 0.0
         np.testing.assert_allclose(found, found[0, 0] * np.outer(ways, ways))
 
-    def test_it_is_the_mean_square_of_what_a_filter_lags_behind(self) -> None:
+    def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
         """A leap of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
         lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         lateness.advance([0.0, 0.0, 0.0], 0.001)

@@ -10,10 +10,10 @@ from deploy_policies import FailingPolicy, Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from odrives import with_odrives
 from reports import report
-from some_motors import frame, two_motors
+from some_motors import MAKERS, frame, two_motors, with_motors
 from some_motors import hexed as contents
+from watched_simulation import Simulation
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
@@ -27,13 +27,10 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
-from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import run_episode
-from footfall.plant.injection import InjectingBus
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
-from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.wires import SimulatedWires
+from footfall.plant.robot import SimulatedRobot
 from footfall.policies.policy import Policy
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -184,9 +181,9 @@ class TestJointLaw:
             assert hip == pytest.approx(10.0)
             assert (knee == 0.0) == (tick >= 5), tick
 
-    def test_a_command_beyond_the_motors_limits_goes_out_at_its_limit(self, go1: Robot) -> None:
+    def test_a_command_is_clamped_to_the_motors_limit(self, go1: Robot) -> None:
         """Frames know no limit: the motor's own is all that counts."""
-        robot = with_odrives(go1, "hip", "knee")
+        robot = with_motors(go1, **MAKERS["ODrive"])
         wiring = wire(robot)
         driver = open_driver(wiring)
         for channel in range(4):
@@ -265,7 +262,7 @@ class TestStart:
         assert says in driver.not_ready()
         assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
-    def test_a_simulated_axis_tells_its_watchdog(self) -> None:
+    def test_a_simulated_axis_reports_its_watchdog(self) -> None:
         wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
         driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
         end.watchdog[:, 0] = 0.0, 0.05
@@ -371,7 +368,7 @@ class TestRobots:
         return run_episode(robot, policy or Hold(robot), episode, at).faults  # type: ignore[arg-type]
 
     def test_an_axis_that_falls_silent_is_named(self, go1: Robot) -> None:
-        robot = with_odrives(go1, "hip", "knee")
+        robot = with_motors(go1, **MAKERS["ODrive"])
 
         def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.walking and loop.walking_s > 0.05:
@@ -382,11 +379,10 @@ class TestRobots:
     def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
         """Every axis sends a position every other millisecond, on or off. One is deaf to switching off."""
         deaf = 4
-        robot = with_odrives(go1, "hip", "knee")
-        wiring, config = wire(robot), DeployConfig(stand_s=0.1, motor_timeout_s=10.0)
-        wires = SimulatedWires(wiring.buses)
-        body = SimulatedRobot(robot, wiring, wires, PlantConfig(motor_timeout_s=config.motor_timeout_s))
-        bus = InjectingBus(SimulatedBus(wires, body))
+        robot = with_motors(go1, **MAKERS["ODrive"])
+        config = DeployConfig(stand_s=0.1, motor_timeout_s=10.0)
+        simulated = Simulation(robot, motor_timeout_s=10.0)
+        wiring, bus = simulated.wiring, simulated.bus
 
         def lost(frames: Frames, _: int) -> Frames:
             off = (frames.id & 0x1F == odrive.STATE) & (frames.data[:, 0] == odrive.IDLE)
@@ -397,11 +393,11 @@ class TestRobots:
         outcome = run_session(robot, Hold(robot), bus, session)
         (note,) = outcome.notes
         assert f"still on at the end, though switched off: {wiring.place(deaf)}" in note
-        assert np.flatnonzero(body.motors_on).tolist() == [deaf]
+        assert np.flatnonzero(simulated.body.motors_on).tolist() == [deaf]
 
     def test_axes_damp_by_themselves_when_the_host_receives_nothing(self, go1: Robot) -> None:
         """The joint law is the host's, whose readings grow old: the axes have to damp by themselves."""
-        robot = with_odrives(go1, "hip", "knee")
+        robot = with_motors(go1, **MAKERS["ODrive"])
         braked: list[float] = []
 
         def watch(loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -56,7 +56,7 @@ PUSHES = (Push(0.6, (0.5, 0.0, 0.0)), Push(1.4, (0.0, -0.5, 0.0)))
 @pytest.mark.parametrize(
     ("name", "policy", "forward", "pushes", "seconds"),
     [
-        ("go1", "go1-flat", 0.8, PUSHES, 2.5),
+        ("go1", "go1-flat", 0.8, PUSHES, 2.0),
         ("g1", "g1-flat", 0.6, (), 2.0),
     ],
 )
@@ -86,7 +86,7 @@ def test_the_simulated_imu_sends_no_orientation(go1: Robot) -> None:
     assert frames.id.tolist() == [imu.GYRO_ID, imu.ACCELERATION_ID]
 
 
-def test_a_quaternion_that_comes_all_the_same_is_left_out(go1: Robot) -> None:
+def test_an_unexpected_quaternion_is_ignored(go1: Robot) -> None:
     """An IMU on its side claims to be level."""
     on_side = AT_REST._replace(acceleration=(0.0, 9.81, 0.0))
     reader, end = open_imu(wire(without_orientation(go1))), open_imu_end(wire(go1))
@@ -96,7 +96,7 @@ def test_a_quaternion_that_comes_all_the_same_is_left_out(go1: Robot) -> None:
     np.testing.assert_allclose(up, [0.0, 1.0, 0.0], atol=1e-3)
 
 
-def test_it_is_heard_once_it_has_rested_and_grows_old_when_samples_repeat(go1: Robot) -> None:
+def test_readings_begin_after_a_rest_and_age_when_samples_repeat(go1: Robot) -> None:
     wiring = wire(without_orientation(go1))
     reader, end = open_imu(wiring), open_imu_end(wiring)
     heard = []

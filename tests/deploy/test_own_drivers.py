@@ -9,6 +9,7 @@ import pytest
 from deploy_policies import Hold, stand_still
 from own_drivers import OwnDriver, OwnImu
 from some_motors import two_motors
+from watched_simulation import Simulation
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock
@@ -19,11 +20,8 @@ from footfall.deploy.frames import no_frames
 from footfall.deploy.scan import scan
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
-from footfall.plant.bus import SimulatedBus
 from footfall.plant.imu_ends import open_imu_end
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
 
 MOTOR, IMU = "own_drivers:OwnDriver", "own_drivers:OwnImu"
@@ -38,22 +36,20 @@ def with_own(robot: Robot, imu: str = IMU, **protocols: str) -> Robot:
 @pytest.mark.parametrize("protocols", [{"hip": MOTOR, "knee": MOTOR}, {"knee": MOTOR}], ids=["all", "mixed"])
 def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, protocols: Any) -> None:
     robot = with_own(go1, **protocols)
-    wiring = wire(robot)
-    wires = SimulatedWires(wiring.buses)
-    body = SimulatedRobot(robot, wiring, wires, PlantConfig(hanging=True))
+    simulated = Simulation(robot, hanging=True)
     positions: list[np.ndarray] = []
     session = Session(stand_still, 0.3, realtime=False, config=DeployConfig(stand_s=0.3), lie_down=False)
     outcome = run_session(
         robot,
         Hold(robot),
-        SimulatedBus(wires, body),
+        simulated.bus,
         session,
         each_tick=lambda loop: positions.append(loop.sensed.joint_position) if loop.walking else None,
     )
     assert outcome.faults == ()
     assert outcome.walked_s == pytest.approx(0.3, abs=0.005)
     np.testing.assert_allclose(positions[-1], robot.default_pose, atol=0.1)
-    assert not body.motors_on.any()
+    assert not simulated.body.motors_on.any()
 
 
 def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
@@ -73,10 +69,7 @@ def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytes
 
 def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of three protocols answer: those of robot.yaml, and no other's."""
-    robot = with_own(go1, knee=MOTOR)
-    wiring = wire(robot)
-    wires = SimulatedWires(wiring.buses, host_queue=20)
-    bus = SimulatedBus(wires, SimulatedRobot(robot, wiring, wires))
+    simulated = Simulation(with_own(go1, knee=MOTOR))
     nothing = own_drivers.milli(np.zeros((3, 1)), own_drivers.DISABLE).tobytes()
     monkeypatch.setattr(OwnDriver, "probes", staticmethod(lambda motor: ((motor, nothing),)))
     monkeypatch.setattr(
@@ -84,7 +77,7 @@ def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pyte
         "senders",
         staticmethod(lambda frames: np.where(frames.id & ~0x7F == own_drivers.REPLY, frames.id & 0x7F, -1)),
     )
-    found = scan(bus, wiring, LockstepClock(10_000))
+    found = scan(simulated.bus, simulated.wiring, LockstepClock(10_000))
     assert {each for each in found if each.maker == "own"} == {(channel, 3, "own") for channel in range(4)}
     assert len(found) == 12
 

@@ -28,7 +28,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 UNHURRIED = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.4)
-SHORT = Session(stand_still, 0.4, config=UNHURRIED)
+SHORT = Session(stand_still, 0.4, config=UNHURRIED, lie_down=False)
 
 
 class TestSimulatedBus:
@@ -51,7 +51,7 @@ class TestSimulatedBus:
     ) -> None:
         config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
-        trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
+        trace = run_episode(go1, policy, short_episode(duration_s=20.0, realtime=True, config=config))
         assert trace.final_state == "ESTOP"
         assert says in trace.faults[0]
 

@@ -219,7 +219,7 @@ class PutDown:
 
 
 def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
-    config = DeployConfig(stand_s=0.4, odometry=True)
+    config = DeployConfig(stand_s=0.4, odometry=True, joint_rate_hz=250.0)
     log, watch = tmp_path / "run.mcap", PutDown(go1)
     episode = short_episode(
         command_source=lambda _: np.zeros(3),

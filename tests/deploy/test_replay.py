@@ -213,7 +213,7 @@ class TestRecover:
         assert summary is not None
         assert (len(summary.schemas), len(summary.channels)) == (2, 3)
 
-    def test_a_log_is_not_written_over_itself_by_whatever_name(self, torn: Path) -> None:
+    def test_a_log_is_not_overwritten_by_its_copy(self, torn: Path) -> None:
         link = torn.with_name("link.mcap")
         link.symlink_to(torn)
         before = torn.read_bytes()
@@ -302,7 +302,7 @@ class TestWritten:
 
     def test_the_head_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
         """As left by a run that is killed at once."""
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + 20.0
         while (tmp_path / "run.mcap").stat().st_size == 0 and time.monotonic() < deadline:
             time.sleep(0.01)
         metadata = read_log(tmp_path / "run.mcap").metadata
@@ -332,7 +332,7 @@ class TestWritten:
         assert FLUSH_EVERY_S <= 0.1  # with as much again to write it, a killed run lacks 0.2 s at most
         for k in range(20):
             log.note(k, f"note {k}")
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + 20.0
         found: list[str] = []
         while len(found) < 20 and time.monotonic() < deadline:
             time.sleep(FLUSH_EVERY_S)

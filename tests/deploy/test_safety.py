@@ -127,7 +127,7 @@ class TestTable:
         lies = with_changes(QUIET, changes | {"now_s": 7.0, "posture_done": True})
         assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
 
-    def test_a_stop_while_the_robot_lies_down_lets_it_and_is_latched(self) -> None:
+    def test_a_stop_during_lying_down_is_latched_and_does_not_interrupt(self) -> None:
         stopped = with_changes(QUIET, {"stop": Stop("stopped by x"), "end.may_lie": True})
         state = advance(State(L, 4.0), stopped, CONFIG)
         assert state == State(L, 4.0, ("stopped by x",))  # it goes on where it is
@@ -234,7 +234,7 @@ class TestGettingUp:
         spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
         assert advance(spent, with_changes(QUIET, LIES), CONFIG).over
 
-    def test_one_that_never_lies_still_is_let_go_and_says_so(self) -> None:
+    def test_a_robot_that_never_rests_stays_down_with_a_second_fault(self) -> None:
         changes = LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s}
         state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, changes), CONFIG)
         assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
@@ -243,7 +243,7 @@ class TestGettingUp:
         state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, LIES | {"motors.error": "x"}), CONFIG)
         assert state == State(E, 5.0, ("fell", "x"))
 
-    def test_one_that_stands_has_no_fault_left_and_keeps_count_until_it_has_walked(self) -> None:
+    def test_standing_up_clears_the_fault_and_walking_clears_the_tries(self) -> None:
         up = State(U, 4.0, ("fell",), tries=2)
         assert advance(up, with_changes(QUIET, {"recovery.stands": True}), CONFIG) == State(S, 5.0, tries=2)
         walks = advance(State(S, 4.0, tries=2), with_changes(QUIET, {"posture_done": True}), CONFIG)
@@ -287,7 +287,7 @@ def test_the_guard_waits_for_the_longer_limit() -> None:
     assert SafetyConfig(late_limit_s=0.05, pause_limit_s=0.03, guard_share=1.2).guard_after_s == 0.06
 
 
-def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> None:
+def test_the_documented_diagram_has_the_transitions_of_the_tables() -> None:
     page = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
     drawn = set(re.findall(r"^    ([A-Z]+) --> ([A-Z]+):", page, re.MULTILINE))
     faults = {(mode, check.leads_to) for check in CHECKS for mode in check.modes}

@@ -102,7 +102,7 @@ class TestRepeated:
         shaken = STILL._replace(acceleration=(0.0, 0.0, 9.815))
         assert self.repeated(go1, AccelerationRepeated, lambda k: shaken if k % 10 == 5 else STILL) == 0.0
 
-    def test_gyro_and_quaternion_count_where_they_turn_apart(self, go1: Robot) -> None:
+    def test_a_frozen_gyro_or_quaternion_counts_where_the_other_turns(self, go1: Robot) -> None:
         for check in (GyroRepeated, QuaternionRepeated):
             assert self.repeated(go1, check, lambda _: STILL) == 0.0
         steady = lambda k: self.turning(k)._replace(gyro=(0.0, 0.0, 0.1))  # noqa: E731

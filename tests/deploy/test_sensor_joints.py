@@ -64,7 +64,7 @@ class TestDrift:
         """Every second reply is lost, two more in a row now and then."""
         assert measured(go1, Drift, lost=lambda k: k % 2 == 1 or k % 14 < 4)[0] < 0.5 * LIMITS.drift_rad
 
-    def test_readings_farther_apart_than_a_touchdown_pass_more(self, go1: Robot) -> None:
+    def test_slow_sampling_allows_more_drift(self, go1: Robot) -> None:
         """At 50 Hz a sample takes 20 ms, a touchdown 10: two fifths of the travel instead of one."""
         told, values = JointReadings(go1, Drift, Wander, tick_s=0.02), np.zeros((3, 12))
         values[1] = 1.0
@@ -107,7 +107,7 @@ class TestWander:
         drift, _ = measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
         assert drift > LIMITS.drift_rad
 
-    def test_a_robot_whose_time_stalls_passes_in_a_steady_motion(self, go1: Robot) -> None:
+    def test_a_stalled_robot_passes_in_a_steady_motion(self, go1: Robot) -> None:
         """At 1 rad/s; of each 100 ms it does not live through 20, nor answers, as one in emulation."""
         told, zeros, wander = JointReadings(go1, Wander), np.zeros(12), []
         joints, heard_us, lived_s = np.zeros((3, 12)), np.zeros(12, np.int64), 0.0
@@ -142,7 +142,7 @@ class TestStuck:
         assert wander[0] < LIMITS.wander_rad
         assert (stuck[1:] == 0.0).all()
 
-    def test_it_begins_anew_where_both_move(self, go1: Robot) -> None:
+    def test_it_restarts_where_both_move(self, go1: Robot) -> None:
         """One of ten readings is another one: a velocity that is 0.2 rad/s too high is no stuck one."""
 
         def alive(time_s: float) -> tuple[float, float]:
@@ -152,7 +152,7 @@ class TestStuck:
         assert measured(go1, Stuck, alive)[0] < 0.0
         assert measured(go1, Wander, alive)[0] > LIMITS.wander_rad
 
-    def test_a_joint_that_creeps_passes_within_what_a_velocitys_rounding_hides(self, go1: Robot) -> None:
+    def test_a_creeping_joint_passes_within_a_velocitys_rounding(self, go1: Robot) -> None:
         """Half of a quantum of 12 bits over 30 rad/s to either side."""
         creeping = measured(go1, Stuck, lambda t: (0.007 * t, 0.0), samples=1000)
         assert creeping[0] < 0.5 * LIMITS.stuck_rad

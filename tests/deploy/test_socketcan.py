@@ -83,7 +83,7 @@ class TestFrames:
         assert [each.frames_received for each in bus.statistics()] == [2, 0, 1]
         assert bus.receive(0) == []
 
-    def test_batches_that_differ_from_the_one_before_are_read_anew(self, kernel: Kernel) -> None:
+    def test_changed_batches_are_decoded_again(self, kernel: Kernel) -> None:
         bus = SocketCanBus(("a", "b"), FILTERS)
         first = [("a", 0x101, b"12"), ("b", 0x102, b"34")]
         for rows in (

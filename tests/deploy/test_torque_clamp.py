@@ -102,7 +102,7 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(max_examples=180, deadline=None)
 @given(wiring=wirings, decision=decisions, share=readings, begun=readings)
-def test_no_command_asks_for_more_than_a_motor_can_do(
+def test_a_command_stays_within_motor_limits(
     wiring: Wiring, decision: np.ndarray, share: np.ndarray, begun: np.ndarray
 ) -> None:
     ends = Ends(wiring, share, 12.5 * begun[0])
@@ -112,14 +112,16 @@ def test_no_command_asks_for_more_than_a_motor_can_do(
 
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
-def test_nor_does_damping(wiring: Wiring, kd: float, share: np.ndarray) -> None:
+def test_damping_stays_within_motor_limits(wiring: Wiring, kd: float, share: np.ndarray) -> None:
     ends = Ends(wiring, share, ROBOT.default_pose)
     assert ends.excess(ends.layer.damping(kd)).max() <= 0.0
 
 
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
-def test_nor_does_damping_without_readings(wiring: Wiring, kd: float, share: np.ndarray) -> None:
+def test_damping_without_readings_stays_within_motor_limits(
+    wiring: Wiring, kd: float, share: np.ndarray
+) -> None:
     """Frames made of the speeds read last, which motors hear over and over."""
     ends = Ends(wiring, share, ROBOT.default_pose)
     for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
@@ -128,7 +130,7 @@ def test_nor_does_damping_without_readings(wiring: Wiring, kd: float, share: np.
             assert ends.excess(frames).max() <= 0.0
 
 
-def test_damping_is_lowered_no_more_than_it_has_to_be() -> None:
+def test_damping_is_lowered_only_as_far_as_necessary() -> None:
     """go1's hips and thighs brake with 23.7 N m, its calves with 35.55: 2.37 and 3.0 at 10 rad/s."""
     speed = np.zeros((3, N))
     speed[1] = 10.0 / 50.0  # of what a frame can say
@@ -139,7 +141,7 @@ def test_damping_is_lowered_no_more_than_it_has_to_be() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(decision=decisions, share=readings)
-def test_what_every_motor_can_do_is_sent_as_it_was_decided(decision: np.ndarray, share: np.ndarray) -> None:
+def test_a_possible_command_is_sent_unchanged(decision: np.ndarray, share: np.ndarray) -> None:
     """Bit for bit what the driver makes of the decision, at joints that ask for no more than a share."""
     ends = Ends(WIRING, 0.3 * share, ROBOT.default_pose)
     lower, upper = ROBOT.soft_limits

@@ -6,7 +6,7 @@ from footfall.deploy.wiring import wire
 from footfall.robots.description import Robot
 
 
-def test_a_robot_whose_imu_has_a_bus_of_its_own_is_wired_by_name(go1: Robot) -> None:
+def test_an_imu_may_have_its_own_bus(go1: Robot) -> None:
     wiring = wire(go1)
     assert wiring.buses == tuple(dict.fromkeys([*(f"can{k}" for k in range(4)), go1.description.imu_bus]))
     assert wiring.buses[wiring.imu_channel] == go1.description.imu_bus

@@ -74,7 +74,7 @@ def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..., None]) -> None:
     """Without doubt: in doubt it takes ten seconds to find that no wrong wiring explains the errors."""
-    motions(doubtful=0.125)
+    motions(doubtful=0.125, settle_s=0.8, move_s=0.4)
     proven: list[Verdict] = []
     outcome = checked(go1, lambda _: None, lying=True, proven=proven)
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())

@@ -64,7 +64,7 @@ def test_a_gamepad_steers_with_its_dead_man_button_and_unplugged_it_is_silent(de
         device.send((BUTTON, DEAD_MAN, 1))
         polled_until(inbox, lambda r: r.velocity.any())
         device.unplug()
-        polled_until(inbox, lambda r: not r.velocity.any(), limit_s=1.0)
+        polled_until(inbox, lambda r: not r.velocity.any())
         assert "not connected" in opened.line()
         device.plug()
         device.send((AXIS | INITIAL, 1, -32767), (BUTTON, DEAD_MAN, 1), (BUTTON, STOP, 1))
@@ -79,7 +79,7 @@ def test_dead_zone_and_expo_keep_ends_and_middle() -> None:
     assert 0.0 < shaped(0.5, 0.1, 0.5) < shaped(0.5, 0.1, 0.0) < 0.5
 
 
-def test_a_device_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_device_is_refused(tmp_path: Path) -> None:
     config = GamepadConfig(str(tmp_path / "none"))
     with pytest.raises(UserError, match="none"), steered_by_gamepad(Inbox(), abilities, config):
         pass

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_time import Watch
 
 from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, Wish
 from footfall.deploy.modes import Mode
@@ -14,13 +15,6 @@ from footfall.policies.live_settings import Span
 OFFER = Offer(("trot", "stand"), ("trot", "pace"), {"step_height_m": Span(0.02, 0.1, 0.05)})
 STANDING = Status(0.0, 0.0, Mode.STANDING, "trot", np.zeros(3), np.zeros(3), 0.3, UNKNOWN_POSE, (), (), OFFER)
 WALKING = STANDING._replace(mode=Mode.WALKING)
-
-
-class Watch:
-    now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 @pytest.fixture
@@ -35,7 +29,7 @@ def inbox(watch: Watch) -> Inbox:
     return inbox
 
 
-def test_an_operator_who_is_silent_between_two_goals_is_waited_for(inbox: Inbox, watch: Watch) -> None:
+def test_the_longest_silence_between_two_goals_can_be_set(inbox: Inbox, watch: Watch) -> None:
     inbox.set_longest_silence(100.0)
     assert inbox.put("nav2", velocity=[0.1, 0, 0]) == ""
     inbox.poll(WALKING)
@@ -46,7 +40,7 @@ def test_an_operator_who_is_silent_between_two_goals_is_waited_for(inbox: Inbox,
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
 
 
-def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> None:
+def test_newest_values_replace_only_their_own(inbox: Inbox) -> None:
     assert inbox.put("page", velocity=[0.1, 0, 0], settings={"step_height_m": 0.03}) == ""
     assert inbox.put("page", velocity=(0.5, 0.1, -0.2), policy="stand") == ""
     assert inbox.put("page", gait="pace") == ""
@@ -55,7 +49,7 @@ def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> Non
     assert (request.policy, request.gait, request.settings) == ("stand", "pace", {"step_height_m": 0.03})
 
 
-def test_getting_up_is_asked_for_anew_after_each_fall_and_refused_where_it_cannot_be(inbox: Inbox) -> None:
+def test_getting_up_is_requested_after_each_fall_or_refused(inbox: Inbox) -> None:
     assert "--recover" in inbox.put("page", wish="get_up")
     offer = OFFER._replace(get_up="up")
     inbox.poll(STANDING._replace(offer=offer))
@@ -92,7 +86,7 @@ def test_getting_up_is_asked_for_anew_after_each_fall_and_refused_where_it_canno
         {"settings": [0.1]},
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line_and_changes_nothing(inbox: Inbox, wrong: Any) -> None:
+def test_a_bad_request_is_refused_in_one_line_and_changes_nothing(inbox: Inbox, wrong: Any) -> None:
     inbox.put("page", velocity=[0.1, 0, 0])
     before = inbox.poll(WALKING)
     refused = inbox.put("page", **({"velocity": [0.9, 0, 0]} | wrong))
@@ -101,7 +95,7 @@ def test_what_cannot_be_is_refused_in_one_line_and_changes_nothing(inbox: Inbox,
     assert inbox.poll(WALKING) is before
 
 
-def test_one_steers_at_a_time_and_another_one_has_to_take_over(inbox: Inbox) -> None:
+def test_one_operator_steers_until_another_takes_over(inbox: Inbox) -> None:
     inbox.put("keys", velocity=[0.3, 0, 0])
     assert "keys" in inbox.put("page", velocity=[0.9, 0, 0])
     assert inbox.poll(WALKING).velocity[0] == 0.3
@@ -116,7 +110,7 @@ def test_one_steers_at_a_time_and_another_one_has_to_take_over(inbox: Inbox) -> 
     assert (inbox.owner, inbox.poll(WALKING).owner, inbox.poll(WALKING).velocity[0]) == ("", "", 0.0)
 
 
-def test_silence_of_the_owner_means_stand_and_later_lie_down_for_good(inbox: Inbox, watch: Watch) -> None:
+def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, watch: Watch) -> None:
     inbox.put("page", velocity=[0.4, 0, 0])
     watch.now_s += 0.49
     assert inbox.poll(WALKING).velocity[0] == 0.4
@@ -141,7 +135,7 @@ def test_other_requests_do_not_renew_a_velocity(inbox: Inbox, watch: Watch) -> N
         assert (request.wish, request.velocity[0]) == (Wish.WALK, 0.0)
 
 
-def test_silence_counts_from_the_moment_at_which_the_robot_walks(inbox: Inbox, watch: Watch) -> None:
+def test_silence_counts_from_the_start_of_walking(inbox: Inbox, watch: Watch) -> None:
     watch.now_s += 50.0
     assert inbox.poll(STANDING).wish is Wish.WALK
     assert inbox.poll(WALKING).wish is Wish.WALK

@@ -65,13 +65,13 @@ class Walker:
         return cos * ahead + sin * left, cos * left - sin * ahead, math.degrees(yaw - yaw0)
 
 
-def test_each_step_is_planned_from_where_the_one_before_ends() -> None:
+def test_each_step_is_planned_from_the_end_of_the_previous_one() -> None:
     there_and_back = mission_of({"steps": [{"go_to": [1.0, 0.0]}, {"go_to": [0.0, 0.0]}]}, "mission")
     there_s, back_s = there_and_back.planned_s("trot", abilities)
     assert back_s > there_s > 0.0  # it turns round first
 
 
-def test_steps_lead_where_they_say() -> None:
+def test_each_step_reaches_its_goal() -> None:
     for steps, ahead, left, turned in (
         ([{"rectangle": "2x1"}], 0.0, 0.0, 360.0),
         ([{"rectangle": "1x-0.5"}], 0.0, 0.0, -360.0),
@@ -92,7 +92,7 @@ def test_steps_lead_where_they_say() -> None:
         assert walker.requests[-1].wish is Wish.LIE_DOWN
 
 
-def test_the_goal_is_where_the_latest_movement_leads() -> None:
+def test_the_goal_is_that_of_the_latest_movement() -> None:
     there = {"go_to": {"to": [0.5, 0.2], "heading_deg": 90.0}}
     for steps, ahead, left in (
         ([there, {"stand": 1.0}], 0.5, 0.2),
@@ -103,7 +103,7 @@ def test_the_goal_is_where_the_latest_movement_leads() -> None:
         assert math.dist(goal[:2], (ahead, left)) < 0.01
 
 
-def test_the_path_itself_is_kept_to() -> None:
+def test_the_path_is_followed_closely() -> None:
     walker = Walker([{"rectangle": "2x1"}])
     farthest = 0.0
     while not walker.source.progress.outcome:
@@ -118,12 +118,12 @@ def test_the_path_itself_is_kept_to() -> None:
 def test_remaining_time_is_about_right() -> None:
     walker = Walker([{"stand": 2.0}, {"rectangle": "2x1"}, {"turn": 180}])
     walker.step()
-    told_s = walker.source.progress.remaining_s
+    predicted_s = walker.source.progress.remaining_s
     walker.run()
-    assert abs(told_s - walker.time_s) < 0.25 * walker.time_s
+    assert abs(predicted_s - walker.time_s) < 0.25 * walker.time_s
 
 
-def test_why_a_mission_gives_up() -> None:
+def test_a_mission_gives_up_with_its_reason() -> None:
     stuck = Walker([{"wait": 1}, {"rectangle": "2x1"}], hold=lambda t: t > 4.0).run()
     assert "step 2 (rectangle): no progress" in stuck.source.progress.outcome
     assert stuck.time_s < 15.0
@@ -154,7 +154,7 @@ def test_low_battery_leads_home_or_lies_down() -> None:
         assert any("low battery" in request.note for request in walker.requests)
 
 
-def test_changes_of_policy_gait_and_settings_are_asked_for_in_order() -> None:
+def test_changes_of_policy_gait_and_settings_come_in_order() -> None:
     walker = Walker(
         [{"gait": "wave"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}, {"policy": "stand"}, {"wait": 1}]
     )
@@ -166,7 +166,7 @@ def test_changes_of_policy_gait_and_settings_are_asked_for_in_order() -> None:
     assert walker.requests[-1].gait == ""
 
 
-def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
+def test_an_impossible_step_is_refused_with_its_number(tmp_path: Path) -> None:
     for text, where, why in (
         ("", "mission.yaml", "list of steps"),
         ("steps: []", "mission.yaml", "list of steps"),

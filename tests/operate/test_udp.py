@@ -3,6 +3,7 @@
 import socket
 
 import pytest
+from fake_time import Watch
 from walking_run import WALKING, abilities, polled_until
 
 from footfall.common.errors import UserError
@@ -11,13 +12,6 @@ from footfall.operate.udp import Receiver, UdpConfig, steered_by_udp
 from footfall.operate.udp_client import REPLY, REQUEST, UdpSteering, pack, unpack
 
 TOKEN = "a token of the tests, shared"
-
-
-class Watch:
-    now_s = 50.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 class Sender:
@@ -96,7 +90,7 @@ def test_a_client_steers_over_the_network(monkeypatch: pytest.MonkeyPatch) -> No
         assert TOKEN not in opened.about[0]
         inbox.poll(WALKING)
         with UdpSteering("127.0.0.1", TOKEN, port, "planner") as steering:
-            reply = steering.send(velocity=[0.3, 0, 0.1], gait="wave", wait_s=2.0)
+            reply = steering.send(velocity=[0.3, 0, 0.1], gait="wave", wait_s=20.0)
             assert reply is not None
             assert (reply["refused"], reply["owner"], reply["mode"]) == ("", "planner", "WALKING")
             assert polled_until(inbox, lambda r: r.velocity.any()).gait == "wave"

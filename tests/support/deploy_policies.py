@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.safety import SafetyConfig
 from footfall.plant.episode import Episode
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
@@ -78,11 +79,6 @@ def stand_still(time_s: float) -> np.ndarray:
 
 
 def short_episode(**changes: object) -> Episode:
-    """One second of standing still after a quick rise."""
-    settings = {
-        "command_source": stand_still,
-        "duration_s": 1.0,
-        "config": DeployConfig(stand_s=0.4),
-        **changes,
-    }
-    return Episode(**settings)
+    """One second of standing still between a quick rise and a short damping."""
+    config = DeployConfig(stand_s=0.4, safety=SafetyConfig(damping_s=0.1))
+    return Episode(**{"command_source": stand_still, "duration_s": 1.0, "config": config, **changes})

@@ -1,4 +1,4 @@
-"""A clock whose time passes in sleep, and by hand."""
+"""Clocks that a test sets."""
 
 
 class FakeTime:
@@ -25,3 +25,12 @@ class FakeTime:
             return
         self.slept.append(seconds)
         self.ns += round(seconds * 1e9) + 7000  # and wakes up 7 us late
+
+
+class Watch:
+    """Monotonic seconds that pass by hand."""
+
+    now_s = 50.0
+
+    def __call__(self) -> float:
+        return self.now_s

@@ -43,30 +43,14 @@ def quadruped(
         knee = knee_limit or f'<limit lower="-2.3{index}" upper="-0.4" effort="23" velocity="17"/>'
         at = f"0.01 0 {down * 0.2}"
         shank = foot.replace('"0 0 -0.2"', f'"0 0 {down * 0.2}"')
+        bracket, of_knee = f"{leg}_bracket", {"kind": knee_kind, "extra": knee_extra}
         parts += [
-            f'<link name="{leg}_bracket"/>',
+            f'<link name="{bracket}"/>',
             _link(f"{leg}_thigh", 0.8 + 0.05 * index, thigh),
             _link(f"{leg}_shank", shank_mass, shank),
-            _joint(
-                f"{leg}_roll",
-                "trunk",
-                f"{leg}_bracket",
-                f"{x} {y} 0.01",
-                axis="1 0 0",
-                number=1,
-                turn="0 0.1 0",
-            ),
-            _joint(f"{leg}_hip", f"{leg}_bracket", f"{leg}_thigh", "0.02 0.01 0", number=2, turn="0 -0.1 0"),
-            _joint(
-                f"{leg}_knee",
-                f"{leg}_thigh",
-                f"{leg}_shank",
-                at,
-                kind=knee_kind,
-                limit=knee,
-                number=3,
-                extra=knee_extra,
-            ),
+            _joint(f"{leg}_roll", "trunk", bracket, f"{x} {y} 0.01", axis="1 0 0", number=1, turn="0 0.1 0"),
+            _joint(f"{leg}_hip", bracket, f"{leg}_thigh", "0.02 0.01 0", number=2, turn="0 -0.1 0"),
+            _joint(f"{leg}_knee", f"{leg}_thigh", f"{leg}_shank", at, number=3, **of_knee, limit=knee),
         ]
     return f'<robot name="dog">{"".join(parts)}</robot>'
 
@@ -121,11 +105,9 @@ def _leg(side: str, y: float, roll: str) -> str:
 def _motors(side: str) -> str:
     geared = f'<motor joint="{side}_hip" gear="40" ctrlrange="-1.5 1.5"/>'
     bounded = f'<position joint="{side}_knee" kp="300" forcerange="-70 70"/>'
-    rest = "".join(
-        f'<motor joint="{side}_{part}" ctrlrange="-45 45"/>'
-        for part in ("yaw", "roll", "ankle", "ankle_roll")
-    )
-    return geared + bounded + rest.replace("-45 45", "-60 60")
+    parts = ("yaw", "roll", "ankle", "ankle_roll")
+    rest = (f'<motor joint="{side}_{part}" ctrlrange="-60 60"/>' for part in parts)
+    return geared + bounded + "".join(rest)
 
 
 BIPED_MJCF = f"""

@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
+from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
 MAKERS: dict[str, dict[str, str]] = {
@@ -19,20 +20,16 @@ MAKERS: dict[str, dict[str, str]] = {
 }
 
 
-def with_motors(robot: Robot, first_id: int = 1, **protocols: str) -> Robot:
-    """The robot with other motors for some of its kinds, whose ids begin at a number, and watchdogs."""
+def with_motors(robot: Robot, first_id: int = 1, battery: Battery | None = None, **protocols: str) -> Robot:
+    """The robot with other motors for some of its kinds, watchdogs, ids from `first_id` on, a battery."""
     description = robot.description
+    more: dict[str, Any] = {"watchdog_endpoints": (410, 409), "drive_gains": (2000.0, 60.0)}
     motors = {
-        name: replace(
-            motor,
-            protocol=protocols.get(name, motor.protocol),
-            watchdog_endpoints=(410, 409),
-            drive_gains=(2000.0, 60.0),
-        )
+        name: replace(motor, protocol=protocols.get(name, motor.protocol), **more)
         for name, motor in description.motors.items()
     }
     joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
-    return replace(robot, description=replace(description, motors=motors, joints=joints))
+    return replace(robot, description=replace(description, motors=motors, joints=joints, battery=battery))
 
 
 def two_motors(

@@ -45,7 +45,7 @@ def abilities(policy: str) -> Abilities:
     return Abilities(LIMITS, OFFER)
 
 
-def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: float = 5.0) -> Request:
+def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: float = 30.0) -> Request:
     """Poll as a loop does until a request is as expected; fails after a while."""
     deadline_s = time.monotonic() + limit_s
     while not holds(request := inbox.poll(WALKING)):
@@ -54,7 +54,7 @@ def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: floa
     return request
 
 
-def eventually(found: Callable[[], Any], patience_s: float = 5.0) -> Any:
+def eventually(found: Callable[[], Any], patience_s: float = 30.0) -> Any:
     """The first true value of a function, which is called again and again; its last value if none is."""
     end_s = time.monotonic() + patience_s
     while not (value := found()) and time.monotonic() < end_s:

@@ -1,6 +1,7 @@
 """A simulated robot whose frames are kept."""
 
 from itertools import groupby
+from typing import Any
 
 from footfall.deploy.drivers import mit
 from footfall.deploy.frames import Frames
@@ -14,12 +15,12 @@ from footfall.robots.description import Robot
 
 
 class Simulation:
-    """A robot whose motors have no time-out to speak of, and what was sent to it."""
+    """A robot whose motors wait for 30 s unless told otherwise, its bus, and what was sent to it."""
 
-    def __init__(self, robot: Robot) -> None:
-        wiring = wire(robot)
-        wires = SimulatedWires(wiring.buses)
-        self.body = SimulatedRobot(robot, wiring, wires, PlantConfig(motor_timeout_s=30.0))
+    def __init__(self, robot: Robot, **plant: Any) -> None:
+        self.wiring, config = wire(robot), PlantConfig(**{"motor_timeout_s": 30.0, **plant})
+        wires = SimulatedWires(self.wiring.buses, host_queue=20)
+        self.body = SimulatedRobot(robot, self.wiring, wires, config)
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
         self.sent: list[Frames] = []
         self.bus.watch = self.sent.append

@@ -44,7 +44,7 @@ def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path)
     steering.close()
 
 
-def test_a_bridge_that_fails_says_why_in_one_line(tmp_path: Path) -> None:
+def test_a_failed_bridge_reports_one_line(tmp_path: Path) -> None:
     failing = Ros2Config(arguments=("fail",))
     with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
         pass

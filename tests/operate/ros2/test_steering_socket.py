@@ -19,7 +19,8 @@ from footfall.operate.ros2.steering_socket import SteeringSocket
 
 @pytest.fixture
 def inbox() -> Inbox:
-    inbox = Inbox()
+    """An inbox that bears long pauses of its owner, as a busy machine makes them."""
+    inbox = Inbox(InboxConfig(still_after_s=60.0, lie_down_after_s=90.0))
     inbox.poll(WALKING)
     return inbox
 
@@ -59,7 +60,7 @@ def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Pat
     assert "ros2" in inbox.stopped.reason
 
 
-def test_the_bridge_hears_how_the_run_is_and_each_note_once(inbox: Inbox, path: Path) -> None:
+def test_the_bridge_receives_the_status_and_each_note_once(inbox: Inbox, path: Path) -> None:
     heard: list[dict[str, Any]] = []
     Link(str(path), heard.append, lambda _: None)
     assert eventually(lambda: heard)
@@ -82,7 +83,7 @@ def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
 
 
-def test_a_run_waits_for_the_first_request_and_ends_if_no_other_follows(tmp_path: Path) -> None:
+def test_a_run_waits_for_the_first_request_and_ends_after_silence(tmp_path: Path) -> None:
     inbox = Inbox(InboxConfig(still_after_s=0.2, lie_down_after_s=0.3))
     inbox.poll(WALKING)
     server = SteeringSocket(tmp_path / "steer", inbox, PathSource(inbox, "ros2", abilities), "ros2")
@@ -104,7 +105,7 @@ def test_a_lost_bridge_stops_steering_for_another(inbox: Inbox, paths: PathSourc
         raw.sendall(b'{"path": [[5, 2]], "goal": 1}\n')
         assert eventually(lambda: paths.state), "a walk along a path, which needs no more messages"
         assert paths.poll(WALKING).velocity[0] > 0.0
-    assert eventually(lambda: paths.poll(WALKING).velocity[0] == 0.0, 0.4), "before its silence counts"
+    assert eventually(lambda: paths.poll(WALKING).velocity[0] == 0.0), "before its silence counts"
     assert inbox.owner == ""
     assert "gone" in eventually(lambda: inbox.poll(WALKING).note)
     link = Link(str(path), lambda _: None, lambda _: None)
