@@ -1,6 +1,6 @@
 """One run of a simulated robot into which a fault is injected, and how its supervisor responds.
 
-No benchmark itself: `fault_table.py` calls it.
+Called by `fault_table.py`.
 """
 
 import math
@@ -70,7 +70,7 @@ class Run:
     rate_share: float
     stiff: bool  # whether any motor got stiffness
     stiff_when_damped: bool  # whether any motor got stiffness while the loop damped the robot
-    came: bool  # whether the fault was injected; it is not if a robot that shall get up did not fall
+    came: bool  # whether the fault was injected; not the case if the robot should have fallen and did not
 
 
 def kind_of(name: str) -> FaultKind:
@@ -115,7 +115,7 @@ class Watch:
             audit.look(frames, sensed.joint_position, sensed.joint_velocity)
 
     def _due(self, loop: ControlLoop) -> bool:
-        """Whether it is time for the fault. A robot that shall get up is pushed over before."""
+        """Whether it is time for the fault. For faults of getting up, the robot is pushed over first."""
         mode = loop.state.mode
         if not self._kind.getting_up:
             return mode is Mode.WALKING and loop.walking_s >= self._at_s
@@ -213,11 +213,11 @@ def run_fault(task: FaultTask) -> dict[str, Any]:
 
 
 def draws_of(seed: int, title: str) -> np.random.Generator:
-    """Random numbers of a run: those of its kind, whatever other kinds there are."""
+    """Random generator of a run, which depends only on seed and title."""
     return np.random.default_rng([seed, zlib.crc32(title.encode())])
 
 
 def config_of(robot: Robot) -> DeployConfig:
-    """The robot's own limits; it stands up and is damped quickly, since many runs wait."""
+    """The robot's own limits; standing up and damping are short, to save time over many runs."""
     own = deploy_config(robot)
     return replace(own, stand_s=STAND_S, safety=replace(own.safety, damping_s=DAMPING_S))

@@ -19,7 +19,7 @@ def read_private(path: Path) -> bytes:
     """Content of a file. File and folder must belong to this user and be writable by no other.
 
     Raises:
-        NotPrivateError: one of them is not.
+        NotPrivateError: another user may have written one of them.
         OSError: the file cannot be read, or is a symbolic link.
     """
     _check(path.parent, os.stat(path.parent, follow_symlinks=False))
@@ -45,7 +45,7 @@ def make_private_folder(folder: Path) -> None:
 
     Raises:
         NotPrivateError: others can.
-        OSError: it cannot be made, or not be read.
+        OSError: the folder cannot be created or read.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     status = os.stat(folder, follow_symlinks=False)

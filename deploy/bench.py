@@ -22,15 +22,13 @@ REPLY_TIMEOUT_S = 2.0  # timeout for motors to report their settings, and to con
 SILENCE_TIMEOUT_US = 500_000
 DISABLED_S = 1.0  # motors are disabled for this time before their zero is set
 MAX_REST_SPEED_RAD_S = 0.2
-REPEATS = 5  # of frames that disable motors or clear errors, because a frame may be lost
+REPEATS = 5  # number of frames that disable motors or clear errors, because a frame may be lost
 CLEAR_TIMEOUT_S = 0.5  # until no report contains an error: heartbeats come ten times per second
 ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is set
 MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
-HANGING_UP = (
-    signal.SIGHUP,
-    signal.SIGQUIT,
-)  # beside Ctrl-C and SIGTERM, which raise KeyboardInterrupt anyway
+# In addition to Ctrl-C and SIGTERM, which already raise KeyboardInterrupt.
+HANGING_UP = (signal.SIGHUP, signal.SIGQUIT)
 
 
 class MotorState(NamedTuple):

@@ -111,7 +111,7 @@ class McapLog:
             "robot_digest": robot.digest,
             "buses": list(wire(robot).buses),
             "paced": not may_wait,
-            "store": None if store is None else [str(store.folder), store.most_bytes],
+            "store": None if store is None else [str(store.folder), store.max_bytes],
             "path": None if path is None else str(path),
         }
         self._about = json.dumps(about).encode()

@@ -23,12 +23,12 @@ class LogStore(NamedTuple):
     """A folder of logs, with the space that they may use."""
 
     folder: Path
-    most_bytes: int
+    max_bytes: int
 
     @property
     def part_bytes(self) -> int:
         """Size of a file after which a log continues in another file."""
-        return self.most_bytes // PARTS
+        return self.max_bytes // PARTS
 
     def new_log(self, robot: str) -> Path:
         """Name for a run's log. Creates the folder, and makes room in it.
@@ -53,7 +53,7 @@ class LogStore(NamedTuple):
         found = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in logs if path.is_file())
         taken = sum(size for _, size, _ in found)
         for _, size, path in found:
-            if taken <= self.most_bytes - self.part_bytes:
+            if taken <= self.max_bytes - self.part_bytes:
                 return
             with suppress(UserError, OSError):  # a run writes it, or it was deleted
                 with held(lock_name(path), f"the log {path}"):
@@ -73,7 +73,7 @@ def next_part(path: Path) -> Path:
     return path.with_name(f"{stem}.part{int(number or 1) + 1}.mcap")
 
 
-def default_store(most_bytes: int) -> LogStore:
+def default_store(max_bytes: int) -> LogStore:
     """Log store of this user."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return LogStore(Path(state) / "footfall" / "logs", most_bytes)
+    return LogStore(Path(state) / "footfall" / "logs", max_bytes)

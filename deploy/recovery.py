@@ -41,7 +41,7 @@ class Recovery:
 
     def __init__(self, robot: Robot, config: RecoveryConfig, consent: bool) -> None:
         self._config, self._clearance, self._pose = config, Clearance(robot), robot.default_pose
-        self._since_us: int | None = None  # since the robot is at rest, or stands
+        self._since_us: int | None = None  # start of the rest, or of standing
         self._mode = Mode.IDLE
         self._speeds, self._seen_us = np.zeros(len(robot.joint_names) + 3), 0  # of joints and base, rad/s
         self._fault, self._fell_s = "", 0.0

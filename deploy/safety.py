@@ -83,8 +83,8 @@ def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.tries >= limits.tries:
         return damped(state, now, config)
     if waited_s >= max(limits.wait_s, config.damping_s):
-        lacking = f"it stays down: for {limits.wait_s:g} s it was not at rest, or nobody asked it to get up"
-        return State(state.mode, now, (*state.faults, lacking), over=True)
+        reason = f"it stays down: for {limits.wait_s:g} s it was not at rest, or nobody asked it to get up"
+        return State(state.mode, now, (*state.faults, reason), over=True)
     if waited_s < config.damping_s or not signals.recovery.ready:
         return state
     following = Mode.RECOVERING

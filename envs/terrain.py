@@ -22,7 +22,7 @@ from footfall.envs.state import State
 from footfall.envs.terms.data import Scene, StepData
 from footfall.robots.feet import foot_geoms
 from footfall.terrain.declaration import pieces
-from footfall.terrain.ground import NOWHERE_M, Ground, edge_at, height_at, tangent_at
+from footfall.terrain.ground import UNREACHABLE_M, Ground, edge_at, height_at, tangent_at
 
 KEY = "terrain"  # in `State.terms`
 MIN_PATH_M = 1.0  # the level does not change after a shorter commanded path
@@ -216,7 +216,7 @@ class Pieces:
             height = jnp.where(self._ground.stepped[piece], edge.low, height)
             level = jnp.column_stack([edge.away, edge.offset, edge.high])
         else:
-            level = jnp.tile(jnp.array([1.0, 0.0, NOWHERE_M, NOWHERE_M]), (len(place), 1))
+            level = jnp.tile(jnp.array([1.0, 0.0, UNREACHABLE_M, UNREACHABLE_M]), (len(place), 1))
         normal = jnp.column_stack([-slope, jnp.ones(len(place))])
         normal = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
         below = jnp.column_stack([place[:, :2], height])

@@ -43,7 +43,7 @@ class LyingResult:
 
     trouble: str  # reason of the failure; empty on success
     clearance_m: float  # height of the base's lowest corner above the ground at the end
-    tilt_rad: float  # largest
+    tilt_rad: float  # largest tilt
 
 
 def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> LyingResult:
@@ -112,14 +112,14 @@ def _clearance(corners: np.ndarray, position: np.ndarray, quaternion: np.ndarray
 def _folded(robot: Robot) -> Iterator[np.ndarray]:
     """Poses (n,) with the feet as low as the base, within the soft limits, rad."""
     legs = robot.legs
-    sinks_m = robot.description.standing_height_m - legs.base_below
+    sink_m = robot.description.standing_height_m - legs.base_below
     lower, upper = robot.soft_limits
     stand = legs.default_foot
-    aside, along = np.sign(stand[:, 1]), np.sign(stand[:, 0] - stand[:, 0].mean())
-    for outward, (ahead, apart) in product(OUTWARD, AHEAD):
+    side_sign, fore_sign = np.sign(stand[:, 1]), np.sign(stand[:, 0] - stand[:, 0].mean())
+    for outward, (ahead, fore_and_aft) in product(OUTWARD, AHEAD):
         foot = stand.copy()
-        foot[:, 0] += ahead * sinks_m * (along if apart else 1.0)
-        foot[:, 1] += outward * sinks_m * aside
+        foot[:, 0] += ahead * sink_m * (fore_sign if fore_and_aft else 1.0)
+        foot[:, 1] += outward * sink_m * side_sign
         foot[:, 2] = legs.foot_radius - legs.base_below
         pose = legs.scatter(legs.solve(foot), robot.default_pose).clip(
             lower + LIMIT_MARGIN_RAD, upper - LIMIT_MARGIN_RAD

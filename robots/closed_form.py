@@ -65,17 +65,17 @@ class ClosedForm(NamedTuple):
         along = x * u + y * v + z * w
         turn = self.side * _arccos((self.offset - along) / max(abs(across), 1e-9))
         first = _within(cmath.phase(across) + turn, self.middle[0], self.half[0])
-        # Law of cosines for the knee, then the hip turns the whole two-link arm onto the reach's place.
+        # Law of cosines for the knee, then the hip turns the two-link arm towards the tip.
         a, b, c = self.still
-        place = x * a + y * b + z * c - self.origin
+        position = x * a + y * b + z * c - self.origin
         a, b, c = self.cosine
         d, e, f = self.sine
-        place += math.cos(first) * (x * a + y * b + z * c) + math.sin(first) * (x * d + y * e + z * f)
-        square = place.real * place.real + place.imag * place.imag
+        position += math.cos(first) * (x * a + y * b + z * c) + math.sin(first) * (x * d + y * e + z * f)
+        square = position.real * position.real + position.imag * position.imag
         knee = self.bend * _arccos((square - self.square_sum) / self.twice_product)
         third = _within(knee - self.knee_offset, self.middle[2], self.half[2])
         arm = self.upper + cmath.rect(1.0, third) * self.lower
-        second = _within(cmath.phase(place * arm.conjugate()), self.middle[1], self.half[1])
+        second = _within(cmath.phase(position * arm.conjugate()), self.middle[1], self.half[1])
         return first, second, third
 
 
@@ -126,8 +126,8 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
         half=((limb.upper - limb.lower) / 2).tolist(),
     )
     left = right._replace(side=-1.0)
-    place = default_tip.tolist()
-    return min((right, left), key=lambda side: np.abs(side.angles(place) - limb.default).max())
+    position = default_tip.tolist()
+    return min((right, left), key=lambda side: np.abs(side.angles(position) - limb.default).max())
 
 
 def _arccos(cosine: float) -> float:

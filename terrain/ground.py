@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 MAX_CELLS = 2048  # along a side
 SAME_M = 1e-3  # cells whose heights differ by less belong to one level
-NOWHERE_M = -1e3  # height of a level that nothing can touch
+UNREACHABLE_M = -1e3  # height of a level that nothing can touch
 
 Array = Any  # a NumPy or a JAX array
 
@@ -76,7 +76,7 @@ def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2
     last = ground.heights.shape[-1] - 2
     here = ground.heights[piece, row, column]
     nearest = xp.full_like(here, 1e3)  # m
-    away, other = xp.zeros_like(place[..., :2]), xp.full_like(here, NOWHERE_M)
+    away, other = xp.zeros_like(place[..., :2]), xp.full_like(here, UNREACHABLE_M)
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         for cells in range(1, reach + 1):
             at = [row, column]
@@ -95,9 +95,9 @@ def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2
     offset = (away * place[..., :2]).sum(axis=-1) + from_here
     return Edge(
         away=away,
-        offset=xp.where(edge, offset, NOWHERE_M),
+        offset=xp.where(edge, offset, UNREACHABLE_M),
         low=xp.where(edge, xp.minimum(here, other), here),
-        high=xp.where(edge, xp.maximum(here, other), NOWHERE_M),
+        high=xp.where(edge, xp.maximum(here, other), UNREACHABLE_M),
     )
 
 

@@ -1,4 +1,4 @@
-"""What becomes of the frames of motors and buses."""
+"""Faults of the frames of motors and buses."""
 
 from collections.abc import Callable
 
@@ -9,15 +9,15 @@ from footfall.plant.frame_changes import Batches, dropped, flipped, from_imu, no
 from footfall.plant.injection import FaultInjector, Injection
 
 
-def silent(all_of_them: bool) -> Injection:
+def silent(all_motors: bool) -> Injection:
     def inject(injector: FaultInjector) -> None:
-        injector.body.faults.motors.silent[slice(None) if all_of_them else injector.joint] = True
+        injector.body.faults.motors.silent[slice(None) if all_motors else injector.joint] = True
 
     return inject
 
 
 def bus_dead(injector: FaultInjector) -> None:
-    """Neither end of a bus hears the other."""
+    """No frame passes a bus in either direction."""
     injector.on_all(lambda frames: frames.take(frames.channel != injector.channel))
     injector.bus.outgoing = lambda frames, _: frames.take(frames.channel != injector.channel)
 
@@ -68,7 +68,7 @@ def twice(injector: FaultInjector) -> None:
 
 
 def foreign(injector: FaultInjector) -> None:
-    """A bus on which another sender transmits, too."""
+    """Frames of a foreign sender on the bus."""
     foreign = Frames(
         np.full(8, injector.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
     )

@@ -68,7 +68,7 @@ class WiringCheck:
         """Start the motions about these joint positions, rad, (n,).
 
         A robot that has stood up uses its measured positions instead: friction holds its feet away from their
-        targets, and legs that pull at each other slip.
+        targets, and legs that press against each other slip.
         """
         check, again = self._check, bool(self.verdicts)
         here = sensed.joint_position.copy() if again else here

@@ -58,7 +58,7 @@ class Parts:
         return initial_state(self.env, self.networks, self.config.ppo, seed)
 
     def iteration(self, mesh: Mesh | None = None) -> Iteration:
-        """The function that trains, not compiled yet."""
+        """The training iteration, not compiled."""
         return make_iteration(self.env, self.networks, self.config.ppo, mesh, self.mirror)
 
     @collector_paused()
@@ -101,7 +101,7 @@ class Parts:
 
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
-    """Start loading, in the background, what an earlier training of this robot and settings compiled."""
+    """Start loading the compiled programs of an earlier training with this robot and settings."""
     made = made_from(robot, config)
     prefetch(*((name, *made) for name in NAMES))
 

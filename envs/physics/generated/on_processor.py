@@ -31,7 +31,7 @@ def _threads() -> ThreadPoolExecutor:
 
 
 def unavailable() -> str:
-    """Why nothing can be compiled here; empty if it can."""
+    """Reason why the code cannot be compiled here; empty if it can."""
     if importlib.util.find_spec("llvmlite") is None:
         return f"llvmlite, which compiles it, is not installed: {install_extras('train')}"
     if handler.version()[0] != handler.KNOWN_MAJOR:
@@ -84,7 +84,7 @@ def _function(substep_of: Any, steps: int, robots: int) -> str:
 
 
 def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> list[jax.Array]:
-    """A control step of all robots; arguments as of `on_gpu.run`."""
+    """A control step of all robots; arguments as for `on_gpu.run`."""
     _, outputs = arguments(substep_of())
     shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]
     return list(jax.ffi.ffi_call(_function(substep_of, steps, robots), shapes)(*arrays))

@@ -13,7 +13,7 @@ from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
 
 SPACING_M = 0.05
-MAX_UNLIKE = 5  # statuses may be older than the goal
+MAX_OUTDATED = 5  # consecutive statuses that may be older than the goal
 
 
 class PathAction:
@@ -60,7 +60,7 @@ class PathAction:
         refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation), goal=number)
         if refused:
             return self._aborted(handle, result, refused)
-        unlike = 0  # consecutive statuses without a path or with another one
+        outdated = 0  # consecutive statuses without a path or with another one
         while True:
             status = await self._status
             if number != self._goals:
@@ -71,11 +71,11 @@ class PathAction:
                 return result
             path = status["path"]
             if path is None or path["goal"] != number:
-                unlike += 1
-                if unlike > MAX_UNLIKE:
+                outdated += 1
+                if outdated > MAX_OUTDATED:
                     return self._aborted(handle, result, "the path was replaced by another request")
                 continue
-            unlike = 0
+            outdated = 0
             if path["outcome"]:
                 break
             if math.isfinite(path["distance_m"]):  # the walk has started
