@@ -80,6 +80,7 @@ class Sinks:
             folder, max_bytes = begin["store"]
             self._parts = Parts(LogStore(Path(folder), max_bytes), Path(self._path))
         self._file: McapFile | None = None
+        self._file_full = False  # the next message begins another part
         self.feed = None if feed is None else Feed(socket.socket(fileno=feed), begin["metadata"])
         self.failed = False  # whether writing the log failed
         if file is not None:
@@ -94,6 +95,10 @@ class Sinks:
             self.feed.put(topic, time_ns, message)
         if self._file is not None:
             try:
+                if self._file_full and self._parts is not None:
+                    self._file.finish(complete=False)
+                    self._file.close()
+                    self._file, self._file_full = self._parts.open_next(self._metadata), False
                 self._file.put(topic, time_ns, message)
                 if self._parts is not None:
                     self._parts.remember(topic, time_ns, message)
@@ -102,18 +107,17 @@ class Sinks:
 
     @property
     def part_full(self) -> bool:
-        """Whether to continue the log in another part."""
-        return self._file is not None and self._parts is not None and self._parts.full(self._file)
+        """Whether the current part has reached its maximum size, before the flush that notes it."""
+        if self._file is None or self._parts is None or self._file_full:
+            return False
+        return self._parts.full(self._file)
 
     def flush(self) -> None:
-        """Write buffered data to the disk."""
+        """Write buffered data to the disk; a full part ends before the next message."""
         if self._file is not None:
             try:
                 self._file.flush()
-                if self._parts is not None and self._parts.full(self._file):
-                    self._file.finish(complete=False)
-                    self._file.close()
-                    self._file = self._parts.open_next(self._metadata)
+                self._file_full = self._parts is not None and self._parts.full(self._file)
             except OSError as error:
                 self._fail(error)
 
