@@ -166,7 +166,7 @@ class TestMotorsOff:
     """EXIT is asked for until every motor has answered it."""
 
     def run(self, go1: Robot, simulation: Simulation) -> list[str]:
-        session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2))
+        session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2), lie_down=False)
         return list(run_session(go1, Hold(go1), simulation.bus, session).notes)
 
     def test_is_repeated_while_frames_get_lost(self, go1: Robot) -> None:
@@ -192,7 +192,8 @@ def test_lockstep_has_neither_deadline_nor_guard(go1: Robot) -> None:
         time.sleep(0.005)
         return command
 
-    session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2, safety=slow))
+    config = DeployConfig(stand_s=0.2, safety=slow)
+    session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
     outcome = run_session(go1, FailingPolicy(go1, 0.0, dawdle), simulation.bus, session)
     assert outcome.faults == ()
     assert LockstepClock.realtime is False

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold, short_episode
+from deploy_policies import FailingPolicy, Hold, short_episode, stand_still
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -380,7 +380,7 @@ class TestRobots:
         """Every axis sends a position every other millisecond, on or off. One is deaf to switching off."""
         deaf = 4
         robot = with_motors(go1, **MAKERS["ODrive"])
-        config = DeployConfig(stand_s=0.1, motor_timeout_s=10.0)
+        config = DeployConfig(stand_s=0.1, motor_timeout_s=10.0, safety=SafetyConfig(damping_s=0.1))
         simulated = Simulation(robot, motor_timeout_s=10.0)
         wiring, bus = simulated.wiring, simulated.bus
 
@@ -389,7 +389,7 @@ class TestRobots:
             return frames.take(~(off & (frames.id >> 5 == wiring.motor_id[deaf]) & (frames.channel == 1)))
 
         bus.outgoing = lost
-        session = Session(lambda _: np.zeros(3), 0.1, realtime=False, config=config)
+        session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
         outcome = run_session(robot, Hold(robot), bus, session)
         (note,) = outcome.notes
         assert f"still on at the end, though switched off: {wiring.place(deaf)}" in note

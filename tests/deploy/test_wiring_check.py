@@ -38,7 +38,7 @@ def checked(
     run = Injected(robot, Hold(robot), PlantConfig(noise=NOISE, lying=lying), config=config)
     inject(run.injector)
     right = (lambda _: None) if proven is None else proven.extend
-    return run.run(0.1, check_wiring=True, wiring_right=right)
+    return run.run(0.1, check_wiring=True, wiring_right=right, lie_down=False)
 
 
 def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
