@@ -48,18 +48,28 @@ settings.load_profile("footfall")
 
 held.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
 
-# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
-# others have nothing left to do.
-LONGEST = (
+# Files that share what is slow to compile stay in one worker: the program of a training, and operations on
+# arrays of the same sizes.
+TRAININGS = (
     "train/test_cluster.py",
     "train/test_sweep.py",
     "train/test_runs.py",
     "train/test_failure.py",
     "footfall/test_cli_train.py",
+)
+UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py", "train/test_symmetry.py")
+TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
+
+# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
+# others have nothing left to do.
+LONGEST = (
+    *TRAININGS,
+    *UPDATES,
     "deploy/test_wiring_check.py",
     "envs/test_physics.py",
     "identify/test_fit.py",
     "policies/test_controllers_walk.py",
+    "benchmarks/test_fault_table.py",
     "envs/test_generated_physics.py",
     "evaluate/test_report.py",
     "deploy/test_estimator.py",
@@ -68,8 +78,6 @@ LONGEST = (
     "examples/test_notebook.py",
     "deploy/test_log.py",
     "footfall/test_cli_replay.py",
-    "train/test_ppo.py",
-    "train/test_iteration.py",
     "train/test_rsl_rl.py",
     "deploy/test_odrive.py",
     "policies/test_jump.py",
@@ -81,16 +89,6 @@ LONGEST = (
 )
 
 
-# Files whose trainings share a program: whoever compiles it first does so for the others.
-TRAININGS = (
-    "train/test_cluster.py",
-    "train/test_sweep.py",
-    "train/test_runs.py",
-    "train/test_failure.py",
-    "footfall/test_cli_train.py",
-)
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """A file's tests stay in one worker, since they share what is slow to make; so do those of some files."""
@@ -99,7 +97,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
-            return TRAININGS[0] if file.removeprefix("tests/") in TRAININGS else file
+            return TOGETHER.get(file.removeprefix("tests/"), file)
 
     return Scheduling(config, log)
 

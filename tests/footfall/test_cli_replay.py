@@ -20,7 +20,7 @@ from footfall.robots.description import ROBOTS, Robot
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
     """Options of a brief run that stands up and lies down quickly."""
-    return "--duration", "0.6", "--config", written(tmp_path_factory.mktemp("quick"))
+    return "--duration", "0.3", "--config", written(tmp_path_factory.mktemp("quick"))
 
 
 @pytest.fixture(scope="module")
