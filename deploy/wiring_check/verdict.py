@@ -14,7 +14,6 @@ from footfall.deploy.wiring_check.prediction import Prediction
 
 SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of the `WORST_JOINTS`
 WORST_JOINTS = 2  # number of joints with the largest errors
-LIKELY_JOINTS = 12  # likely single-joint causes to simulate if nothing else explains the responses
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
 MIN_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
@@ -149,7 +148,8 @@ class Search(NamedTuple):
         if best[0] > limit:
             best = self._best([each for each in every if len(each.key) > 2], limit)  # few: legs and buses
         if best[0] > limit:
-            best = self._best_of_one_joint([every[row] for row in np.argsort(costs).tolist()], limit)
+            alone = [row for row in np.argsort(costs).tolist() if len(every[row].key) == 1]
+            best = self._best([every[row] for row in alone], limit)  # a biped's rough costs mislead
         return best[1] if best[0] <= limit else ""
 
     def twin(self, every: list[Cause], highest: np.ndarray, config: WiringCheckConfig) -> str:
@@ -182,18 +182,6 @@ class Search(NamedTuple):
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
         return turned.cost(self.right, self.least, self.noise), text
-
-    def _best_of_one_joint(self, likely: list[Cause], limit: float) -> tuple[float, str]:
-        """Cost and text of the best single-joint cause: of the likely ones, then of the best one's joint.
-
-        If many legs stand, a wrong gear ratio shows mostly in other joints, and the rough costs favour a
-        mild one.
-        """
-        alone = [each for each in likely if len(each.key) == 1]
-        cost, text = self._best(alone[:LIKELY_JOINTS], math.inf)
-        (joint,) = next(each.key for each in alone if each.text == text)
-        others = [each for each in alone[LIKELY_JOINTS:] if each.key == (joint,)]
-        return min((cost, text), self._best(others, min(cost, limit)))
 
     def _best(self, some: Sequence[Cause], limit: float) -> tuple[float, str]:
         """The lowest cost of some causes, and its text; an infinite one above the limit."""

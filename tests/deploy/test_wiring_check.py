@@ -1,6 +1,6 @@
 """The wiring check: wrong wiring is found, by its name, before the robot stands up or walks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,10 +17,10 @@ from footfall.deploy.config import deploy_config
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check import check
-from footfall.deploy.wiring_check.causes import as_wired, causes
+from footfall.deploy.wiring_check.causes import Cause, as_wired, causes
 from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
-from footfall.deploy.wiring_check.verdict import Verdict
+from footfall.deploy.wiring_check.verdict import Responses, Search, Verdict
 from footfall.domain_rand.noise import Noise
 from footfall.plant.injection import FaultInjector
 from footfall.plant.robot import PlantConfig
@@ -120,6 +120,20 @@ def test_exchanged_motors_of_a_biped_are_named(
     outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
     assert outcome.final_state == "ESTOP"
     assert all(name in outcome.faults[0] for name in (yaw, other, "exchanged")), outcome.faults
+
+
+def test_a_cause_is_simulated_that_does_not_look_likely(go1: Robot) -> None:
+    """The gear ratio of one joint changes the responses to the motions of two others."""
+    every = list(causes(wire(go1), go1.foot_joints))
+    true = next(each for each in every if each.key == (7,) and each.ratio[7] == 0.6)
+    right = Responses(50.0 * np.eye(12), np.full((12, 2), 0.1))
+    measured = right._replace(torque=right.torque + np.diag([20.0, 20.0] + [0.0] * 10))
+
+    def simulated(cause: Cause) -> Iterator[np.ndarray]:
+        yield from np.hstack(measured if cause is true else right)
+
+    search = Search(measured, right, right.least_size, 0.25, simulated)
+    assert search.cause(every, np.full((5, 12), np.inf), 0.5) == true.text
 
 
 def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
