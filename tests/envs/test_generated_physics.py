@@ -260,8 +260,16 @@ class TestRefusals:
         assert "impratio" in engine.note
         assert "go1" in engine.note
 
-    def test_so_where_the_compiler_is_missing(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    @pytest.mark.parametrize(
+        "error", [ModuleNotFoundError("no llvmlite"), OSError("its library\ndoes not load")]
+    )
+    def test_so_where_the_compiler_is_missing_or_broken(
+        self, error: Exception, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fail(_: str) -> None:
+            raise error
+
+        monkeypatch.setattr(on_processor, "import_module", fail)
         assert "llvmlite" in on_processor.unavailable()
         assert "llvmlite" in not_generated(training_model(load_robot("go1")))
 

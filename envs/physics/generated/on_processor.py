@@ -4,9 +4,9 @@ A program names the code by its content, so that JAX finds the compiled program 
 """
 
 import hashlib
-import importlib.util
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from footfall.common.installation import install_extras
+from footfall.common.outside import one_line
 from footfall.common.processors import usable_cores
 from footfall.envs.physics.generated import handler
 from footfall.envs.physics.generated.arguments import arguments
@@ -32,8 +33,10 @@ def _threads() -> ThreadPoolExecutor:
 
 def unavailable() -> str:
     """Reason why the code cannot be compiled here; empty if it can."""
-    if importlib.util.find_spec("llvmlite") is None:
-        return f"llvmlite, which compiles it, is not installed: {install_extras('train')}"
+    try:
+        import_module("llvmlite.binding")
+    except (ImportError, OSError) as error:  # not installed, or its library does not load here
+        return f"llvmlite, which compiles it, does not load ({one_line(error)}): {install_extras('train')}"
     if handler.version()[0] != handler.KNOWN_MAJOR:
         return f"this jaxlib calls foreign functions by version {handler.version()[0]} of XLA's interface"
     return ""
