@@ -218,13 +218,13 @@ class TestShift:
         if bears is None:
             assert footwork.phase is Phase.STAND
             return
-        assert (footwork.phase, footwork.bears, footwork.swings) == (Phase.SHIFT, bears, 1 - bears)
+        assert (footwork.phase, footwork.stance_foot, footwork.swing_foot) == (Phase.SHIFT, bears, 1 - bears)
         assert footwork.elapsed_s == 0.0
 
     @pytest.mark.parametrize("bears", [LEFT, RIGHT])
     def test_it_ends_where_a_steady_step_would_begin_in_the_air(self, footwork: Footwork, bears: int) -> None:
         """Sideways as far from the bearing foot as grows to the landing's in 0.5 s; ahead not at all."""
-        footwork.bears, footwork.swings = bears, 1 - bears
+        footwork.stance_foot, footwork.swing_foot = bears, 1 - bears
         footwork.command.value = VELOCITY
         dynamics = moment(feet=((0.03, 0.12), (-0.03, -0.12)))
         step = nominal(1 - bears, VELOCITY[:2])
@@ -250,7 +250,7 @@ class TestShift:
         self, footwork: Footwork, bears: int, short: float, ahead: float, elapsed_s: float, lifts: bool
     ) -> None:
         """How much the capture point is short of the bearing foot's side, and how far it is ahead."""
-        footwork.phase, footwork.bears, footwork.swings = Phase.SHIFT, bears, 1 - bears
+        footwork.phase, footwork.stance_foot, footwork.swing_foot = Phase.SHIFT, bears, 1 - bears
         footwork.elapsed_s = elapsed_s
         capture = np.zeros(3)
         inwards = -short if bears == LEFT else short
@@ -260,7 +260,11 @@ class TestShift:
 
     def test_the_pressure_moves_the_weight(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         """A centre in the middle, at rest: p = x + 2 (x - goal)."""
-        policy.footwork.phase, policy.footwork.bears, policy.footwork.swings = Phase.SHIFT, LEFT, RIGHT
+        policy.footwork.phase, policy.footwork.stance_foot, policy.footwork.swing_foot = (
+            Phase.SHIFT,
+            LEFT,
+            RIGHT,
+        )
         *_, wanted, _ = asked(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
         goal = policy.footwork.shifted(moment()) - MIDDLE[:2]
         assert 0.03 < np.linalg.norm(goal) < 0.1
@@ -271,7 +275,7 @@ class TestLift:
     @pytest.mark.parametrize(("shifted", "elapsed_s"), [(True, 0.1), (False, 0.0)])
     def test_a_step_begins_halfway_turned(self, footwork: Footwork, shifted: bool, elapsed_s: float) -> None:
         """After a shift the time in which both feet bear is over. 0.4 rad/s turn by 0.24 rad in a step."""
-        footwork.bears, footwork.swings = RIGHT, LEFT
+        footwork.stance_foot, footwork.swing_foot = RIGHT, LEFT
         footwork.command.value = VELOCITY
         footwork.swing = SimpleNamespace()  # type: ignore[assignment]
         footwork.lift(moment(headings=(9.0, HEADING)), shifted)
@@ -280,7 +284,7 @@ class TestLift:
         assert footwork.yaw == pytest.approx(HEADING)
         place = nominal(LEFT, VELOCITY[:2]).place
         np.testing.assert_allclose(place, [0.18, 0.06 + 0.2])
-        np.testing.assert_allclose(footwork.place, world(*place, heading=HEADING + 0.12))
+        np.testing.assert_allclose(footwork.next_foothold, world(*place, heading=HEADING + 0.12))
 
 
 class TestLand:
@@ -303,14 +307,14 @@ class TestLand:
         self, footwork: Footwork, centre: Any, ahead: Any, walk: bool, stands: bool
     ) -> None:
         """Capture point and how far ahead the feet are, along the axes of the foot that has landed."""
-        footwork.bears, footwork.swings, footwork.elapsed_s = LEFT, RIGHT, 0.6
+        footwork.stance_foot, footwork.swing_foot, footwork.elapsed_s = LEFT, RIGHT, 0.6
         footwork.load = np.array([1.0, 0.0])
         # Half of it from the velocity.
         velocity = 0.5 * footwork.fall_rate * np.array([*world(*centre), 0.0])
         feet = (ahead[0], 0.1), (ahead[1], -0.1)
         dynamics = moment((0.5 * centre[0], 0.5 * centre[1], 0.6), velocity, feet, (2.5, HEADING))
         footwork.land(dynamics, walk)
-        assert (footwork.bears, footwork.swings) == (RIGHT, LEFT)
+        assert (footwork.stance_foot, footwork.swing_foot) == (RIGHT, LEFT)
         assert footwork.elapsed_s == 0.0
         assert footwork.phase is (Phase.STAND if stands else Phase.STEP)
         assert footwork.steps == (0 if stands else 1)
@@ -325,7 +329,7 @@ class TestLand:
         for landed in (False, True):
             policy.footwork.lands_after_s = 0.6
             asked(policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics)
-            assert (policy.footwork.bears == RIGHT) == landed
+            assert (policy.footwork.stance_foot == RIGHT) == landed
         assert policy.footwork.phase is (Phase.STEP if walk else Phase.STAND)
 
 
@@ -348,10 +352,12 @@ class TestStep:
     def stepping(self, footwork: Footwork, monkeypatch: pytest.MonkeyPatch) -> Footwork:
         """The left foot bears, no steering; the step's frame is turned by half of 0.24 rad."""
         footwork.command.value = VELOCITY
-        footwork.bears, footwork.swings = LEFT, RIGHT
+        footwork.stance_foot, footwork.swing_foot = LEFT, RIGHT
         footwork.lift(moment(), shifted=False)
         monkeypatch.setattr(footwork, "steer", lambda *_: (np.zeros(2), np.array([0.01, 0.02])))
-        monkeypatch.setattr(footwork, "fly", lambda dynamics, stand, remaining_s: np.full(6, remaining_s))
+        monkeypatch.setattr(
+            footwork, "swing_acceleration", lambda dynamics, stand, remaining_s: np.full(6, remaining_s)
+        )
         return footwork
 
     def test_the_pressure_moves_evenly_between_feet(self, stepping: Footwork, decided: list[tuple]) -> None:
@@ -373,7 +379,7 @@ class TestStep:
         np.testing.assert_allclose(wanted.place, nominal(RIGHT, VELOCITY[:2]).place)
         assert way_m == pytest.approx(np.linalg.norm(wanted.place - back))
         assert (limits, weights) == (CONFIG.gait.limits, CONFIG.gait.weights)
-        np.testing.assert_allclose(stepping.place, world(0.1, -0.3, HEADING + 0.12))
+        np.testing.assert_allclose(stepping.next_foothold, world(0.1, -0.3, HEADING + 0.12))
         assert stepping.lands_after_s == pytest.approx(0.1 + 0.25)
 
 
@@ -412,9 +418,9 @@ class TestFly:
         return SimpleNamespace(foot=foot, foot_rotation=rotation, foot_jacobian=jacobian, velocity=moving)
 
     def flying(self, footwork: Footwork, turn: float = 0.24) -> Footwork:
-        footwork.bears, footwork.swings, footwork.yaw = LEFT, RIGHT, HEADING
+        footwork.stance_foot, footwork.swing_foot, footwork.yaw = LEFT, RIGHT, HEADING
         footwork.command.value = np.array([0.0, 0.0, turn / 0.6])
-        footwork.place = np.array([0.2, -0.25])
+        footwork.next_foothold = np.array([0.2, -0.25])
         return footwork
 
     def test_it_follows_its_reference_with_gains_and_a_level_sole(self, footwork: Footwork) -> None:
@@ -429,7 +435,7 @@ class TestFly:
 
         footwork.swing = SimpleNamespace(yaw=0.6, advance=advance)  # type: ignore[assignment]
         turn = Rotation.from_rotvec([0.02, -0.03, 0.0]) * Rotation.from_euler("z", 0.65)
-        found = self.flying(footwork).fly(self.dynamics(turn), MIDDLE, 0.3)
+        found = self.flying(footwork).swing_acceleration(self.dynamics(turn), MIDDLE, 0.3)
         moving = np.arange(1.0, 7.0) / 10
         np.testing.assert_allclose(found[:3], feed[:3] - 400.0 * off - 30.0 * (moving[:3] - rate[:3]))
         spin = moving[3:] - [0.0, 0.0, 0.2]
@@ -442,7 +448,7 @@ class TestFly:
     def test_its_yaw_turns_the_short_way_round(self, footwork: Footwork) -> None:
         """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
         self.flying(footwork, turn=0.0).yaw = 3.1
-        footwork.fly(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
+        footwork.swing_acceleration(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
         assert footwork.swing is not None
         turned = 60 * (6.2 - 2 * math.pi) / 0.3**3 * 0.002
         assert turned < 0.0

@@ -63,7 +63,7 @@ class Step:
     def footholds(self) -> np.ndarray:
         places, foothold = np.full((2, 3), np.nan), self.footwork.foothold
         if foothold is not None:
-            places[self.footwork.swings] = foothold @ heading_matrix(self._yaw)
+            places[self.footwork.swing_foot] = foothold @ heading_matrix(self._yaw)
         return places
 
     def act(self, inputs: PolicyInput) -> JointCommand:

@@ -33,9 +33,9 @@ class Footwork:
 
     Attributes:
         phase: STAND, SHIFT or STEP, which has lasted `elapsed_s`.
-        bears, swings: the stance foot (or the next one) and the other foot.
+        stance_foot, swing_foot: index of the stance foot (or the next one) and of the other foot.
         load: (2,) share of its largest force that each foot may use.
-        place: (2,) m, next foothold relative to the stance foot.
+        next_foothold: (2,) m, relative to the stance foot.
         yaw: rad, yaw of the stance foot at the start of the step.
         lands_after_s: duration of the step.
         swing: trajectory of the swing foot; None before lift-off.
@@ -53,11 +53,11 @@ class Footwork:
         """Start in double support."""
         self.command.reset()
         self.phase, self.elapsed_s = Phase.STAND, 0.0
-        self.bears, self.swings = 0, 1
+        self.stance_foot, self.swing_foot = 0, 1
         self.load = np.ones(2)
         self.swing: Swing | None = None
         self.lands_after_s = 0.0
-        self.yaw, self.place = 0.0, np.zeros(2)
+        self.yaw, self.next_foothold = 0.0, np.zeros(2)
         self.steps = 0
         self.foothold: np.ndarray | None = None
 
@@ -92,7 +92,7 @@ class Footwork:
             case Phase.SHIFT:
                 pressure = self.both_press(dynamics, capture, self.shifted(dynamics))
             case Phase.STEP:
-                pressure, feet[self.swings] = self.step(dynamics, capture)
+                pressure, feet[self.swing_foot] = self.step(dynamics, capture)
         return pressure, feet
 
     def maybe_shift(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
@@ -101,8 +101,8 @@ class Footwork:
         away = capture[:2] - middle[:2]
         if walk or math.hypot(away[0], away[1]) > self._config.start.capture_m:
             across = dynamics.foot[0] - dynamics.foot[1]
-            self.bears = 0 if away @ across[:2] > 0 else 1  # foot towards which the body leans
-            self.swings = 1 - self.bears
+            self.stance_foot = 0 if away @ across[:2] > 0 else 1  # foot towards which the body leans
+            self.swing_foot = 1 - self.stance_foot
             self.phase, self.elapsed_s = Phase.SHIFT, 0.0
 
     def both_press(self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray) -> np.ndarray:
@@ -114,10 +114,10 @@ class Footwork:
 
     def shifted(self, dynamics: Dynamics) -> np.ndarray:
         """Capture point (2,) of a steady gait at lift-off of the other foot."""
-        gait, nominal = self._config.gait, self.nominal(self.side[self.swings])
+        gait, nominal = self._config.gait, self.nominal(self.side[self.swing_foot])
         begins = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
-        to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2]
-        goal = dynamics.foot[self.bears, :2] + to_world @ (begins * (nominal.place + nominal.offset))
+        to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2]
+        goal = dynamics.foot[self.stance_foot, :2] + to_world @ (begins * (nominal.place + nominal.offset))
         goal_along = to_world.T @ (goal - dynamics.middle[:2])
         goal_along[0] = 0.0
         return dynamics.middle[:2] + to_world @ goal_along
@@ -125,9 +125,9 @@ class Footwork:
     def maybe_lift(self, dynamics: Dynamics, capture: np.ndarray) -> None:
         """Start a step once the weight is near the stance foot, or the robot falls forward or backward."""
         start = self._config.start
-        to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2].T
+        to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2].T
         missing = to_heading @ (capture[:2] - self.shifted(dynamics))
-        outwards = missing[1] * self.side[self.bears]
+        outwards = missing[1] * self.side[self.stance_foot]
         shifted = outwards > -start.near_m or self.elapsed_s > start.most_s
         if shifted or abs(missing[0]) > start.urgent_m:
             self.lift(dynamics, shifted=True)
@@ -138,19 +138,19 @@ class Footwork:
         # After a shift the weight is already on the stance foot.
         self.elapsed_s = self._config.gait.double_support_s if shifted else 0.0
         self.lands_after_s = self._config.gait.step_s
-        self.yaw = yaw_of(dynamics.foot_rotation[self.bears])
+        self.yaw = yaw_of(dynamics.foot_rotation[self.stance_foot])
         # Foothold of the swing foot relative to the stance foot, in world axes.
-        self.place = self.to_world() @ self.nominal(self.side[self.swings]).place
+        self.next_foothold = self.to_world() @ self.nominal(self.side[self.swing_foot]).place
         self.steps += 1
 
     def land(self, dynamics: Dynamics, walk: bool) -> None:
         """End a step: stand if the command is zero and the robot is calm, else start the next step."""
         config = self._config
-        self.bears, self.swings = self.swings, self.bears
-        between = dynamics.foot[self.bears] - dynamics.foot[self.swings]
+        self.stance_foot, self.swing_foot = self.swing_foot, self.stance_foot
+        between = dynamics.foot[self.stance_foot] - dynamics.foot[self.swing_foot]
         capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate
         away = capture[:2] - dynamics.middle[:2]
-        ahead = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, 0]
+        ahead = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, 0]
         calm = abs(away @ ahead) < config.start.capture_m and abs(between[:2] @ ahead) < config.start.near_m
         if walk or not calm:
             self.lift(dynamics, shifted=False)
@@ -174,7 +174,7 @@ class Footwork:
         """Centre of pressure (2,), and acceleration (6,) of the swing foot."""
         gait, rate = self._config.gait, self.fall_rate
         to_world = self.to_world()
-        stand, swing = dynamics.foot[self.bears], dynamics.foot[self.swings]
+        stand, swing = dynamics.foot[self.stance_foot], dynamics.foot[self.swing_foot]
         now = (capture - stand)[:2] @ to_world
         leaving = (swing - stand)[:2] @ to_world
 
@@ -185,24 +185,24 @@ class Footwork:
             pressure = (1.0 - done) * leaving
             ahead = capture_after(now, pressure, -leaving / gait.double_support_s, shift_s, rate)
             share = max(done, UNLOADED)
-            self.load[self.bears], self.load[self.swings] = share, 1.0 - done
+            self.load[self.stance_foot], self.load[self.swing_foot] = share, 1.0 - done
         else:
-            self.load[self.bears], self.load[self.swings] = 1.0, 0.0
-        side = self.side[self.swings]
+            self.load[self.stance_foot], self.load[self.swing_foot] = 1.0, 0.0
+        side = self.side[self.swing_foot]
         nominal = self.nominal(side)
         after_s = max(self.elapsed_s, gait.double_support_s)
         steer, until_landing = self.steer(ahead, nominal, self.lands_after_s - after_s)
         if self.lands_after_s - after_s > gait.limits.least_swing_s:
-            way_m = math.hypot(*(self.place @ to_world - leaving))
+            way_m = math.hypot(*(self.next_foothold @ to_world - leaving))
             step = next_step(
                 ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights
             )
-            self.place, self.lands_after_s = to_world @ step.place, after_s + step.remaining_s
+            self.next_foothold, self.lands_after_s = to_world @ step.place, after_s + step.remaining_s
         remaining_s = self.lands_after_s - after_s
         pressure = pressure + steer
         foot = np.zeros(6)
         if shift_s <= 0.0:
-            foot = self.fly(dynamics, stand, remaining_s)
+            foot = self.swing_acceleration(dynamics, stand, remaining_s)
         return stand[:2] + to_world @ pressure, foot
 
     def steer(
@@ -219,16 +219,16 @@ class Footwork:
         now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
         return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
 
-    def fly(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
+    def swing_acceleration(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
         """Acceleration (6,) of the swing foot towards its foothold."""
-        config, foot = self._config.swing, self.swings
+        config, foot = self._config.swing, self.swing_foot
         rotation = dynamics.foot_rotation[foot]
         here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)
         if self.swing is None:
             self.swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
         turned = self.swing.yaw + wrap_angle(self.yaw + self.turn() - self.swing.yaw)
-        goal = np.array([*self.place, turned])
-        self.foothold = stand + np.array([*self.place, 0.0])
+        goal = np.array([*self.next_foothold, turned])
+        self.foothold = stand + np.array([*self.next_foothold, 0.0])
         position, velocity, acceleration = self.swing.advance(goal, remaining_s, self.dt_s)
         motion = dynamics.foot_jacobian[foot] @ dynamics.velocity
         up = rotation[:, 2]
