@@ -232,7 +232,8 @@ def layout(
 
     found = read_log(file, topics=())
     make, suffix = LAYOUTS[tool]
-    target = file.parent / f"{found.text('robot')}.{tool}{suffix}" if out is None else out
+    robot = Path(found.text("robot")).name  # a log of another maker may name any path
+    target = file.parent / f"{robot}.{tool}{suffix}" if out is None else out
     check_outputs(target, inputs=[file])
     write_text(target, make(found.joints))
     print(f"{target}: import it in {tool}")
