@@ -235,7 +235,7 @@ def _estimates(
         seed: seed of the bootstrap.
     """
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
-    refits = refitted(x, residual, slope, weights, problem.by_window)
+    refits = refitted(x, residual, slope, weights, problem.by_window, (problem.low, problem.high))
     scale = np.array([each.kind.scale for each in problem.parameters])
     half = INTERVAL_SIGMAS * refits.std(axis=0) * scale
     found = problem.numbers(x[:, None])[:, 0]

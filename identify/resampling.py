@@ -35,8 +35,11 @@ def refitted(
     slope: np.ndarray,
     weights: np.ndarray,
     residual_at: Callable[[np.ndarray], np.ndarray],
+    bounds: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
     """Solutions of weighted least squares, (B, p), by chord steps starting at x.
+
+    The last step may leave the bounds, so that they do not narrow the spread of the solutions.
 
     Args:
         x: solution with equal weights, (p,).
@@ -44,6 +47,7 @@ def refitted(
         slope: derivatives of the residuals at x, (W, m, p).
         weights: weights of the blocks in each resample, (B, W).
         residual_at: function of candidates, (p, K), that returns residuals, (K, W, m).
+        bounds: lowest and highest candidates of `residual_at`, (p,) each.
     """
     grams = np.einsum("bw,wij->bij", weights, np.einsum("wmi,wmj->wij", slope, slope))
     grams = grams + RIDGE * np.eye(len(x))
@@ -56,5 +60,6 @@ def refitted(
 
     solutions = x + step(residual[None])
     for _ in range(CHORD_STEPS):
-        solutions = solutions + step(residual_at(solutions.T))
+        inside = solutions.clip(*bounds)
+        solutions = inside + step(residual_at(inside.T))
     return solutions
