@@ -39,6 +39,7 @@ from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.mcap_file import ENDED
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
@@ -334,7 +335,8 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
     def test_torn_file_is_recovered(self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path) -> None:
         torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
         content = logged[0].read_bytes()
-        torn.write_bytes(content[: len(content) * 9 // 10])
+        end = content.rindex(ENDED.encode())  # after the last message, and before definitions and index
+        torn.write_bytes(content[: end * 9 // 10])
         left = read_log(torn)
         assert not left.complete
         assert not replay(torn, Sway(go1)).complete

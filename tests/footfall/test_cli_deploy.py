@@ -133,7 +133,7 @@ def test_a_torn_log_is_recovered_under_another_name(shell: Shell, stood: Made, t
     whole = tmp_path / "torn.recovered.mcap"
     assert str(whole) in "".join(outcome.out.split())
     assert "the same decisions" in shell("replay", whole).out
-    assert "give another file" in shell.refuses("log", "recover", torn, "--out", torn)
+    shell.refuses("log", "recover", torn, "--out", torn)
 
 
 def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
