@@ -63,18 +63,9 @@ class SlopedGroundEngine(MujocoEngine):
             middle = 0.5 * (gap + radius)  # between the lowest point of the ball and the surface
             contact.dist = gap - radius
             contact.pos[:] = x - a * middle, y - b * middle, z - c * middle
-            share = 1.0 / math.sqrt(a * a + c * c)  # the normal points upwards, never along y
-            contact.frame[:] = (
-                a,
-                b,
-                c,
-                -a * b * share,
-                1.0 / share,
-                -b * c * share,
-                -c * share,
-                0.0,
-                a * share,
-            )
+            in_xz = math.sqrt(a * a + c * c)  # above 0, because the normal points upwards
+            along, across = (-a * b / in_xz, in_xz, -b * c / in_xz), (-c / in_xz, 0.0, a / in_xz)
+            contact.frame[:] = (a, b, c, *along, *across)
             contact.exclude = int(contact.dist >= contact.includemargin)
             contact.efc_address = NO_ROW
         return bool(seen)

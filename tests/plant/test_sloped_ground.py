@@ -53,6 +53,23 @@ def test_a_ball_slides_over_the_cells(radius_m: float, slope: float) -> None:
     assert -0.003 < rise < 0.0
 
 
+@pytest.mark.parametrize(("friction", "holds"), [(0.6, True), (0.4, False)])
+def test_friction_holds_a_ball_on_a_slope_of_half(friction: float, holds: bool) -> None:
+    spec, here = mujoco.MjSpec(), ground(0.5)
+    spec.option.timestep = 0.001
+    replace_ground(spec, here)
+    body = spec.worldbody.add_body(pos=[0.0, 0.0, 0.02 * np.hypot(1.0, 0.5)])
+    for axis in np.eye(3):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    body.add_geom(size=[0.02, 0.0, 0.0], mass=2.0, friction=[friction, 0.0, 0.0], priority=1)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    engine = open_engine("mujoco", model, data, [], here)
+    for _ in range(500):
+        engine.step()
+    assert (np.linalg.norm(data.qpos) < 0.02) == holds
+
+
 @given(PLACE, PLACE)
 def test_the_surface_is_the_grounds(x: float, y: float) -> None:
     here = ground(0.3, bumps_m=0.02)
