@@ -22,10 +22,10 @@ MOTOR = "`motors` in robot.yaml"
 class Rule(NamedTuple):
     """One row of the table."""
 
-    looks_at: str
+    quantity: str
     limit: str  # with its default, if any
     source: str
-    follows: str  # resulting state, or effect on a command
+    consequence: str  # resulting state, or effect on a command
 
 
 COMMANDS = (
@@ -50,7 +50,7 @@ COMMANDS = (
 def _of_signals(check: Check) -> Rule:
     defaults = SafetyConfig()
     limit = ", ".join(f"`{name}` {attrgetter(name)(defaults):g}" for name in check.limits)
-    return Rule(check.looks_at, limit or "none", SETTING if limit else "", check.leads_to)
+    return Rule(check.quantity, limit or "none", SETTING if limit else "", check.leads_to)
 
 
 def _of_sensors(check: type[SensorCheck]) -> Rule:
@@ -58,7 +58,7 @@ def _of_sensors(check: type[SensorCheck]) -> Rule:
     share = f"`{setting}` {getattr(SensorLimits(), setting):g}" if setting else ""
     figure = f"`{motor}`" if motor else ""
     sources = [source for source, given in ((SENSOR_SETTING, setting), (MOTOR, motor)) if given]
-    return Rule(check.looks_at, " × ".join(filter(None, (share, figure))), ", ".join(sources), check.leads_to)
+    return Rule(check.quantity, " × ".join(filter(None, (share, figure))), ", ".join(sources), check.leads_to)
 
 
 SENSOR_CHECKS: tuple[type[SensorCheck], ...] = (*LINK_CHECKS, *JOINT_CHECKS, *BODY_CHECKS)

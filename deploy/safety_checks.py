@@ -18,7 +18,7 @@ class Check(NamedTuple):
     After a check that leads to LOWERING, joints, buses and IMU still work: the robot lies down if it can.
     """
 
-    looks_at: str
+    quantity: str
     modes: tuple[Mode, ...]
     find: Callable[[Signals, SafetyConfig], str]  # fault in one line; empty if none
     leads_to: Mode

@@ -32,7 +32,7 @@ class Limit(NamedTuple):
 class SensorCheck:
     """Declarations of every sensor check."""
 
-    looks_at: ClassVar[str]  # quantity, for the table of rules
+    quantity: ClassVar[str]  # quantity, for the table of rules
     limit: ClassVar[Limit]
     leads_to: ClassVar[Mode] = Mode.ESTOP
 

@@ -45,7 +45,7 @@ class ImuLimits(Memory):
 class Rotation(BodyCheck):
     """Rotation of the base by the quaternion minus that by the gyro, rad."""
 
-    looks_at = "the quaternion's turn against the gyro's"
+    quantity = "rotation by the quaternion against rotation by the gyro"
     message = "the IMU: its quaternion turned by {0:.2f} rad against its gyro"
     limit = Limit("rotation_rad")
 
@@ -100,7 +100,7 @@ class GyroRepeated(_PartRepeated):
     """Repeated gyro readings."""
 
     part = "gyro"
-    looks_at = "how long the gyro repeats itself while joints move"
+    quantity = "time for which the gyro repeats one value while joints move"
     message = "the IMU: its gyro has repeated itself for {0:.2f} s while joints moved"
 
 
@@ -108,7 +108,7 @@ class AccelerationRepeated(_PartRepeated):
     """Repeated acceleration readings."""
 
     part = "acceleration"
-    looks_at = "how long the acceleration repeats itself while joints move"
+    quantity = "time for which the acceleration repeats one value while joints move"
     message = "the IMU: its acceleration has repeated itself for {0:.2f} s while joints moved"
 
     def _weight(self, window: BodyWindow) -> float:
@@ -121,14 +121,14 @@ class QuaternionRepeated(_PartRepeated):
     """Repeated quaternions."""
 
     part = "quaternion"
-    looks_at = "how long the quaternion repeats itself while joints move"
+    quantity = "time for which the quaternion repeats one value while joints move"
     message = "the IMU: its quaternion has repeated itself for {0:.2f} s while joints moved"
 
 
 class RestError(BodyCheck):
     """Difference between the mean acceleration at rest and the opposite of gravity, relative to gravity."""
 
-    looks_at = "acceleration at rest against the quaternion's gravity: an IMU askew by 9 degrees"
+    quantity = "acceleration at rest against the quaternion's gravity: an IMU that is tilted by 9 degrees"
     message = "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}"
     limit = Limit("rest_error")
 
@@ -186,7 +186,7 @@ class Lean(_MeanAcceleration):
     at speed stops within one or two windows, at many times gravity.
     """
 
-    looks_at = "acceleration in motion against it, on average, sideways"
+    quantity = "mean horizontal acceleration in motion against the quaternion's gravity"
     message = "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}"
     limit = Limit("lean_error")
 
@@ -209,7 +209,7 @@ class LongLean(Lean):
     """
 
     memory = "long_lean_memory_s"
-    looks_at = "the same over seconds: an attitude that leans slowly, and its gyro with it"
+    quantity = "the same over seconds: an attitude that drifts slowly, with a gyro that agrees"
     limit = Limit("long_lean_error")
 
     def _most(self) -> float:
@@ -219,7 +219,7 @@ class LongLean(Lean):
 class Lift(_MeanAcceleration):
     """Difference between the mean upward acceleration and the opposite of gravity."""
 
-    looks_at = "the same upwards: an accelerometer with another unit or sign"
+    quantity = "mean vertical acceleration in motion against gravity: a wrong unit or sign"
     message = "the IMU: on average its acceleration is off gravity by {0:.0%}"
     limit = Limit("lift_error")
 

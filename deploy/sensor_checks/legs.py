@@ -30,7 +30,7 @@ class LegLimits:
 class Slope(BodyCheck):
     """Angle between the plane of the standing feet and the IMU's level, rad; 0 without standing feet."""
 
-    looks_at = "the IMU's level against the plane of the standing feet: the IMU or a leg's encoders are off"
+    quantity = "the IMU's tilt against the plane of the stance feet: a wrong IMU or encoder"
     message = "the IMU: the base is tilted by {0:.2f} rad against the standing legs"
     limit = Limit("slope_rad")
 
@@ -41,7 +41,7 @@ class Slope(BodyCheck):
 class LegTurn(BodyCheck):
     """Rotation of the base since the feet stand: IMU minus legs, rad; 0 without standing feet."""
 
-    looks_at = "the base's turn by the IMU against that by the standing legs, whatever the slope"
+    quantity = "the base's rotation by the IMU against that by the stance legs, on any slope"
     message = "the IMU: the base turned by {0:.2f} rad against the standing legs"
     limit = Limit("leg_turn_rad")
 
@@ -52,7 +52,7 @@ class LegTurn(BodyCheck):
 class Sunk(BodyCheck):
     """Lost share of the base's clearance."""
 
-    looks_at = "the share of the base's clearance that is gone: the robot sinks without tipping over"
+    quantity = "lost share of the base's clearance: the robot sinks without tipping over"
     message = "the base has sunk: {0:.0%} of its clearance is gone"
     limit = Limit("sunk")
     leads_to = Mode.FALLING

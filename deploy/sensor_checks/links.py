@@ -52,7 +52,7 @@ class Answers(LinkCheck):
     Late replies in bursts cancel out, because they were missing before. 0 for motors that send unasked.
     """
 
-    looks_at = "replies of a motor to frames that nobody here sent: a second host commands it"
+    quantity = "replies of a motor to frames of another host"
     message = (
         "answered {0:.0f} frames that were not sent from here: a second host on the bus commands it, too"
     )
@@ -78,7 +78,7 @@ class Unanswered(LinkCheck):
     In first rest it is the share of the frames without a reply.
     """
 
-    looks_at = "the share of a motor's replies that are lost, of those that came in first rest"
+    quantity = "lost share of a motor's replies, relative to the first rest"
     message = "{0:.0%} of its commands or replies are lost"
     limit = Limit("lost_share")
     leads_to = Mode.LOWERING
@@ -108,7 +108,7 @@ class Unanswered(LinkCheck):
 class ImuLost(LinkCheck):
     """Mean share of the IMU's lost readings, relative to the rate in first rest."""
 
-    looks_at = "the share of the IMU's readings that are lost, of those that arrive in first rest"
+    quantity = "lost share of the IMU's readings, relative to the first rest"
     message = "the IMU: {0:.0%} of its readings are lost"
     limit = Limit("lost_share")
 
@@ -132,7 +132,7 @@ class ImuLost(LinkCheck):
 class ImuFrozen(LinkCheck):
     """Mean share of the IMU's new readings that equal the previous one while joints move."""
 
-    looks_at = "the share of the IMU's new readings that equal the one before while joints move"
+    quantity = "share of the IMU's new readings that equal the previous one while joints move"
     message = "the IMU: {0:.0%} of its new readings repeat the one before while joints move"
     limit = Limit("frozen_share")
 
@@ -152,7 +152,7 @@ class ImuFrozen(LinkCheck):
 class ImuReplayed(LinkCheck):
     """How long the IMU's readings have equalled those of a constant time before while joints move, s."""
 
-    looks_at = "how long the IMU's readings are those of a while ago, to the last digit, while joints move"
+    quantity = "time for which the IMU's readings equal earlier ones in sequence while joints move: a replay"
     message = "the IMU: its readings have been those of a while ago for {0:.2f} s: they are replayed"
     limit = Limit("replayed_s")
 
@@ -163,7 +163,7 @@ class ImuReplayed(LinkCheck):
 class ImuOlder(LinkCheck):
     """Mean number of the IMU's samples older than its latest, per new sample."""
 
-    looks_at = "the share of the IMU's samples whose counter runs back"
+    quantity = "share of the IMU's samples whose counter runs back"
     message = (
         "the IMU: its sample counter runs back: its frames are replayed or out of order, or it restarted"
     )

@@ -35,7 +35,7 @@ class SingleReadingLimits:
 class PositionRange(JointCheck):
     """Distance of a joint beyond its range, rad."""
 
-    looks_at = "a joint's position beyond its range in the MJCF"
+    quantity = "a joint's position beyond its range in the MJCF"
     message = "reads {1:.2f} rad, {0:.2f} rad beyond its range"
     limit = Limit("position_rad")
     single_reading = True
@@ -50,7 +50,7 @@ class PositionRange(JointCheck):
 class Speed(JointCheck):
     """Speed of a joint, rad/s."""
 
-    looks_at = "a joint's velocity"
+    quantity = "a joint's velocity"
     message = "turns at {0:.1f} rad/s, faster than its motor can"
     limit = Limit("speed_share", "no_load_speed_rad_s")
     single_reading = True
@@ -62,7 +62,7 @@ class Speed(JointCheck):
 class Torque(JointCheck):
     """Absolute torque reported by a motor, N m."""
 
-    looks_at = "a motor's reported torque"
+    quantity = "a motor's reported torque"
     message = "the motor reports {0:.1f} N m, more than it can"
     limit = Limit("torque_share", "peak_torque_nm")
     single_reading = True
@@ -74,7 +74,7 @@ class Torque(JointCheck):
 class Temperature(JointCheck):
     """Temperature of a motor, degrees Celsius; 0 if it is below 0 or not reported."""
 
-    looks_at = "a motor's temperature, where the motor reports it"
+    quantity = "a motor's temperature, where the motor reports it"
     message = "the motor is at {0:.0f} degrees Celsius"
     limit = Limit(motor="temperature_limit_c")
     single_reading = True
@@ -89,7 +89,7 @@ class ColderThanOthers(JointCheck):
     0 if it is not reported, and while all are within the limit.
     """
 
-    looks_at = "by how much a motor is colder than all others: its sensor is open"
+    quantity = "temperature of a motor below that of all others: an open sensor"
     message = "its temperature is {0:.0f} degrees below that of all other motors: its sensor may be open"
     limit = Limit("colder_c")
     single_reading = True
@@ -111,7 +111,7 @@ class ColderThanOthers(JointCheck):
 class TooCold(JointCheck):
     """Reported degrees Celsius below zero; 0 for NaN."""
 
-    looks_at = "degrees below zero that a motor reports: its sensor is open"
+    quantity = "reported temperature below zero: an open sensor"
     message = "its temperature reads {0:.0f} degrees Celsius below zero: its sensor may be open"
     limit = Limit("coldest_c")
     single_reading = True
@@ -123,7 +123,7 @@ class TooCold(JointCheck):
 class Voltage(JointCheck):
     """Distance of a motor's supply voltage from its range, V; 0 if not reported."""
 
-    looks_at = "a motor's voltage beyond `voltage_v` in robot.yaml, where the motor reports it"
+    quantity = "a motor's voltage beyond `voltage_v` in robot.yaml, where the motor reports it"
     message = "the motor's supply is {0:.1f} V outside its range"
     limit = Limit("voltage_v")
     single_reading = True

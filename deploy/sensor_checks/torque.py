@@ -57,7 +57,7 @@ def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
 class Limp(JointCheck):
     """Time for which a motor has reported no torque while much was expected, s. Any report resets it."""
 
-    looks_at = "how long a motor reports no torque while much is commanded: it has rebooted"
+    quantity = "time for which a motor reports no torque while a large one is commanded: a reboot"
     message = "the motor has reported no torque for {0:.2f} s while torque was commanded"
     limit = Limit("limp_s")
 
@@ -83,7 +83,7 @@ class Opposing(JointCheck):
     A late motor still follows an older target: the torque by the target's lead is subtracted.
     """
 
-    looks_at = "the share of its torque that a motor pulls the other way"
+    quantity = "reported torque against the commanded direction, as a share of the commanded torque"
     message = "the motor pulls the other way by {0:.0%} of the torque that was commanded"
     limit = Limit("opposing")
 
@@ -115,7 +115,7 @@ class TorqueStuck(JointCheck):
     sum is limited to the difference between report and command.
     """
 
-    looks_at = "the change of the expected torque while a motor repeats one report: stuck, or rebooted"
+    quantity = "change of the expected torque while the reported torque is constant: stuck, or rebooted"
     message = (
         "the motor repeats one torque while its expected torque changed by {0:.0%}: it may have rebooted"
     )
@@ -149,7 +149,7 @@ class ReplyRepeated(JointCheck):
     while its motor is saturated. Then the expected torque stays as in the first window with this reply.
     """
 
-    looks_at = "the travel of a target while its motor repeats one reply and should give another torque"
+    quantity = "travel of a joint target while its motor repeats one reply and the expected torque changes"
     message = "it repeats one reading while its target moved by {0:.2f} rad"
     limit = Limit("repeated_rad")
 

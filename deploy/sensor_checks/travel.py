@@ -48,9 +48,7 @@ class Drift(JointCheck):
     intervals may each be late by the difference between the oldest and the youngest age.
     """
 
-    looks_at = (
-        "a joint's travel by its position against that by its velocity: its encoder jumps or is swapped"
-    )
+    quantity = "a joint's travel by position against its travel by velocity: an encoder jumps or is swapped"
     message = "its position changed by {0:.2f} rad against its velocity"
     limit = Limit("drift_rad")
 
@@ -111,7 +109,7 @@ class _SignedTravel(JointCheck):
 class Wander(_SignedTravel):
     """Signed error, for a drifting encoder."""
 
-    looks_at = "the signed sum of these errors: an encoder that drifts"
+    quantity = "sum of these signed errors: an encoder drifts"
     message = "its position has drifted by {0:.2f} rad against its velocity"
     limit = Limit("wander_rad")
 
@@ -131,7 +129,7 @@ class Creep(_SignedTravel):
 
     memory = "creep_memory_s"
     most_rad_s = CREEP_RAD_S
-    looks_at = "the signed sum over seconds: an encoder that drifts slowly"
+    quantity = "the same sum over seconds: an encoder drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")
 
@@ -156,7 +154,7 @@ class Creep(_SignedTravel):
 class Stuck(_SignedTravel):
     """Signed error while position or velocity repeats exactly."""
 
-    looks_at = "the signed sum while position or velocity repeats itself: an encoder that is stuck"
+    quantity = "the same sum while position or velocity is constant: an encoder is stuck"
     message = "its position or velocity repeats itself, {0:.3f} rad against the other one"
     limit = Limit("stuck_rad")
 

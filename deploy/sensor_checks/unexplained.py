@@ -45,7 +45,7 @@ class Unexplained(JointCheck):
     Relative to the peak torque. The effect of stiffness on a late or rounded position is subtracted.
     """
 
-    looks_at = "a motor's torque beyond all that the last commands explain, on average"
+    quantity = "mean torque outside the range that recent commands explain"
     message = (
         "its torque is off its commands by {0:.1%} of the peak on average: it misses commands,"
         " gets corrupted ones, or drops out"
@@ -95,7 +95,7 @@ class Ignored(JointCheck):
     before.
     """
 
-    looks_at = "the changes of a motor's commands that its torque does not follow: it obeys an old command"
+    quantity = "share of the command changes that a motor's torque does not follow: it holds an old command"
     message = "its torque does not follow its commands: it ignores {0:.0%} of their changes"
     limit = Limit("ignored")
 

@@ -19,12 +19,12 @@ def test_the_table_in_the_documentation_is_the_one_in_code() -> None:
 
 
 def test_every_rule_has_its_own_text_and_consequence() -> None:
-    assert len({rule.looks_at for rule in RULES}) == len(RULES)
+    assert len({rule.quantity for rule in RULES}) == len(RULES)
     assert len(RULES) > len(SIGNAL_CHECKS) + len(JOINT_CHECKS) + len(BODY_CHECKS)
     stops = {Mode.ESTOP, Mode.FALLING, Mode.LOWERING}
     assert {check.leads_to for check in (*CHECKS, *JOINT_CHECKS, *BODY_CHECKS)} == stops
-    assert all(rule.limit and rule.follows for rule in RULES)
-    velocity = next(rule for rule in RULES if rule.looks_at == "a joint's velocity")
+    assert all(rule.limit and rule.consequence for rule in RULES)
+    velocity = next(rule for rule in RULES if rule.quantity == "a joint's velocity")
     assert velocity[1:] == (
         "`speed_share` 1.5 × `no_load_speed_rad_s`", "`safety.sensors`, `motors` in robot.yaml", "ESTOP",
     )  # fmt: skip

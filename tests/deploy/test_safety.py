@@ -110,10 +110,10 @@ class TestTable:
         """And in every mode in which a rule counts, the row leads to a fault."""
         for check in CHECKS[1:]:
             rows = [row for row in TABLE if check.find(with_changes(QUIET, row[0]), CONFIG)]
-            assert rows, check.looks_at
+            assert rows, check.quantity
             for _, _, row in rows:
                 faulty = {mode for mode, initial in zip(COLUMNS, row, strict=True) if initial != "-"}
-                assert faulty >= set(check.modes), check.looks_at
+                assert faulty >= set(check.modes), check.quantity
 
     @pytest.mark.parametrize("mode", DAMPED)
     @pytest.mark.parametrize("row", TABLE)

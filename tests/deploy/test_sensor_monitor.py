@@ -108,7 +108,7 @@ class TestFigures:
 
     def test_every_row_has_a_name_of_its_own_and_a_limit_of_a_setting_or_a_motor(self, go1: Robot) -> None:
         rows = (*LINK_CHECKS, *JOINT_CHECKS, *BODY_CHECKS)
-        assert len({row.looks_at for row in rows}) == len(rows)
+        assert len({row.quantity for row in rows}) == len(rows)
         settings = {field.name for field in fields(SensorLimits)}
         for row in rows:
             assert {row.limit.setting, row.limit.motor} != {""}
@@ -120,7 +120,7 @@ class TestFigures:
 class Twitch(JointCheck):
     """A made-up check: the sum of a joint's speeds."""
 
-    looks_at = "how much a joint twitches"
+    quantity = "how much a joint twitches"
     message = "twitches by {0:.1f} rad/s"
     limit = Limit("speed_share")  # 1.5
     leads_to: ClassVar[Mode] = Mode.FALLING
@@ -153,7 +153,7 @@ class TestAdding:
 class Seen(BodyCheck):
     """Stores the windows that it receives."""
 
-    looks_at, message, limit = "", "seen {0:.0f}", Limit("speed_share")
+    quantity, message, limit = "", "seen {0:.0f}", Limit("speed_share")
     windows: ClassVar[list] = []
 
     def measure(self, window: object) -> float:
