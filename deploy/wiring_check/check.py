@@ -1,5 +1,6 @@
 """The wiring check of a run: motions, recording, verdict; in the initial pose, and again when standing."""
 
+import math
 import threading
 from collections.abc import Callable, Sequence
 
@@ -9,6 +10,7 @@ from footfall.common.rotations import rotation_matrix
 from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.levelling import on_two_soles
 from footfall.deploy.signals import WiringSignals
 from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.config import WiringCheckConfig
@@ -52,7 +54,11 @@ class WiringCheck:
         """
         self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
         self._highest = driver.highest
-        gains = [config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd]
+        stiffness = self._check.soles_stiffness if on_two_soles(robot.legs) else 1.0
+        gains = [  # the same damping ratio for each stiffness
+            stiffness * config.stand_kp_scale * robot.kp,
+            math.sqrt(stiffness) * config.stand_kd_scale * robot.kd,
+        ]
         self._asked = np.minimum(gains, self._highest[2:4])
         self._gains = config.scale * self._asked  # gains after the drivers' limits
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk

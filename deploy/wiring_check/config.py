@@ -14,6 +14,7 @@ class WiringCheckConfig:
     standing_rad: float = 0.05  # amplitude while the robot stands
     lying_rad: float = 0.15  # amplitude while it lies
     least_rad: float = 0.03  # amplitude of a joint at a limit of its range
+    soles_stiffness: float = 2.0  # relative to standing, on two soles: softer legs sway or tip over
     motor_lag_s: float = 0.001  # delay from a command to the reading with its effect, besides these ticks:
     motor_lag_ticks: float = 1.5  # half a tick until the next command, and one over the bus
     imu_lag_s: float = 0.002  # same for the tilt measured by the IMU
@@ -36,4 +37,4 @@ class WiringCheckConfig:
         require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt")
         require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s")
         require_between(self, 0.0, 10.0, "motor_lag_ticks")
-        require_between(self, 0.1, 10.0, "unlike")
+        require_between(self, 0.1, 10.0, "unlike", "soles_stiffness")

@@ -16,6 +16,7 @@ SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of 
 WORST_JOINTS = 2  # number of joints with the largest errors
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
+TWIN = 2.0  # maximum rough error of a twin, relative to `alike`: its simulated error is often smaller
 MIN_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
 
 
@@ -160,7 +161,7 @@ class Search(NamedTuple):
         """
         for cause in every:
             rough = self.right._replace(torque=cause.responses(self.right.torque, highest))
-            if len(cause.key) != 2 or self.right.errors(rough, self.least)[0].max() > config.alike:
+            if len(cause.key) != 2 or self.right.errors(rough, self.least)[0].max() > TWIN * config.alike:
                 continue
             moved = _responses(np.array(list(self.simulated(cause)))).torque
             size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)

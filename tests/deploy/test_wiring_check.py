@@ -22,6 +22,7 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
 from footfall.deploy.wiring_check.verdict import Responses, Search, Verdict
 from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.sample import Sample
 from footfall.plant.injection import FaultInjector
 from footfall.plant.robot import PlantConfig
 from footfall.robots.description import Robot, load_robot
@@ -31,11 +32,16 @@ PROOF = [Verdict("", 0.05, 0.1)]
 
 
 def checked(
-    robot: Robot, inject: Callable[[FaultInjector], None], lying: bool, proven: list[Verdict] | None = None
+    robot: Robot,
+    inject: Callable[[FaultInjector], None],
+    lying: bool,
+    proven: list[Verdict] | None = None,
+    sample: Sample | None = None,
 ) -> SessionResult:
     """A short run with a wiring check."""
     config = replace(deploy_config(robot), joint_rate_hz=250.0)
-    run = Injected(robot, Hold(robot), PlantConfig(noise=NOISE, lying=lying), config=config)
+    plant = PlantConfig(noise=NOISE, lying=lying, sample=sample or {})
+    run = Injected(robot, Hold(robot), plant, config=config)
     inject(run.injector)
     right = (lambda _: None) if proven is None else proven.extend
     return run.run(0.1, check_wiring=True, wiring_right=right, lie_down=False)
@@ -82,6 +88,13 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..
     lying, standing = (verdict.joint_error for verdict in proven)
     assert lying < 0.25
     assert standing < 0.05  # legs that stood up do not pull at each other
+
+
+def test_a_biped_with_another_centre_of_mass_stands_still(motions: Callable[..., None]) -> None:
+    motions(settle_s=1.2, move_s=0.3, doubtful=0.9, imu_alike=0.9)
+    shifted: Sample = {"com_offset_m": np.array([-0.05, 0.0, 0.0])}
+    outcome = checked(load_robot("g1"), lambda _: None, lying=False, sample=shifted)
+    assert (outcome.final_state, outcome.faults) == ("IDLE", ())
 
 
 @pytest.mark.parametrize(
