@@ -120,7 +120,7 @@ def _points(model: mujoco.MjModel, body: int, feet: set[str]) -> Iterator[tuple[
 
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:
-    """A shape as a ball swept through a box: half sizes (3,), m, and the ball's radius, m."""
+    """A shape as a sphere swept through a box: half sizes (3,), m, and the sphere's radius, m."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.zeros(3), float(size[0])

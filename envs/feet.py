@@ -1,4 +1,4 @@
-"""The robot's feet: balls, or soles that stand on several balls, each with its phase in the gait."""
+"""The robot's feet: spheres, or soles that stand on several spheres, each with its phase in the gait."""
 
 import jax
 import jax.numpy as jnp
@@ -13,9 +13,9 @@ from footfall.robots.feet import foot_geoms
 
 
 class Feet:
-    """Quantities of the feet, from the positions of their balls in the physics.
+    """Quantities of the feet, from the positions of their spheres in the physics.
 
-    Results are (feet, ...) in the robot's order. Points are the balls' centres, foot after foot.
+    Results are (feet, ...) in the robot's order. Points are the spheres' centres, foot after foot.
     """
 
     def __init__(

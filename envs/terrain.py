@@ -198,7 +198,7 @@ class Pieces:
         )
 
     def _distance(self, walked: Walked) -> jax.Array:
-        """Distance of each foot point's ball from the ground, m, (points,); below 0 in contact."""
+        """Distance of each foot point's sphere from the ground, m, (points,); below 0 in contact."""
         place = walked.feet
         plane, level = self._near(place, walked.piece)
         to_plane = jnp.sum(plane[:, :3] * place, axis=1) - plane[:, 3]

@@ -10,7 +10,7 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.linear import solve
 from footfall.common.rotations import rotation_matrix
 from footfall.robots.description import Robot
-from footfall.robots.feet import foot_balls, foot_geoms
+from footfall.robots.feet import foot_geoms, foot_spheres
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.momentum import outside_torque
@@ -49,7 +49,7 @@ class BalanceModel:
         self._qpos, self._qvel = int(model.jnt_qposadr[base.jntadr[0]]), int(model.jnt_dofadr[base.jntadr[0]])
         geoms = foot_geoms(model, description)
         self._feet = [int(model.geom_bodyid[each[0]]) for each in geoms]
-        self._balls = [foot_balls(model, each, np.zeros(3)) for each in geoms]
+        self._spheres = [foot_spheres(model, each, np.zeros(3)) for each in geoms]
 
     def at(
         self, position: np.ndarray, quaternion: np.ndarray, velocity: np.ndarray, sensed: Sensed,
@@ -92,8 +92,8 @@ class BalanceModel:
         return Balance(centre, capture, foot, support, self._forces(sensed, stands) @ rotation.T)
 
     def _lowest(self, foot: int) -> np.ndarray:
-        """The lowest point of each ball of a foot, (k, 3) m."""
-        centre, radius = self._balls[foot]
+        """The lowest point of each sphere of a foot, (k, 3) m."""
+        centre, radius = self._spheres[foot]
         body = self._feet[foot]
         points = self._data.xpos[body] + centre @ self._data.xmat[body].reshape(3, 3).T
         points[:, 2] -= radius

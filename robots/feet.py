@@ -14,8 +14,8 @@ from footfall.robots.stance import in_default_pose
 MAX_OFFSET = 0.25  # largest distance of a foot from its expected position, over the last link's length
 
 
-class FootBalls(NamedTuple):
-    """The contact surface of a foot: one ball, or several at the ends and corners of a sole."""
+class FootSpheres(NamedTuple):
+    """The contact surface of a foot: one sphere, or several at the ends and corners of a sole."""
 
     place: np.ndarray  # (k, 3) m, centres, in the frame of the limb's last link
     radius: np.ndarray  # (k,) m; 0 for the corner of a box
@@ -26,8 +26,8 @@ def foot_geoms(model: mujoco.MjModel, description: Description) -> tuple[np.ndar
     return tuple(np.array([model.geom(name).id for name in foot.geoms]) for foot in description.feet)
 
 
-def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> FootBalls:
-    """The balls of one foot: spheres, both ends of a capsule, or the corners of any other geom's box.
+def foot_spheres(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> FootSpheres:
+    """The spheres of one foot: spheres, both ends of a capsule, or the corners of any other geom's box.
 
     Args:
         model: compiled.
@@ -49,7 +49,7 @@ def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> Foo
         mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
         place.append(model.geom_pos[geom] - tip + inside @ turn.reshape(3, 3).T)
         radius.append(np.full(len(inside), thickness))
-    return FootBalls(np.concatenate(place), np.concatenate(radius))
+    return FootSpheres(np.concatenate(place), np.concatenate(radius))
 
 
 def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -> tuple[np.ndarray, ...]:
@@ -104,14 +104,14 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.n
     centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - place) for geom in candidates])
     away = centre
     if len(foot.geoms) > 1:
-        touching = (_world_balls(model, data, geom) - joint - place for geom in candidates)
+        touching = (_world_spheres(model, data, geom) - joint - place for geom in candidates)
         away = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
     nearest = int(np.lexsort((centre, away.round(6)))[0])
     return candidates[nearest] if away[nearest] <= MAX_OFFSET * np.linalg.norm(place) else -1
 
 
-def _world_balls(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
-    """Centres of a geom's contact balls, m, (k, 3), world frame."""
+def _world_spheres(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """Centres of a geom's contact spheres, m, (k, 3), world frame."""
     body = model.geom_bodyid[geom]
-    balls = foot_balls(model, np.array([geom]), np.zeros(3))
-    return data.xpos[body] + balls.place @ data.xmat[body].reshape(3, 3).T
+    spheres = foot_spheres(model, np.array([geom]), np.zeros(3))
+    return data.xpos[body] + spheres.place @ data.xmat[body].reshape(3, 3).T

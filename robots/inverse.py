@@ -69,5 +69,5 @@ def least_squares(description: Description, order: LimbOrder, forward: ForwardKi
 
 
 def _is_sole(model: mujoco.MjModel, geoms: Sequence[str]) -> bool:
-    """Whether a foot is anything but a single ball."""
+    """Whether a foot is anything but a single sphere."""
     return len(geoms) > 1 or model.geom(geoms[0]).type[0] != mujoco.mjtGeom.mjGEOM_SPHERE

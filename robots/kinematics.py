@@ -13,7 +13,7 @@ import numpy as np
 
 from footfall.common.linear import solve
 from footfall.common.rotations import skew
-from footfall.robots.feet import FootBalls, foot_balls, foot_geoms
+from footfall.robots.feet import FootSpheres, foot_geoms, foot_spheres
 from footfall.robots.forward import ForwardKinematics, LegPose
 from footfall.robots.inverse import InverseKinematics
 from footfall.robots.limb_order import LimbOrder
@@ -46,8 +46,8 @@ class Legs:
         self.mass = float(model.body_subtreemass[model.body(description.base).id])  # kg, of the whole robot
         self.limbs = self._forward.limbs(default)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
-        self.balls: list[FootBalls] = [  # contact balls of each foot
-            foot_balls(model, geoms, model.site_pos[tip])
+        self.spheres: list[FootSpheres] = [  # contact spheres of each foot
+            foot_spheres(model, geoms, model.site_pos[tip])
             for geoms, tip in zip(foot_geoms(model, description), self._forward.tips, strict=True)
         ]
         self._last_rolling = np.empty(0), b"", np.empty(0)

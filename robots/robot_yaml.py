@@ -107,7 +107,7 @@ class JointEntry:
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot: its contact geoms (a ball, or the corners of a sole), its leg's joints from the base."""
+    """One foot: its contact geoms (a sphere, or the corners of a sole), its leg's joints from the base."""
 
     name: str
     geoms: tuple[str, ...]

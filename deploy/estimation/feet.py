@@ -1,4 +1,4 @@
-"""Contact points of feet: below the centre of a ball, at the lowest corners of a sole."""
+"""Contact points of feet: below the centre of a sphere, at the lowest corners of a sole."""
 
 import numpy as np
 
@@ -8,23 +8,23 @@ from footfall.robots.kinematics import Legs
 class ContactPoints:
     """Point of each foot that stands still while the foot rolls or tips.
 
-    For a ball it is the lowest point. For a sole it is the mean of its corners' lowest points, each weighted
+    For a sphere it is the lowest point. For a sole it is the mean of its corners' lowest points, weighted
     by exp(-height / level): all corners of a flat sole, only the edge of a tipping sole.
     """
 
     def __init__(self, legs: Legs, level_m: float) -> None:
         self._legs, self._level = legs, level_m
-        self.round = all(  # whether each foot is one ball around its tip
-            len(balls.radius) == 1 and not balls.place.any() for balls in legs.balls
+        self.round = all(  # whether each foot is one sphere around its tip
+            len(spheres.radius) == 1 and not spheres.place.any() for spheres in legs.spheres
         )
-        self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # if all feet are balls
-        most = max(len(balls.radius) for balls in legs.balls)
-        # x, y, z, radius and 1 of each ball: weighted sums give the mean. Padding has infinite height.
-        self._balls = np.zeros((legs.count, most, 5))
+        self._radius = np.array([spheres.radius[:1] for spheres in legs.spheres])  # if all feet are spheres
+        most = max(len(spheres.radius) for spheres in legs.spheres)
+        # x, y, z, radius and 1 of each sphere: weighted sums give the mean. Padding has infinite height.
+        self._spheres = np.zeros((legs.count, most, 5))
         self._floats = np.full((legs.count, most), np.inf)
-        for leg, (place, radius) in enumerate(legs.balls):
+        for leg, (place, radius) in enumerate(legs.spheres):
             own = slice(len(radius))
-            self._balls[leg, own] = np.column_stack([place, radius, np.ones_like(radius)])
+            self._spheres[leg, own] = np.column_stack([place, radius, np.ones_like(radius)])
             self._floats[leg, own] = -radius
 
     def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -37,8 +37,8 @@ class ContactPoints:
         if self.round:
             return self._radius * -up
         turn = self._legs.turn(joint_position)
-        height = (self._balls[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats
+        height = (self._spheres[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats
         weight = np.exp((height.min(axis=1, keepdims=True) - height) / self._level)
-        sums = (weight[:, None] @ self._balls)[:, 0]
+        sums = (weight[:, None] @ self._spheres)[:, 0]
         mean = sums[:, :4] / sums[:, 4:]
         return (turn @ mean[:, :3, None])[:, :, 0] - mean[:, 3:] * up

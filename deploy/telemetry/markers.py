@@ -42,7 +42,7 @@ def marker_array(time_ns: int, frame: str, markers: Sequence[Marker]) -> bytes:
     return template.fill(time_ns)
 
 
-def ball(name: str, position: Point, diameter_m: float, colour: Colour, number: int = 0) -> Marker:
+def sphere(name: str, position: Point, diameter_m: float, colour: Colour, number: int = 0) -> Marker:
     return Marker(name, number, SPHERE, (diameter_m,) * 3, colour, position)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.common.rotations import heading_matrix, rotation_matrix, yaw_of
-from footfall.deploy.telemetry.markers import Marker, arrow, ball, disc, line, marker_array
+from footfall.deploy.telemetry.markers import Marker, arrow, disc, line, marker_array, sphere
 from footfall.deploy.telemetry.messages import ODOM
 from footfall.robots.balance import Balance, BalanceModel
 from footfall.robots.description import load_robot
@@ -77,7 +77,7 @@ class Scene:
 
     def _carried(self, balance: Balance) -> list[Marker]:
         markers = [
-            ball("centre_of_mass", balance.centre, 0.04, ORANGE),
+            sphere("centre_of_mass", balance.centre, 0.04, ORANGE),
             disc("capture_point", balance.capture, 0.05, VIOLET),
         ]
         if len(balance.support):

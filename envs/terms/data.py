@@ -58,11 +58,11 @@ class StepData(NamedTuple):
     joint_velocity: jax.Array  # (n,) rad/s
     torque: jax.Array  # (n,) N m, motor torque at the last physics step
     actions: jax.Array  # (3, n) newest first
-    foot_position: jax.Array  # (points, 3) m, world frame, centres of the feet's balls, foot after foot
+    foot_position: jax.Array  # (points, 3) m, world frame, centres of the feet's spheres, foot after foot
     contact: jax.Array  # (feet,) 1.0 in contact
     clearance: jax.Array  # (feet,) m above ground
     foot_speed: jax.Array  # (feet,) m/s, horizontal
-    foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a ball
+    foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a sphere
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if a termination term ended the episode
     place: jax.Array  # (3,) m, of the base, world frame

@@ -169,7 +169,7 @@ def slip(data: StepData) -> jax.Array:
 
 
 def level_soles(data: StepData) -> jax.Array:
-    """Squared height of each sole's highest point above its lowest, m^2; 0 for ball feet."""
+    """Squared height of each sole's highest point above its lowest, m^2; 0 for sphere feet."""
     return jnp.sum(data.foot_tilt**2)
 
 

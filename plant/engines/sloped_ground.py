@@ -1,9 +1,9 @@
-"""MuJoCo C on a ground that is not level: balls touch the ground's surface, not the prisms it is made of.
+"""MuJoCo C on a ground that is not level: spheres touch the ground's surface, not the prisms it is made of.
 
-MuJoCo's height field consists of prisms, and each of them collides for itself. A ball also meets the sides of
-the prisms beside the one it presses on: on a level height field a ball without friction that slides at
-0.5 m/s comes to rest within a few cells, and one that is pressed in by half its radius is pushed to the side.
-Small balls, as at the corners of a sole, get caught. So here each ball has one contact, with the surface's
+MuJoCo's height field consists of prisms that collide separately. A sphere also touches the sides of the
+prisms beside the one below it: on a level height field a sphere without friction that slides at 0.5 m/s
+comes to rest within a few cells, and one that is pressed in by half its radius is pushed to the side. Small
+spheres, as at the corners of a sole, get caught. So here each sphere has one contact, with the surface's
 own normal.
 
 Other shapes (capsules, boxes, meshes) keep MuJoCo's contacts.
@@ -21,7 +21,7 @@ NO_ROW = -1  # of the constraints
 
 
 class SlopedGroundEngine(MujocoEngine):
-    """MuJoCo C with corrected contacts between balls and a height field."""
+    """MuJoCo C with corrected contacts between spheres and a height field."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, ground: Ground) -> None:
         """`ground` is the surface of the model's only height field; it must not be stepped."""
@@ -60,7 +60,7 @@ class SlopedGroundEngine(MujocoEngine):
             radius = self._radius[other]
             x, y, z = self._data.geom_xpos[other].tolist()
             a, b, c, gap = self._surface.nearest(x, y, z)
-            middle = 0.5 * (gap + radius)  # between the lowest point of the ball and the surface
+            middle = 0.5 * (gap + radius)  # between the lowest point of the sphere and the surface
             contact.dist = gap - radius
             contact.pos[:] = x - a * middle, y - b * middle, z - c * middle
             in_xz = math.sqrt(a * a + c * c)  # above 0, because the normal points upwards

@@ -62,7 +62,7 @@ def stand_on(
     others = [g for g in link.geoms if g.name not in replaced]
     if lowest in lying:
         others += [replace(g, shape=_thinner(g.shape)) for g in lying]
-        stands = _outline([ball for g in lying for ball in _ends(g)], up)
+        stands = _outline([sphere for g in lying for sphere in _ends(g)], up)
     elif has_ankle and lowest.points is not None:
         stands = [replace(lowest, shape=fit_sole(lowest.points, up))]
     elif not _can_stand(lowest.shape, up):
@@ -115,16 +115,16 @@ def _ends(geom: Geom) -> list[Geom]:
     ]
 
 
-def _outline(balls: list[Geom], up: np.ndarray) -> list[Geom]:
-    """The balls, four at most, that are farthest towards the corners of the area that all balls cover."""
-    places = np.array([ball.shape.position for ball in balls])
+def _outline(spheres: list[Geom], up: np.ndarray) -> list[Geom]:
+    """The spheres, four at most, that are farthest towards the corners of the area that all spheres cover."""
+    places = np.array([sphere.shape.position for sphere in spheres])
     level = places - np.outer(places @ up, up)
     level -= (level.max(axis=0) + level.min(axis=0)) / 2
     _, sizes, axes = np.linalg.svd(level, full_matrices=False)
     along = level @ axes[:2].T / np.maximum(sizes[:2], 1e-9)
     corners = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
     chosen = dict.fromkeys(int((along @ np.array(corner)).argmax()) for corner in corners)
-    return [balls[index] for index in chosen]
+    return [spheres[index] for index in chosen]
 
 
 def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:
@@ -143,8 +143,8 @@ def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:
             corner[aside] = left * (shape.size[aside] - radius)
             place = shape.position + axes @ corner
             size = np.array([radius, 0.0, 0.0])
-            ball = Shape(Kind.mjGEOM_SPHERE, size, place, np.array([1.0, 0.0, 0.0, 0.0]))
-            found.append(replace(sole, shape=ball))
+            sphere = Shape(Kind.mjGEOM_SPHERE, size, place, np.array([1.0, 0.0, 0.0, 0.0]))
+            found.append(replace(sole, shape=sphere))
     return found
 
 

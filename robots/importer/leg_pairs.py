@@ -75,8 +75,8 @@ def _capsules_of(
     leg: Leg, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData
 ) -> Iterator[tuple[int, Geom]]:
     """The capsules of a leg, each with its link's index: of the shank, and of a foot behind an ankle."""
-    balls = data.geom_xpos[[model.geom(name).id for name in leg.geoms]]
-    places = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], balls.mean(axis=0)])
+    spheres = data.geom_xpos[[model.geom(name).id for name in leg.geoms]]
+    places = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], spheres.mean(axis=0)])
     length = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
     away = np.linalg.norm(places[:-1] - places[-1], axis=1)
     last = int(np.flatnonzero(away >= min(SHANK_SHARE * length, away.max()))[-1])
@@ -87,7 +87,7 @@ def _capsules_of(
     )
     parts = {shank: ("shank", places[last + 1] - places[last])}
     if shank != leg.link:
-        _, extent, axes = np.linalg.svd(balls - balls.mean(axis=0))
+        _, extent, axes = np.linalg.svd(spheres - spheres.mean(axis=0))
         parts[leg.link] = ("sole", extent[0] * axes[0])
     for index, (part, along) in parts.items():
         link = machine.links[index]

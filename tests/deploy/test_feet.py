@@ -1,4 +1,4 @@
-"""Where balls and soles touch the ground."""
+"""Where spheres and soles touch the ground."""
 
 from itertools import product
 from pathlib import Path
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.robots.description import load_robot
-from footfall.robots.feet import FootBalls, foot_balls
+from footfall.robots.feet import FootSpheres, foot_spheres
 
 ROBOT = load_robot("go1")
 G1 = load_robot("g1")
@@ -28,8 +28,8 @@ def about(axis: str, angle: float) -> np.ndarray:
 
 
 class TestContactPoints:
-    def test_a_ball_touches_with_its_lowest_point(self) -> None:
-        """Pitched or rolled, a ball touches the ground below its centre."""
+    def test_a_sphere_touches_with_its_lowest_point(self) -> None:
+        """Pitched or rolled, a sphere touches the ground below its centre."""
         up = about("x", 0.4).T @ UP
         arms = ContactPoints(ROBOT.legs, 0.002).arms(ROBOT.default_pose, up)
         np.testing.assert_allclose(arms, -0.023 * np.tile(up, (4, 1)))
@@ -61,21 +61,21 @@ class TestContactPoints:
         np.testing.assert_allclose(arms[:, 0], [0.085 * np.cos(0.1), -0.085 * np.cos(0.1)], atol=1e-4)
 
     def test_feet_of_several_kinds_go_together(self, tmp_path: Path) -> None:
-        """Four balls on one foot, a box on the other: each touches at its own lower edge."""
+        """Four spheres on one foot, a box on the other: each touches at its own lower edge."""
         robot = bodies(tmp_path)["six hinges and soles"]
         up = about("y", 0.1).T @ UP
         arms = ContactPoints(robot.legs, 0.0005).arms(robot.default_pose, up)
-        balls = np.array([0.07, 0.0, 0.0]) - 0.012 * up  # toes, 0.1 m from the ankle, 0.03 m to the middle
-        np.testing.assert_allclose(arms, [balls, [0.09, 0.0, -0.01]], atol=1e-4)
+        spheres = np.array([0.07, 0.0, 0.0]) - 0.012 * up  # toes, 0.1 m from the ankle, 0.03 m to the middle
+        np.testing.assert_allclose(arms, [spheres, [0.09, 0.0, -0.01]], atol=1e-4)
 
-    def test_the_thickest_of_level_balls_touches(self) -> None:
-        balls = FootBalls(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
-        legs = SimpleNamespace(balls=[balls], count=1, turn=lambda _: np.eye(3)[None])
+    def test_the_thickest_of_level_spheres_touches(self) -> None:
+        spheres = FootSpheres(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
+        legs = SimpleNamespace(spheres=[spheres], count=1, turn=lambda _: np.eye(3)[None])
         arms = ContactPoints(legs, 0.001).arms(np.zeros(0), UP)  # type: ignore[arg-type]
         np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
 
-    def test_balls_of_spheres_capsules_and_boxes(self) -> None:
-        """A ball, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
+    def test_spheres_of_spheres_capsules_and_boxes(self) -> None:
+        """A sphere, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
         model = mujoco.MjModel.from_xml_string(
             """<mujoco><worldbody><body><freejoint/>
             <geom type="sphere" size="0.02" pos="0.1 0 0" mass="1"/>
@@ -84,19 +84,19 @@ class TestContactPoints:
             </body></worldbody></mujoco>"""
         )
         tip = np.array([0.1, 0.0, 0.0])
-        ball, ends, corners = (foot_balls(model, np.array([geom]), tip) for geom in range(3))
-        np.testing.assert_allclose(ball.place, [[0.0, 0.0, 0.0]])
-        assert ball.radius.tolist() == [0.02]
+        sphere, ends, corners = (foot_spheres(model, np.array([geom]), tip) for geom in range(3))
+        np.testing.assert_allclose(sphere.place, [[0.0, 0.0, 0.0]])
+        assert sphere.radius.tolist() == [0.02]
         np.testing.assert_allclose(sorted(ends.place.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
         assert ends.radius.tolist() == [0.01, 0.01]
         turn = Rotation.from_euler("XYZ", [20, 0, 50], degrees=True)
         edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
         np.testing.assert_allclose(sorted(corners.place.tolist()), sorted(edges.tolist()), atol=1e-12)
         assert not corners.radius.any()
-        together = foot_balls(model, np.arange(3), tip)
+        together = foot_spheres(model, np.arange(3), tip)
         assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
 
-    def test_balls_of_a_mesh_are_corners_of_its_box(self) -> None:
+    def test_spheres_of_a_mesh_are_corners_of_its_box(self) -> None:
         """Which is about the mesh, not about its centre of mass: it holds all vertices, and no less would."""
         model = mujoco.MjModel.from_xml_string(
             """<mujoco><asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>
@@ -104,7 +104,7 @@ class TestContactPoints:
             </body></worldbody></mujoco>"""
         )
         turn = Rotation.from_quat(model.geom_quat[0], scalar_first=True)
-        corners = foot_balls(model, np.array([0]), np.zeros(3)).place - model.geom_pos[0]
+        corners = foot_spheres(model, np.array([0]), np.zeros(3)).place - model.geom_pos[0]
         across = turn.inv().apply(corners)
         np.testing.assert_allclose(across.min(axis=0), model.mesh_vert.min(axis=0), atol=1e-7)
         np.testing.assert_allclose(across.max(axis=0), model.mesh_vert.max(axis=0), atol=1e-7)

@@ -199,7 +199,7 @@ class TestSunk:
     def test_folded_legs_leave_less_clearance(
         self, go1: Robot, thigh: float, calf: float, share: float
     ) -> None:
-        """Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin at 0.2945 m.
+        """Links of 0.213 m, a sphere of 0.023 m, a trunk that reaches 0.05 m below its origin at 0.2945 m.
 
         0.213 (cos thigh + cos (thigh + calf)) + 0.023 m is the origin's height over the feet.
         """

@@ -102,7 +102,7 @@ CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
           conaffinity="1" priority="2" friction="0.9 0 0" margin="0.004" gap="0.001"/>
         <body pos="0 0.02 -0.25"><joint name="spring" axis="0.3 1 0" stiffness="20" springref="0.3"
           damping="0.2" armature="0.005"/>
-          <geom name="ball" type="sphere" size="0.03" pos="0 0 -0.1" mass="0.2" contype="0" conaffinity="1"
+          <geom name="sphere" type="sphere" size="0.03" pos="0 0 -0.1" mass="0.2" contype="0" conaffinity="1"
             solmix="3" solref="0.03 0.8"/></body></body></body>
     <body pos="0.2 -0.06 0"><joint name="c" axis="1 0 0" armature="0.01"/>
       <geom name="right" type="capsule" size="0.02" fromto="0 0.02 0 0.03 0.1 -0.25" mass="0.5" contype="0"
@@ -111,7 +111,7 @@ CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
     </body></body>
 </worldbody>
 <contact><pair geom1="left" geom2="right" condim="3" friction="0.5 0.4 0 0 0"/>
-  <pair geom1="knob" geom2="ball" condim="1" margin="0.01" gap="0.003"/>
+  <pair geom1="knob" geom2="sphere" condim="1" margin="0.01" gap="0.003"/>
   <pair geom1="knob" geom2="left" condim="3"/></contact></mujoco>"""
 
 
@@ -129,8 +129,8 @@ def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
 
 
 def test_every_kind_of_joint_and_contact_is_mujocos() -> None:
-    """Several hinges of a body off its origin, a body without any, a spring, a slope, balls and capsules."""
-    model, robot = mujoco.MjModel.from_xml_string(CHIMERA), stand_in(("a", "b", "c"), "ball")
+    """Several hinges of a body off its origin, a body without any, a spring, a slope, spheres, capsules."""
+    model, robot = mujoco.MjModel.from_xml_string(CHIMERA), stand_in(("a", "b", "c"), "sphere")
     assert not [*refusals(model), *contact_refusals(model)]
     given = random_arguments(robot, model, 300, Randomisation())
     given["qpos"][:, 2] -= np.linspace(-0.05, 0.1, 300)
@@ -227,7 +227,11 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("old", "new", "said"),
         [
-            ('<joint name="c" axis="1 0 0" armature="0.01"/>', '<joint name="c" type="ball"/>', "joint 'c'"),
+            (
+                '<joint name="c" axis="1 0 0" armature="0.01"/>',
+                '<joint name="c" type="ball"/>',
+                "joint 'c'",
+            ),
             ('name="c" axis="1 0 0"', 'name="c" type="slide" axis="1 0 0"', "joint 'c'"),
             ('name="c" axis="1 0 0"', 'name="c" axis="1 0 0" frictionloss="1"', "joint friction"),
             (

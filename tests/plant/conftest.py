@@ -12,7 +12,7 @@ ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it w
 
 @pytest.fixture
 def odd(own_folder: Path) -> Robot:
-    """go1 with its joints in another order, a foot of two balls, behind a gate that swings in its world."""
+    """go1 with its joints in another order, a foot of two spheres, behind a gate that swings in its world."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2"/></body>'

@@ -56,7 +56,7 @@ class TestTruth:
 
     @pytest.mark.parametrize("foot", range(4))
     def test_a_lone_foot_bears_all_of_what_the_ground_gives(self, odd: Robot, foot: int) -> None:
-        """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two balls."""
+        """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two spheres."""
         body = body_of(odd)
         data, model = body.data, body.model
         drawn = [joint for k in range(4) if k != foot for joint in odd.foot_joints[k]]

@@ -1,4 +1,4 @@
-"""Balls on a ground that is not level, in MuJoCo."""
+"""Spheres on a ground that is not level, in MuJoCo."""
 
 import mujoco
 import numpy as np
@@ -24,7 +24,7 @@ def ground(slope: float, bumps_m: float = 0.0) -> Ground:
 
 
 def slid(radius_m: float, slope: float) -> tuple[float, float]:
-    """A ball without friction, pressed down with 120 N, moves across a slope at 0.5 m/s.
+    """A sphere without friction, pressed down with 120 N, moves across a slope at 0.5 m/s.
 
     Returns its speed after 2 s, m/s, and how far it rose, m.
     """
@@ -47,14 +47,14 @@ def slid(radius_m: float, slope: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("radius_m", [0.005, 0.023])
 @pytest.mark.parametrize("slope", [0.0, 0.5])
-def test_a_ball_slides_over_the_cells(radius_m: float, slope: float) -> None:
+def test_a_sphere_slides_over_the_cells(radius_m: float, slope: float) -> None:
     speed, rise = slid(radius_m, slope)
     assert speed == pytest.approx(0.5, abs=1e-6)
     assert -0.003 < rise < 0.0
 
 
 @pytest.mark.parametrize(("friction", "holds"), [(0.6, True), (0.4, False)])
-def test_friction_holds_a_ball_on_a_slope_of_half(friction: float, holds: bool) -> None:
+def test_friction_holds_a_sphere_on_a_slope_of_half(friction: float, holds: bool) -> None:
     spec, here = mujoco.MjSpec(), ground(0.5)
     spec.option.timestep = 0.001
     replace_ground(spec, here)

@@ -70,7 +70,7 @@ def test_it_goes_to_its_stance_before_it_follows_a_command() -> None:
 
 @pytest.mark.parametrize("command", [(0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.1, 0.1, 0.6)])
 def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[float, float, float]) -> None:
-    """Back under a base that moves by v + w x r. A foot is a ball that rolls: as its shank turns, the point
+    """Back under a base that moves by v + w x r. A foot is a sphere that rolls: as its shank turns, the point
     under it goes farther than its centre. By MuJoCo's own Jacobians, in mid-stance.
     """
     policy = make()

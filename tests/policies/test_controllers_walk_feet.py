@@ -60,7 +60,7 @@ def lift_feet(cycle: FootCycle, *feet: int) -> None:
 
 
 class TestRolling:
-    def test_the_body_goes_faster_than_the_tips_of_balls_that_roll(self) -> None:
+    def test_the_body_goes_faster_than_the_tips_of_spheres_that_roll(self) -> None:
         """Links turn while their tips go with the ground: points under them go farther by r times that."""
         robot = load_robot("go1")
         legs, pose = robot.legs, robot.default_pose

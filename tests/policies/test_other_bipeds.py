@@ -82,7 +82,7 @@ def test_it_has_an_environment_and_falls_safely(robots: dict[str, Robot], tmp_pa
     assert_falls_safely(robot, policy)
 
 
-def test_without_ankles_it_cannot_stand_on_two_balls_and_falls_safely(robots: dict[str, Robot]) -> None:
+def test_without_ankles_it_cannot_stand_on_two_spheres_and_falls_safely(robots: dict[str, Robot]) -> None:
     robot = robots["no ankles"]
     config = controller_settings(load_robot("g1"), "stand", StandConfig)
     assert_falls_safely(robot, Stand(robot, replace(config, kp=150.0)))

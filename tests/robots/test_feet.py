@@ -79,12 +79,12 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> N
     corners = robot.description.feet[0].geoms
     assert len(corners) == 4
     spec = load_spec(robot.xml_path)
-    balls = [spec.geom(name) for name in corners]
-    places = np.array([ball.pos for ball in balls])
-    middle, half = places.mean(axis=0), np.ptp(places, axis=0) / 2 + balls[0].size[0]
-    link = balls[0].parent
-    for ball in balls:
-        spec.delete(ball)
+    spheres = [spec.geom(name) for name in corners]
+    places = np.array([sphere.pos for sphere in spheres])
+    middle, half = places.mean(axis=0), np.ptp(places, axis=0) / 2 + spheres[0].size[0]
+    link = spheres[0].parent
+    for sphere in spheres:
+        spec.delete(sphere)
     link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
     link.add_geom(type=SPHERE, size=[0.03, 0, 0])  # the ankle's housing, nearer to no corner than the box is
     model = spec.compile()

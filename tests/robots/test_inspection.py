@@ -12,7 +12,7 @@ from footfall.robots.inspection import Inspection, inspect_robot
 
 
 def straight(name: str, y: float, length: float) -> Leg:
-    """Two links that hang down, ending in a sole of four balls: 0.1 m ahead, 0.04 m behind, 0.03 m aside."""
+    """Two links that hang down, ending in a sole of four spheres 0.1 m ahead, 0.04 m behind, 0.03 m aside."""
     hinges = Hinge(PITCH, (0.0, 0.0, -length), 0.0), Hinge(PITCH, (0.0, 0.0, -0.2), 0.0)
     return Leg(name, (0.03, y, 0.0), hinges, SOLE)
 
@@ -36,7 +36,7 @@ def looked(robot: Robot) -> Inspection:
 
 
 def test_masses_are_those_of_all_links(looked: Inspection) -> None:
-    """A leg is of two rods of 0.15 kg and four balls of 0.02 kg, these 0.03 m ahead of the ankle."""
+    """A leg is of two rods of 0.15 kg and four spheres of 0.02 kg, these 0.03 m ahead of the ankle."""
     assert looked.mass_kg == pytest.approx(4.0 + 2 * (0.3 + 0.08))
     ahead = 2 * (0.3 * 0.03 + 0.08 * 0.06) / 4.76
     aside = 0.38 * (0.1 - 0.12) / 4.76
@@ -56,7 +56,7 @@ def test_a_foot_in_the_air_is_found_at_any_height(robot: Robot, copy: Path, off_
     assert gaps == pytest.approx([0.0, 0.008], abs=1e-9)
 
 
-def test_a_tilted_sole_is_as_high_as_its_lowest_ball(copy: Path) -> None:
+def test_a_tilted_sole_is_as_high_as_its_lowest_sphere(copy: Path) -> None:
     """The right knee bent by 0.1 rad: its toes come up, its heel stays 0.04 sin(0.1) m below the middle."""
     declaration = copy / "robot.yaml"
     before, found, after = declaration.read_text().partition("name: r1")
@@ -98,8 +98,8 @@ def test_touching_links_meet_near_ones_not(copy: Path, apart_m: float, meet: boo
     text = xml.read_text()
     for leg, wide in (("l", 0.11), ("r", 0.11 - apart_m)):
         joint = text.index(f'<joint name="{leg}0"')
-        ball = f'<geom type="sphere" size="{wide}" margin="0.02" gap="0.02"/>'
-        text = text[:joint] + ball + text[joint:]
+        sphere = f'<geom type="sphere" size="{wide}" margin="0.02" gap="0.02"/>'
+        text = text[:joint] + sphere + text[joint:]
     xml.write_text(text)
     looked = inspect_robot(load_robot(copy))
     assert bool(looked.meeting) is meet

@@ -114,8 +114,8 @@ class TestLoad:
 
 
 class TestRolling:
-    def test_a_leg_that_pivots_on_its_ball_rolls_forward(self) -> None:
-        """The point under the ball moves backwards relative to its centre as the leg swings forwards."""
+    def test_a_leg_that_pivots_on_its_sphere_rolls_forward(self) -> None:
+        """The point under the sphere moves backwards relative to its centre as the leg swings forwards."""
         pose = LEGS.pose(ROBOT.default_pose)
         up = np.array([0.0, 0.0, 1.0])
         offset = LEGS.rolling_offset(pose.axes, up)

@@ -38,7 +38,7 @@ def test_without_them_only_the_listed_pairs_meet() -> None:
 
 
 def test_true_limbs_are_those_of_the_simulated_robot() -> None:
-    """A shank's thick stand-in cannot hook behind another leg as a ball foot on a thin shank does."""
+    """A shank's thick stand-in cannot hook behind another leg as a sphere foot on a thin shank does."""
     robot = load_robot("go1")
     model = training_model(robot, contacts="true_limbs")
     paired = {model.geom(g).name for g in np.concatenate([model.pair_geom1, model.pair_geom2])}

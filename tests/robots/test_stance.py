@@ -18,7 +18,7 @@ FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
 
 
 def test_go1_stands_where_its_feet_touch(go1: Robot) -> None:
-    by_hand = FOOT_BELOW_BASE_M + 0.023  # a ball's radius
+    by_hand = FOOT_BELOW_BASE_M + 0.023  # a sphere's radius
     assert touching_height(go1.description, load_spec(go1.xml_path).compile()) == pytest.approx(by_hand)
     assert go1.description.standing_height_m == pytest.approx(by_hand, abs=1e-4)
 
@@ -124,14 +124,14 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
 
 
 def test_a_box_around_the_base_holds_all_its_colliding_geoms(go1: Robot, own_folder: Path) -> None:
-    """Its trunk reaches 0.13, 0.09 and 0.05 m; a ball at its nose and a wedge below go farther."""
+    """Its trunk reaches 0.13, 0.09 and 0.05 m; a sphere at its nose and a wedge below go farther."""
     text = (own_folder / "robot.xml").read_text()
     box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'
     assert text.count(box) == 1
-    ball = '<geom class="collision" type="sphere" size="0.03" pos="0.2 0 0"/>'
+    sphere = '<geom class="collision" type="sphere" size="0.03" pos="0.2 0 0"/>'
     wedge = '<geom class="collision" type="mesh" mesh="wedge" pos="0 0 -0.1" quat="0 1 0 0"/>'  # upside down
     mesh = '<asset><mesh name="wedge" vertex="0 0 0 0.05 0 0 0 0.04 0 0 0 0.03" inertia="shell"/></asset>'
-    text = text.replace(box, box + ball + wedge).replace("<worldbody>", mesh + "<worldbody>", 1)
+    text = text.replace(box, box + sphere + wedge).replace("<worldbody>", mesh + "<worldbody>", 1)
     model = mujoco.MjModel.from_xml_string(text)
     corners = base_corners(go1.description, model)
     assert corners.min(axis=0).tolist() == pytest.approx([-0.13, -0.09, -0.13])

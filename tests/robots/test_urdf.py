@@ -114,7 +114,7 @@ def test_solid_shapes_reach_as_low_as_those_of_the_mjcf(robot: Robot) -> None:
 
 
 def lowest_solid(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Height of the lowest point that can touch, m, of boxes, balls and capsules."""
+    """Height of the lowest point that can touch, m, of boxes, spheres and capsules."""
     heights = []
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity):
         down = -data.geom_xmat[geom].reshape(3, 3)[2]

@@ -143,9 +143,9 @@ def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> t
 
 
 def hanging(name: str, y: float, length: float, inner: str = "", joint: str = "") -> str:
-    """A limb of one hinge with a ball at its end."""
+    """A limb of one hinge with a sphere at its end."""
     return f"""<body name="{name}" pos="0 {y} 0"><joint name="{name}_joint" axis="0 1 0" range="-1 1"/>
-      <geom name="{name}_ball" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{joint}{inner}</body>"""
+      <geom name="{name}_sphere" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{joint}{inner}</body>"""
 
 
 def on_base(*limbs: str, extra: str = "") -> str:
@@ -163,7 +163,7 @@ ODD_LEG = """<body name="{0}_hip" pos="0.1 {1} 0" euler="0.1 0.2 {2}">
       <joint name="{0}_knee" axis="0 1 0" ref="-0.5" range="-2 -0.1"/>
       <geom type="box" pos="0.1 0 0" size="0.1 0.01 0.02" mass="0.5" euler="0.1 0 0"/>
       <body name="{0}_foot" pos="0.22 0 0" euler="0.2 0.1 0.3">
-        <geom name="{0}_ball" size="0.025" pos="0.01 0 0" mass="0.07" friction="1.3"
+        <geom name="{0}_sphere" size="0.025" pos="0.01 0 0" mass="0.07" friction="1.3"
           contype="2" conaffinity="5"/>
       </body></body></body></body>"""
 ODD = f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>

@@ -15,7 +15,7 @@ from footfall.robots.stance import touching_height
 Vector = tuple[float, float, float]
 BALL = ('type="sphere" size="0.025"',)
 PLATE = ('type="box" size="0.09 0.04 0.01" pos="0.02 0 -0.015"',)
-SOLE = tuple(  # four balls at the corners of a sole whose middle is ahead of the ankle
+SOLE = tuple(  # four spheres at the corners of a sole whose middle is ahead of the ankle
     f'type="sphere" size="0.012" pos="{x:g} {y:g} -0.015"' for x in (0.1, -0.04) for y in (0.03, -0.03)
 )
 

@@ -101,7 +101,7 @@ class Geometry:
     def _on_ground(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> list[Contact]:
-        """Contacts of a ball at this offset from a geom's centre, with the plane and with a higher level."""
+        """Contacts of a sphere at this offset from a geom's centre with the plane and with a higher level."""
         plane = self._on_plane(meeting, ground, geom, offset, along)
         if len(ground) == PLANE_NUMBERS:
             return [plane]
@@ -111,11 +111,11 @@ class Geometry:
     def _on_level(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None
     ) -> tuple[Contact, Scalar]:
-        """The contact of a ball with a higher level, and how far its centre is beyond the edge, m.
+        """The contact of a sphere with a higher level, and how far its centre is beyond the edge, m.
 
         The level fills all space beyond its edge and below its height.
         """
-        centre, radius = self._ball(geom, offset)
+        centre, radius = self._sphere(geom, offset)
         world = self.in_world(centre)
         outwards = vector(ground[4], ground[5], 0.0)
         away = outwards @ world - ground[6]
@@ -133,23 +133,23 @@ class Geometry:
         place = centre - turned * (radius + 0.5 * distance)
         return Contact(meeting, distance, place, turned, self._tangents(meeting, normal, along)), -away
 
-    def _ball(self, geom: int, offset: Vector) -> tuple[Vector, float]:
-        """Centre, in the base's frame, and radius of a ball at this offset; a box's corner has no radius."""
+    def _sphere(self, geom: int, offset: Vector) -> tuple[Vector, float]:
+        """Centre, in the base's frame, and radius of a sphere at this offset; 0 for a box's corner."""
         is_box = self._model.geom_type[geom] == BOX
         return self.centre(geom) + offset, 0.0 if is_box else float(self._model.geom_size[geom][0])
 
     def _on_plane(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> Contact:
-        """The plane's contact with a ball at this offset from a geom's centre."""
-        centre, radius = self._ball(geom, offset)
+        """The plane's contact with a sphere at this offset from a geom's centre."""
+        centre, radius = self._sphere(geom, offset)
         normal = self._base_turn.T @ ground[:3]
         distance = ground[:3] @ self._base_place - ground[3] + normal @ centre - radius
         place = centre - normal * (radius + 0.5 * distance)
         return Contact(meeting, distance, place, normal, self._tangents(meeting, ground[:3], along))
 
     def _between(self, meeting: Meeting, one: Vector, two: Vector) -> Contact:
-        """The contact of two balls around these points, with the geoms' radii."""
+        """The contact of two spheres around these points, with the geoms' radii."""
         radii = [float(self._model.geom_size[geom][0]) for geom in meeting.geoms]
         away = two - one
         length = sqrt(maximum(away @ away, TINY**2))

@@ -113,21 +113,21 @@ class TestWhatIsMade:
 
     def test_two_points_are_held_up_at_first(self, two: tuple[Robot, Imported], tmp_path: Path) -> None:
         sole = '<geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>'
-        ball = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
-        robot, made = make(tmp_path, BIPED_MJCF.replace(sole, ball), "xml")
+        sphere = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
+        robot, made = make(tmp_path, BIPED_MJCF.replace(sole, sphere), "xml")
         assert robot.description.held_start
         assert load_preset("cpu", robot).env.commands.standing_command == 0.0
         assert any("held up" in guess for guess in made.guesses)
         assert not two[0].description.held_start
 
-    def test_balls_beside_a_rod_are_the_foot(self, tmp_path: Path) -> None:
-        """Three balls of unlike sizes that reach 0.06 m down, a rod between them ends 4 mm higher."""
-        balls = "".join(
+    def test_spheres_beside_a_rod_are_the_foot(self, tmp_path: Path) -> None:
+        """Three spheres of unlike sizes that reach 0.06 m down, a rod between them ends 4 mm higher."""
+        spheres = "".join(
             f'<geom type="sphere" pos="{x} {y} {r - 0.06}" size="{r}" mass="0.2"/>'
             for x, y, r in ((0.14, 0.03, 0.006), (0.13, -0.03, 0.008), (-0.07, 0.0, 0.01))
         )
         rod = '<geom type="capsule" fromto="-0.05 0 -0.046 0.1 0 -0.046" size="0.01" mass="0.1"/>'
-        text = re.sub(r'<geom type="box" pos="0.03[^>]*/>', rod + balls, BIPED_MJCF)
+        text = re.sub(r'<geom type="box" pos="0.03[^>]*/>', rod + spheres, BIPED_MJCF)
         robot, _ = make(tmp_path, text, "xml")
         model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
         for foot in robot.description.feet:

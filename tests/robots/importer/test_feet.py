@@ -1,4 +1,4 @@
-"""Feet of an imported robot: balls, soles and their names."""
+"""Feet of an imported robot: spheres, soles and their names."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -55,14 +55,16 @@ def foot_of(
     return [g for g in made.geoms if g.name in leg.geoms], [g for g in made.geoms if g.name not in leg.geoms]
 
 
-def ball(name: str, low: float, radius: float = 0.02, x: float = 0.0, **rest: Any) -> Geom:
+def sphere(name: str, low: float, radius: float = 0.02, x: float = 0.0, **rest: Any) -> Geom:
     """One whose lowest point is at a height."""
     return geom(name, Kind.mjGEOM_SPHERE, [radius], [x, 0.0, low + radius], **rest)
 
 
 class TestFeet:
-    def test_balls_that_are_level_within_a_centimetre_touch_together(self) -> None:
-        feet, others = foot_of(ball("a", -0.2), ball("b", -0.192, 0.03, 0.1), ball("c", -0.188, 0.01, -0.1))
+    def test_spheres_that_are_level_within_a_centimetre_touch_together(self) -> None:
+        feet, others = foot_of(
+            sphere("a", -0.2), sphere("b", -0.192, 0.03, 0.1), sphere("c", -0.188, 0.01, -0.1)
+        )
         assert [g.name for g in feet] == ["FL_foot_1", "FL_foot_2"]
         assert [g.shape.size[0] for g in feet] == [0.02, 0.03]
         assert [g.name for g in others] == ["c"]
@@ -84,7 +86,9 @@ class TestFeet:
 
     @pytest.mark.parametrize(("half_height", "radius"), [(0.02, 0.005), (0.008, 0.004)])
     @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_a_sole_stands_on_balls_at_corners(self, half_height: float, radius: float, sign: float) -> None:
+    def test_a_sole_stands_on_spheres_at_corners(
+        self, half_height: float, radius: float, sign: float
+    ) -> None:
         """A box of 0.24 by 0.1 m, a quarter turn about the vertical, on a link that may hang upside down."""
         quarter = turned(0.0, 0.0, np.pi / 2)
         box = geom("sole", Kind.mjGEOM_BOX, [0.12, 0.05, half_height], [0.3, 0.2, 0.1], turn=quarter)
@@ -114,7 +118,7 @@ class TestFeet:
         assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)
 
     @pytest.mark.parametrize("way", [0.0, np.pi])
-    def test_a_rod_is_drawn_back_by_the_ball_at_its_end(self, way: float) -> None:
+    def test_a_rod_is_drawn_back_by_the_sphere_at_its_end(self, way: float) -> None:
         """Radius 0.03, from 0.03 m above to 0.23 m below the joint, along its axis or against it."""
         rod = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.1], [0.0, 0.0, -0.1], turn=turned(way, 0.0, 0.0))
         feet, others = foot_of(rod)
@@ -124,7 +128,7 @@ class TestFeet:
         ends = rest.position[2] + np.array([-1.0, 1.0]) * (rest.size[1] + rest.size[0])
         assert ends == pytest.approx([-0.2, 0.03])
 
-    def test_a_tall_box_ends_in_a_ball_as_wide_as_its_narrow_side(self) -> None:
+    def test_a_tall_box_ends_in_a_sphere_as_wide_as_its_narrow_side(self) -> None:
         feet, others = foot_of(geom("box", Kind.mjGEOM_BOX, [0.03, 0.02, 0.1], [0.1, 0.0, -0.1]))
         assert feet[0].shape.size[0] == 0.02
         np.testing.assert_allclose(feet[0].shape.position, [0.1, 0.0, -0.18], atol=1e-9)

@@ -27,7 +27,7 @@ class Hip(NamedTuple):
 
 
 def walker(*hips: Hip, roll: str = "-0.8 0.8") -> str:
-    """Legs of two links of 0.2 m: a shank of 1 cm in radius ends in a ball of 2 cm."""
+    """Legs of two links of 0.2 m: a shank of 1 cm in radius ends in a sphere of 2 cm."""
     return on_base(
         *(
             f"""<body name="{hip.name}_thigh" pos="{hip.x} {hip.y} 0">

@@ -15,7 +15,7 @@ from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 
 
 def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, float, float]] = ()) -> str:
-    """Legs of two links of 0.2 m with balls of 0.02 m, hips at the height of the base's origin."""
+    """Legs of two links of 0.2 m with spheres of 0.02 m, hips at the height of the base's origin."""
     places = legs or (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
     limbs = "".join(
         f"""<body name="{name}_thigh" pos="{x} {y} 0">
@@ -44,7 +44,7 @@ class TestPose:
         return machine, data
 
     def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
-        """A knee of -2 to -0.4 rad may use 0.85 of it, to -0.52: 0.4 cos(0.26) m and the ball's radius."""
+        """A knee of -2 to -0.4 rad may use 0.85 of it, to -0.52: 0.4 cos(0.26) m and the sphere's radius."""
         pose = self.pose(tmp_path, walker())
         reach = 0.4 * np.cos(0.26) + 0.02
         assert pose.reach_m == pytest.approx(reach, abs=5e-3)
@@ -139,7 +139,7 @@ class TestPose:
         np.testing.assert_allclose(legs[0].natural_place(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
         np.testing.assert_allclose(legs[1].natural_place(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
 
-    def test_three_balls_off_a_line_are_a_sole(self, tmp_path: Path) -> None:
+    def test_three_spheres_off_a_line_are_a_sole(self, tmp_path: Path) -> None:
         def feet(*places: tuple[float, float]) -> str:
             return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in places)
 

@@ -61,19 +61,19 @@ PLACE = np.array([0.3, -0.2, 0.5])
 def surface(kind: mujoco.mjtGeom, size: Sequence[float]) -> np.ndarray:
     """Points all over a primitive about the origin, (k, 3)."""
     rng = np.random.default_rng(2)
-    ball = rng.normal(size=(200_000, 3))
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    sphere = rng.normal(size=(200_000, 3))
+    sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
     match kind:
         case Kind.mjGEOM_SPHERE:
-            return size[0] * ball
+            return size[0] * sphere
         case Kind.mjGEOM_CAPSULE:
-            return size[0] * ball + np.outer(np.sign(ball[:, 2]) * size[1], UP)
+            return size[0] * sphere + np.outer(np.sign(sphere[:, 2]) * size[1], UP)
         case Kind.mjGEOM_CYLINDER:
-            rim = ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1, keepdims=True)
-            return np.column_stack([size[0] * rim, np.sign(ball[:, 2]) * size[1]])
+            rim = sphere[:, :2] / np.linalg.norm(sphere[:, :2], axis=1, keepdims=True)
+            return np.column_stack([size[0] * rim, np.sign(sphere[:, 2]) * size[1]])
         case Kind.mjGEOM_ELLIPSOID:
-            return np.array(size) * ball
-    return np.array(size) * np.sign(ball)
+            return np.array(size) * sphere
+    return np.array(size) * np.sign(sphere)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class TestFitAlong:
-    def ball(self, radius: float, z: float) -> Shape:
+    def sphere(self, radius: float, z: float) -> Shape:
         return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
 
     def test_a_rod_is_itself_in_any_direction(self) -> None:
@@ -142,8 +142,8 @@ class TestFitAlong:
             assert found.position == pytest.approx(rod.position, abs=1e-6)
             assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
 
-    def test_a_rod_with_a_ball_at_its_end_is_as_thick_as_their_mean(self) -> None:
+    def test_a_rod_with_a_sphere_at_its_end_is_as_thick_as_their_mean(self) -> None:
         rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
-        found = fit_along([rod, self.ball(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
+        found = fit_along([rod, self.sphere(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
         assert found.size[0] == pytest.approx(0.015, abs=1e-3)
         assert found.size[1] == pytest.approx(0.1, abs=2e-3)

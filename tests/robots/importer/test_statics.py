@@ -13,7 +13,7 @@ PELVIS = 1
 class TestStatics:
     @pytest.fixture
     def model(self) -> mujoco.MjModel:
-        """A body of 10 kg, its centre 0.5 m above two ankles, on soles of four balls without weight."""
+        """A body of 10 kg, its centre 0.5 m above two ankles, on soles of four spheres without weight."""
         foot = '<geom name="{0}{1}" type="sphere" size="0.01" pos="{2} {3} -0.04" mass="1e-6"/>'
         corners = [(0.1, 0.03), (0.1, -0.03), (-0.1, 0.03), (-0.1, -0.03)]
         feet = "".join(
