@@ -1,6 +1,9 @@
 """A simulated robot on a stand, for recordings."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
@@ -37,3 +40,18 @@ def simulated_bus(
     wires = SimulatedWires(wiring.buses)
     config = on_a_stand(sample, plant, clamped)
     return SimulatedBus(wires, SimulatedRobot(robot, wiring, wires, config, seed))
+
+
+class OnScales(NamedTuple):
+    """A simulated robot on a stand whose feet touch scales."""
+
+    bus: SimulatedBus
+    weigh: Callable[[int], float]  # what the scale below a foot shows, N
+
+
+def on_scales(robot: Robot, sample: Sample | None = None, seed: int = 0) -> OnScales:
+    """A simulated robot on a stand, lowered until its feet touch; arguments as for `simulated_bus`."""
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses)
+    simulated = SimulatedRobot(robot, wiring, wires, replace(on_a_stand(sample), lowered=True), seed)
+    return OnScales(SimulatedBus(wires, simulated), lambda foot: float(simulated.truth().foot_force[foot]))

@@ -18,11 +18,12 @@ def holder(
     base: int,
     hanging: bool,
     clamped: bool,
+    raised_m: float,
 ) -> Holder | None:
-    """The robot's support; None if it stands by itself. A hanging robot is raised by its standing height."""
+    """The robot's support, which raises it by `raised_m`; None if it stands by itself."""
     height_m = robot.description.standing_height_m
     if hanging or clamped:
-        data.qpos[layout.base_qpos + 2] += height_m
+        data.qpos[layout.base_qpos + 2] += raised_m
         mujoco.mj_forward(model, data)
     elif not robot.description.held_start:
         return None

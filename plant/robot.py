@@ -67,6 +67,7 @@ class PlantConfig:
     lying: bool = False  # starts in the robot's lying pose
     hanging: bool = False  # hangs in a frame, its feet in the air
     clamped: bool = False  # feet in the air, the base bolted to a stand
+    lowered: bool = False  # a hanging or clamped robot's feet touch the ground, in the default pose
     charge: float = 1.0  # initial charge of the battery, if robot.yaml declares one
     held: bool = True  # does not move until its motors are commanded
     # Time after the first command at which a robot that cannot stand by itself is released (`held_start`).
@@ -137,8 +138,9 @@ class SimulatedRobot:
             self.foot_sensors = SimulatedFootSensors(wiring, force, sample, step_s, seed)
         self.faults = Faults(self._motors.faults)
         put_down(robot, self.model, self.data, self._layout, first_pose(robot, config.lying))
+        height_m = 0.0 if config.lowered else robot.description.standing_height_m
         self._frame = holder(
-            robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped
+            robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped, height_m
         )
         self._held_steps = (
             np.inf if config.hanging or config.clamped else round(config.let_go_after_s / step_s)

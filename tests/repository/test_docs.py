@@ -23,6 +23,7 @@ from footfall.deploy.log_analysis.recorded_csv import ColumnMap
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.foot_test import FootTestConfig
 from footfall.identify.gain_search import GainConfig
 from footfall.operate.gamepad import GamepadConfig
 from footfall.operate.missions.mission import load_mission
@@ -136,6 +137,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
     "columns": lambda path: load(path, ColumnMap),
     "excitation": lambda path: load(path, ExcitationConfig),
+    "foot-test": lambda path: load(path, FootTestConfig),
     "gain-search": lambda path: load(path, GainConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "gamepad": lambda path: load(path, GamepadConfig),

@@ -15,6 +15,7 @@ from footfall.confirm import Yes, confirm
 from footfall.options import AS_TYPED, SIMULATED, VIRTUAL, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.stand_bus import PLACE, SAFE, opened
+from footfall.verbs.identify_foot import foot
 from footfall.verbs.identify_gains import gains
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 identify = App(name="identify", help="Find a robot's parameters from its own motion.")
 identify.command(gains)
+identify.command(foot)
 
 
 @Parameter(name="*")

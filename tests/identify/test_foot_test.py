@@ -1,0 +1,59 @@
+"""The test of one foot: positions in the air, and forces on a scale."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footfall.cli import main
+from footfall.deploy.config import DeployConfig
+from footfall.identify.foot_test import FootTest, FootTestConfig, Held, Hold, press_findings, presses
+from footfall.identify.record import run_on_stand
+from footfall.identify.simulated import on_scales
+from footfall.robots.description import Robot
+
+QUICK = FootTestConfig(settle_s=0.3, move_s=0.3, hold_s=0.2, press_s=0.3)
+RL = 3
+
+
+@pytest.mark.parametrize(("strength", "findings"), [(1.0, 0), (0.5, 1)])
+def test_a_scale_shows_what_weak_motors_do_not_deliver(go1: Robot, strength: float, findings: int) -> None:
+    share = np.ones(len(go1.joint_names))
+    share[go1.foot_joints[RL]] = strength
+    scales = on_scales(go1, {"motor_strength": share})
+    rate_hz = DeployConfig().joint_rate_hz
+    policy = FootTest(go1, RL, presses(go1, QUICK), QUICK, rate_hz, lambda: scales.weigh(RL))
+    duration_s = policy.duration_s + 0.5
+    run_on_stand(go1, policy, scales.bus, duration_s, DeployConfig(), False, done=lambda: policy.done)
+    assert len(press_findings(policy.held, QUICK)) == findings
+    # These motors report what they deliver.
+    assert [each.scale_n for each in policy.held] == pytest.approx(
+        [each.force_n for each in policy.held], abs=0.5
+    )
+
+
+def test_motors_that_report_twice_their_torque_are_found() -> None:
+    config = FootTestConfig(presses=(0.1, 0.2))
+    held = [_held(wanted, wanted, 0.5 * wanted + 3.0) for wanted in (10.0, 20.0)]  # with a preload of 3 N
+    assert len(press_findings(held, config)) == 2
+    assert not press_findings([_held(wanted, wanted, wanted + 3.0) for wanted in (10.0, 20.0)], config)
+
+
+def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> None:
+    motion, found = tmp_path / "motion.yaml", tmp_path / "found.json"
+    motion.write_text("{settle_s: 0.3, move_s: 0.3, hold_s: 0.2, reach_m: 0.04}")
+    assert main(["identify", "foot", "FL", "--motion", str(motion), "--json", str(found)]) == 0
+    held = json.loads(found.read_text())["held"]
+    wanted, reached = (np.array([each[key] for each in held]) for key in ("wanted_offset_m", "offset_m"))
+    assert np.abs(wanted).sum() == pytest.approx(6 * 0.04)
+    assert reached == pytest.approx(wanted, abs=0.001)
+
+
+def test_a_foot_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", "foot", "tail"]) == 2
+    assert "FL" in capsys.readouterr().err
+
+
+def _held(wanted: float, reported: float, scale: float) -> Held:
+    return Held(Hold(np.zeros(3), wanted, 1.0), np.zeros(3), reported, scale)
