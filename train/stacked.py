@@ -29,8 +29,8 @@ class StackedScalars(Mapping[str, jax.Array]):
         """The values by name; waits for the device."""
         return dict(zip(self._names, np.asarray(self._values).tolist(), strict=True))
 
-    def mean(self, axis: int) -> "StackedScalars":
-        """Means along a leading axis of the array, such as time."""
+    def mean(self, axis: int | tuple[int, ...]) -> "StackedScalars":
+        """Means along leading axes of the array, such as time."""
         return StackedScalars(self._names, self._values.mean(axis=axis))
 
     def __getitem__(self, name: str) -> jax.Array:

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.limits import MAX_COMMAND
@@ -53,6 +54,13 @@ def event_term(
     return lambda change: EventTerm(change, count, interval_s, heeds_due, generated_only)
 
 
+def placed(values: jax.Array, places: np.ndarray, vector: jax.Array) -> jax.Array:
+    """The vector with these values at these places: a gather, which a GPU fuses as it does not a scatter."""
+    source = np.full(vector.shape, len(values))
+    source[places] = np.arange(len(values))
+    return jnp.where(source < len(values), jnp.append(values, 0.0)[source], vector)
+
+
 @event_term(numbers=lambda parts: 6 + 1 + 2 * parts.joints)
 def reset_pose(
     state: State,
@@ -76,11 +84,10 @@ def reset_pose(
         jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
         normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
     )
-    # Without unique_indices XLA adds sequentially on a GPU, in case two indices are equal.
     qpos = scene.base.turned(state.qpos, quaternion)
-    qpos = qpos.at[scene.positions].add(joint_rad * u[7 : 7 + n], unique_indices=True)
+    qpos = qpos + placed(joint_rad * u[7 : 7 + n], scene.positions, jnp.zeros_like(qpos))
     qvel = scene.base.moving(state.qvel, velocity_m_s * u[3:5], yaw_rate_rad_s * u[5])
-    qvel = qvel.at[scene.dofs].set(joint_velocity_rad_s * u[7 + n :], unique_indices=True)
+    qvel = placed(joint_velocity_rad_s * u[7 + n :], scene.dofs, qvel)
     return state._replace(qpos=qpos, qvel=qvel)
 
 
@@ -106,16 +113,14 @@ def drop(
     n = len(scene.robot.joint_names)
     pose = scene.soft_lower + (scene.soft_upper - scene.soft_lower) * u[10 : 10 + n]
     qpos = scene.base.turned(state.qpos, random_rotation(u[:3]))
-    qpos = qpos.at[scene.positions].set(pose, unique_indices=True)
+    qpos = placed(pose, scene.positions, qpos)
     lift = (
         lowest_m + (highest_m - lowest_m) * u[3] - jnp.min(scene.body.places(qpos)[:, 2] - scene.body.radius)
     )
     qpos = scene.base.shifted(qpos, jnp.array([0.0, 0.0, 1.0]) * lift)
     half_widths = jnp.array([velocity_m_s] * 3 + [angular_rad_s] * 3)
     qvel = scene.base.pushed(state.qvel, half_widths * (2 * u[4:10] - 1))
-    qvel = qvel.at[scene.dofs].set(
-        joint_velocity_rad_s * (2 * u[10 + n : 10 + 2 * n] - 1), unique_indices=True
-    )
+    qvel = placed(joint_velocity_rad_s * (2 * u[10 + n : 10 + 2 * n] - 1), scene.dofs, qvel)
     goals = jnp.tile(pose, (len(state.goals), 1))
     limp_steps = jnp.int32(u[10 + 2 * n] * limp_s / scene.period_s) if limp_s else None
     return state._replace(qpos=qpos, qvel=qvel, target=pose, goals=goals, limp_steps=limp_steps)

@@ -84,7 +84,7 @@ def make_iteration(
     def learn(learner: TrainState, observation: dict[str, jax.Array], experience: Experience) -> Learned:
         rollout = experience.rollout
         key, _, learn_key = iteration_keys(learner, config, device())
-        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key)
+        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key, _means)
         # Updated after PPO, so that the rollout's log-probabilities stay comparable.
         normalizer = running_statistics.update(
             learner.normalizer,
@@ -92,7 +92,8 @@ def make_iteration(
             std_min_value=MIN_STD,
             pmap_axis_name=AXIS if devices > 1 else None,
         )
-        scalars = mean({f"learning/{name}": jnp.mean(value) for name, value in losses.items()})
+        means = mean(losses.mean(axis=(0, 1)))
+        scalars = {f"learning/{name}": value for name, value in means.items()}
         seen = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
         learner = learner._replace(
             params=params,
@@ -115,9 +116,9 @@ def make_iteration(
     )
 
 
-def _means(metrics: dict[str, jax.Array]) -> StackedScalars:
-    """Means over the environments in one array: a scan's outputs take a kernel or two each."""
-    return StackedScalars.of({name: jnp.mean(value) for name, value in metrics.items()})
+def _means(values: dict[str, jax.Array]) -> StackedScalars:
+    """The mean of each value, all in one array: each output of a scan takes a kernel or two."""
+    return StackedScalars.of({name: jnp.mean(value) for name, value in values.items()})
 
 
 def iteration_keys(

@@ -92,17 +92,17 @@ def _with_raw_observations(
         if normalizer is not None:
             x = _first_input(x, normalizer_select(normalizer, name), config)
         if config.bfloat16:
-            params = _hidden_in_bfloat16(params, hidden_layers)
+            params = hidden_in_bfloat16(params, hidden_layers)
         return network.apply(None, params, x)
 
     return FeedForwardNetwork(network.init, apply)
 
 
-def _hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
+def hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
     """Parameters with those of the hidden layers rounded, and the first kernel padded as its input is.
 
     flax computes a layer in its operands' type. The last layer's parameters are not rounded, so that outputs
-    have the resolution of float32.
+    have the resolution of float32. Rounded parameters stay as they are.
     """
 
     def rounded(path: Any, leaf: jax.Array) -> jax.Array:

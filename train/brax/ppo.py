@@ -4,6 +4,7 @@ The mathematics is brax's (networks, loss, advantage estimation, running statist
 of a training's state is in one place, so that it resumes exactly.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -45,12 +46,24 @@ class Ppo:
     mirror: EnvironmentMirror | None = None
 
     def update(
-        self, state: TrainState, rollout: Transition, observation: dict[str, jax.Array], key: jax.Array
-    ) -> tuple[PPONetworkParams, Any, dict[str, jax.Array]]:
+        self,
+        state: TrainState,
+        rollout: Transition,
+        observation: dict[str, jax.Array],
+        key: jax.Array,
+        summary: Callable[[dict[str, jax.Array]], Any] = lambda losses: losses,
+    ) -> tuple[PPONetworkParams, Any, Any]:
         """Learn from a rollout, arrays of shape (time, environment, ...), and the observation after it.
 
+        Args:
+            state: the training's state before the rollout.
+            rollout: its transitions.
+            observation: the observation after it.
+            key: the update's random key.
+            summary: function of a mini-batch's losses that returns those to keep.
+
         Returns:
-            Parameters, the optimiser's state, and losses of shape (epoch, mini-batch).
+            Parameters, the optimiser's state, and each mini-batch's summary, (epoch, mini-batch, ...).
         """
         data = self._samples(state, rollout, observation)
         limit = self.config.learning_rate_limit(state.iteration)
@@ -62,19 +75,17 @@ class Ppo:
         orders = jax.vmap(jax.random.permutation, (0, None))(keys[1:], rollout.reward.shape[1])
         learner = Learner(state.params, with_learning_rate(state.optimizer, rate), keys[0])
         entropy = self.config.entropy_weight(state.iteration)
-        epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy)
+        epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy, summary=summary)
         learner, losses = jax.lax.scan(epoch, learner, orders)
         return learner.params, learner.optimizer, losses
 
-    def _epoch(
-        self, learner: Learner, order: jax.Array, data: Transition, limit: jax.Array, entropy: jax.Array
-    ) -> tuple[Learner, dict[str, jax.Array]]:
-        """One epoch: each environment once, in this order."""
+    def _epoch(self, learner: Learner, order: jax.Array, **common: Any) -> tuple[Learner, Any]:
+        """One epoch: each environment once, in this order. All mini-batches share `common`."""
         key, mirror_key = jax.random.split(learner.key)
         if self.mirror is not None:
             order = mirror_half(order, mirror_key)
         batches = order.reshape((self.config.num_mini_batches, -1))
-        step = partial(self._mini_batch, data=data, limit=limit, entropy=entropy)
+        step = partial(self._mini_batch, **common)
         return jax.lax.scan(step, learner._replace(key=key), batches)
 
     def _mini_batch(
@@ -84,7 +95,8 @@ class Ppo:
         data: Transition,
         limit: jax.Array,
         entropy: jax.Array,
-    ) -> tuple[Learner, dict[str, jax.Array]]:
+        summary: Callable[[dict[str, jax.Array]], Any],
+    ) -> tuple[Learner, Any]:
         """One gradient step on the samples of these environments."""
         config, mean = self.config, mean_over_devices(self.devices)
         key, loss_key = jax.random.split(learner.key)
@@ -100,7 +112,7 @@ class Ppo:
                 optimizer, losses["kl_mean"], config.desired_kl, MIN_LEARNING_RATE, limit
             )
         losses["learning_rate"] = learning_rate(optimizer)
-        return Learner(optax.apply_updates(learner.params, updates), optimizer, key), losses
+        return Learner(optax.apply_updates(learner.params, updates), optimizer, key), summary(losses)
 
     def _loss(
         self, params: PPONetworkParams, batch: Transition, key: jax.Array, entropy: jax.Array

@@ -11,6 +11,7 @@ from brax.training.types import Transition
 from footfall.envs.batch import step_batch
 from footfall.envs.environment import Environment
 from footfall.envs.state import State
+from footfall.train.brax.networks import hidden_in_bfloat16
 from footfall.train.brax.state import TrainState
 from footfall.train.config import PpoConfig
 
@@ -38,7 +39,10 @@ def roll_out(
     Returns:
         The episodes to continue with; transitions (time, environment, ...), and each control step's summary.
     """
-    policy = make_inference_fn(networks)((state.normalizer, state.params.policy))
+    parameters = state.params.policy
+    if config.bfloat16:  # once, not in each control step
+        parameters = hidden_in_bfloat16(parameters, len(config.actor_hidden_dims))
+    policy = make_inference_fn(networks)((state.normalizer, parameters))
     level = env.level(state.iteration * float(config.steps_per_iteration))
     episodes = (env.at_level(state.env, level), state.observation)
     return jax.lax.scan(partial(_control_step, env, policy, summary), episodes, keys)
