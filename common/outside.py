@@ -61,6 +61,8 @@ def sources(import_paths: list[str]) -> list[tuple[str, bytes]]:
     Raises:
         UserError: a module cannot be imported.
     """
+    if not import_paths:
+        return []
     modules = [_imported(path.partition(":")[0]) for path in import_paths]
     roots = {_root(module) for module in modules}
     found = {}

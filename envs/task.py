@@ -15,6 +15,7 @@ from operator import mul
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 
 from footfall.common.errors import UserError
 from footfall.common.outside import one_line
@@ -182,21 +183,24 @@ def _require(term: Any, kind: type, decorator: str, where: str) -> None:
         raise UserError(f"{where}: expected a function under @{decorator}, not {type(term).__name__}")
 
 
-def _value_standing(terms: Terms, scene: Scene) -> dict[str, Any]:
-    """Values of terms for a robot that stands still."""
-    example = example_data(scene)
-    return terms.evaluate(terms.init(example), example)[0]
-
-
 def _check_terms(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
     """Raise UserError if a term fails on a standing robot, or returns a wrong number of values."""
+    shapes = jax.eval_shape(partial(_values_standing, terms, scene, where))
+    for index, name in enumerate(terms.by_name):
+        found, size = shapes[name].size, sizes[index] if index < len(sizes) else 1
+        if found != size:
+            raise UserError(f"{where}[{index}]: returns {found} numbers, expected {size}")
+
+
+def _values_standing(terms: Terms, scene: Scene, where: str) -> dict[str, jax.Array]:
+    """Values of all terms for a robot that stands still; an error names the term's entry."""
+    example, values = example_data(scene), {}
     for index, (name, term) in enumerate(terms.by_name.items()):
-        alone, size = Terms({name: term}), sizes[index] if index < len(sizes) else 1
+        alone = Terms({name: term})
         try:
-            value = jax.eval_shape(partial(_value_standing, alone, scene))[name]
+            values[name] = jnp.asarray(alone.evaluate(alone.init(example), example)[0][name])
         except UserError as error:
             raise UserError(f"{where}[{index}]: {error}") from None
         except Exception as error:  # any other error is the term's
             raise UserError(f"{where}[{index}]: {one_line(error)}") from error
-        if value.size != size:
-            raise UserError(f"{where}[{index}]: returns {value.size} numbers, expected {size}")
+    return values

@@ -18,7 +18,6 @@ from footfall.train import cluster
 from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import load_preset, with_settings
-from footfall.train.loop import learn
 from footfall.train.origin import check_source, find_source
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
@@ -34,7 +33,7 @@ from footfall.train.runs.folder import (
 )
 from footfall.train.runs.provenance import PACKAGES, imported_revision
 from footfall.train.trainer import Trainer
-from footfall.train.trainers import DEFAULT_TRAINER, find_trainer
+from footfall.train.trainers import DEFAULT_TRAINER, find_trainer, prefetch
 
 
 @dataclass(frozen=True)
@@ -93,6 +92,8 @@ def _make_run(request: TrainRequest) -> Path:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
     if request.checkpoint_interval_s is not None:
         config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
+    use_compilation_cache()
+    prefetch(request.trainer, robot, config)  # read while the trainer's libraries are imported
     trainer = find_trainer(request.trainer)
     source = None
     if request.start_from is not None:
@@ -113,8 +114,6 @@ def _make_run(request: TrainRequest) -> Path:
         robot_digest=robot.digest,
     )
     run = Run(request.out or Path("runs") / name, provenance, config)
-    use_compilation_cache()
-    trainer.prefetch(run, robot)
     contract = check_robot(config, robot, request.preset)
     if source is not None:
         origin = replace(source.origin, changed=tuple(check_source(source, contract, config.ppo)))
@@ -138,7 +137,7 @@ def resume(folder: Path, display: Display | None = None) -> Path:
         run = open_run(folder)
         robot = trained_robot(run.provenance)
         refusal = use_compilation_cache()
-        find_trainer(run.provenance.trainer).prefetch(run, robot)
+        prefetch(run.provenance.trainer, robot, run.config)
         lock = locked(run) if cluster.is_main_process() else nullcontext()
     if display is None:
         console = None if cluster.is_main_process() else Console(quiet=True)
@@ -213,6 +212,8 @@ def export_run(
 
 def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     """Train from the last checkpoint, if there is one, and export."""
+    from footfall.train.loop import learn  # imports TensorBoard, while compiled programs are read
+
     began = time.monotonic()
     name, devices = run.provenance.trainer, cluster.devices()
     kind, where = find_trainer(name), devices[0].device_kind

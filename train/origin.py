@@ -13,7 +13,6 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.envs.make import make_environment
 from footfall.policies.contract import Contract, Gait
-from footfall.policies.learned import open_network
 from footfall.robots.description import load_robot
 from footfall.train.config import PpoConfig
 from footfall.train.runs import checkpoint
@@ -87,15 +86,21 @@ def find_source(path: Path, trainer: str) -> Source:
         path = run.policy
     if not path.is_file():
         raise UserError(f"--from {path}: no such run folder, .onnx file or policy of the zoo")
-    _, contract = open_network(path)
+    contract = _exported_contract(path)
     return Source(path, contract, tuple(len(bias) for _, bias in read_exported(path).layers[:-1]))
 
 
 def _contract(run: Run) -> Contract:
     """The exported policy's contract; without one, that of the run's settings and the current robot."""
     if run.policy.is_file():
-        return open_network(run.policy)[1]
+        return _exported_contract(run.policy)
     return make_environment(load_robot(run.provenance.robot), run.config.env).contract
+
+
+def _exported_contract(path: Path) -> Contract:
+    from footfall.policies.learned import open_network  # ONNX Runtime is needed for a policy's file only
+
+    return open_network(path)[1]
 
 
 def read_exported(path: Path) -> Exported:

@@ -41,10 +41,6 @@ class Trainer(Protocol):
             UserError: the settings do not fit the robot.
         """
 
-    @classmethod
-    def prefetch(cls, run: Run, robot: Robot) -> None:
-        """Start reading compiled programs of an earlier run in the background; optional."""
-
     def restore(self, path: Path) -> None:
         """Load a checkpoint; `export` works afterwards, without `prepare`.
 

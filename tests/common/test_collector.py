@@ -1,10 +1,11 @@
 """A pause of the garbage collector."""
 
 import gc
+import weakref
 
 import pytest
 
-from footfall.common.collector import collector_paused
+from footfall.common.collector import collector_paused, lasting_objects
 
 
 @pytest.mark.parametrize("was_on", [True, False])
@@ -22,3 +23,22 @@ def test_the_collector_is_as_it_was_after_a_pause(was_on: bool, fails: bool) -> 
         after = gc.isenabled()
         gc.enable()
     assert after is was_on
+
+
+class Node:
+    """An object that can hold itself."""
+
+    def __init__(self) -> None:
+        self.me = self
+
+
+def test_the_collector_passes_over_lasting_objects() -> None:
+    try:
+        with lasting_objects():
+            lasting = weakref.ref(Node())
+        passing = weakref.ref(Node())
+        gc.collect()
+        assert lasting() is not None
+        assert passing() is None
+    finally:
+        gc.unfreeze()

@@ -15,11 +15,12 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
-from footfall.train import api, entry
-from footfall.train.brax import parts
+from footfall.train import api
+from footfall.train.brax import parts, prefetch
 from footfall.train.brax.devices import GPU_OPTIONS, caches_programs, compiler_options, device_mesh
 from footfall.train.brax.iteration import Iteration
-from footfall.train.brax.parts import assemble, made_from
+from footfall.train.brax.parts import assemble
+from footfall.train.brax.prefetch import made_from, prefetch_programs
 from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
 from footfall.train.entry import start_device
@@ -32,11 +33,11 @@ def test_the_device_starts_on_own_programs_only(tmp_path: Path, monkeypatch: pyt
     before = {name: jax.config.values[name] for name in names}
     began, found = threading.Event(), []
 
-    def first_operation(_: object) -> None:
+    def first_operation(_: int) -> None:
         found.append(jax.config.values["jax_compilation_cache_dir"])
         began.set()
 
-    monkeypatch.setattr(entry, "_first_operation", first_operation)
+    monkeypatch.setattr("jax.numpy.zeros", first_operation)
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path))
     try:
         for mode in (0o700, 0o777):
@@ -126,8 +127,8 @@ def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(parts, "caches_programs", lambda _: True)
     monkeypatch.setattr(parts, "load_or_compile", ready)
-    monkeypatch.setattr(parts, "prefetch", lambda *made: read.extend(map(fingerprint, made)))
-    parts.prefetch_programs(robot, run.config)
+    monkeypatch.setattr(prefetch, "prefetch", lambda *made: read.extend(map(fingerprint, made)))
+    prefetch_programs(robot, run.config)
     assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
     assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
     assert asked == read

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import numpy as np
@@ -12,15 +11,15 @@ from jax.sharding import Mesh
 
 from footfall.common.collector import collector_paused
 from footfall.envs.environment import Environment
-from footfall.envs.make import made_from as environment_made_from
 from footfall.envs.make import make_environment
 from footfall.envs.symmetry import EnvironmentMirror
-from footfall.envs.workarounds.program_cache import load_or_compile, prefetch
+from footfall.envs.workarounds.program_cache import load_or_compile
 from footfall.robots.description import Robot
 from footfall.train.brax.devices import caches_programs, place, shardings
 from footfall.train.brax.iteration import Iteration, make_iteration
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.programs import NAMES, Programs
+from footfall.train.brax.prefetch import NAMES, made_from
+from footfall.train.brax.programs import Programs
 from footfall.train.brax.state import STATE_SPECS, TrainState, initial_state
 from footfall.train.config import TrainConfig
 
@@ -98,17 +97,6 @@ class Parts:
             first = None if seed is None else program("first state", programs.first_state)
         state = place(start, shardings(STATE_SPECS, mesh)) if first is None else first.result()(seed)
         return state, Iteration(act.result(), learn.result())
-
-
-def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
-    """Start loading the compiled programs of an earlier training with this robot and settings."""
-    made = made_from(robot, config)
-    prefetch(*((name, *made) for name in NAMES))
-
-
-def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
-    """Everything that a training's programs depend on, except source, libraries and devices."""
-    return config.ppo, *environment_made_from(robot, config.env)
 
 
 @collector_paused()

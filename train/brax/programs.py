@@ -12,8 +12,6 @@ from footfall.train.brax.devices import SHARDED, compiler_options, shardings
 from footfall.train.brax.iteration import EPISODE_SPECS, EXPERIENCE_SPECS, LEARNED_SPECS, Iteration
 from footfall.train.brax.state import LEARNER_SPECS, STATE_SPECS, TrainState
 
-NAMES = ("act", "learn", "first state")
-
 
 class Programs:
     """Each method traces when it is called. Acting and learning reuse the memory of their first argument."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from threading import Thread
 from typing import Any, ClassVar
@@ -14,8 +15,8 @@ from footfall.train import cluster
 from footfall.train.actor import LOGGED_OBSERVATIONS
 from footfall.train.brax.devices import device_mesh, place, shardings
 from footfall.train.brax.iteration import Iteration
-from footfall.train.brax.networks import ACTOR, actor_means_function, trained_actor
-from footfall.train.brax.parts import assemble, prefetch_programs
+from footfall.train.brax.networks import ACTOR, Means, actor_means_function, trained_actor
+from footfall.train.brax.parts import assemble
 from footfall.train.brax.start import taken_over
 from footfall.train.brax.state import STATE_SPECS, TrainState
 from footfall.train.config import TrainConfig
@@ -41,12 +42,6 @@ class BraxTrainer(Trainer):
         self._state: TrainState | None = None
         self._observations: jax.Array | np.ndarray = np.zeros(0)  # a sample of what the actor observed
         self._compiled: Iteration | None = None
-        self._means = actor_means_function(self._parts.exact_networks)
-
-    @classmethod
-    def prefetch(cls, run: Run, robot: Robot) -> None:
-        """Start reading the compiled programs of an earlier run in the background."""
-        prefetch_programs(robot, run.config)
 
     def restore(self, path: Path) -> None:
         """Take over a checkpoint's state."""
@@ -64,6 +59,11 @@ class BraxTrainer(Trainer):
                 (self._state.normalizer, self._state.params.policy),
             )
             Thread(target=self._prepare_export, args=(like,), name="prepare export").start()
+
+    @cached_property
+    def _means(self) -> Means:
+        """The exported network's mean actions; first needed beside the training, where time costs nothing."""
+        return actor_means_function(self._parts.exact_networks)
 
     def _prepare_export(self, like: tuple[Any, Any]) -> None:
         """Import and compile, beside the training, what the export needs of such a normaliser and actor."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from flax import serialization
 
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
@@ -30,6 +29,8 @@ def save(folder: Path, iteration: int, state: Any, observations: Any) -> Path:
         CannotWriteError: the disk is full or the folder cannot be written; the newest older checkpoint
             stays.
     """
+    from flax import serialization  # a long import, which begins after compiled programs are being read
+
     content = serialization.to_bytes(jax.device_get({"state": state, "observations": observations}))
     return write(folder, iteration, content)
 
@@ -95,6 +96,8 @@ def restore(path: Path, state: Any) -> tuple[Any, np.ndarray]:
     Raises:
         UserError: the file is damaged or belongs to another configuration.
     """
+    from flax import serialization
+
     try:
         content = serialization.msgpack_restore(path.read_bytes())
         restored = serialization.from_state_dict(state, with_event_steps(content["state"]))
