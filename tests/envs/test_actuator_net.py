@@ -26,12 +26,12 @@ def test_it_moves_a_robot_in_training_and_each_episode_begins_at_rest(robot: Rob
     moved = []
     for each in (GO1, robot):
         env = LocomotionEnv(each, IN_C)
-        state = env.reset(jax.random.PRNGKey(3))[0]
-        moved.append(env.simulate(state._replace(goals=state.goals + 0.2))[0])
+        state = jax.jit(env.reset)(jax.random.PRNGKey(3))[0]
+        moved.append(jax.jit(env.simulate)(state._replace(goals=state.goals + 0.2))[0])
     assert moved[0].net_memory is None
     assert jnp.abs(moved[1].net_memory).max() > 0.1
     assert jnp.abs(moved[1].qvel - moved[0].qvel).max() > 0.1
-    assert not env.restart(moved[1])[0].net_memory.any()
+    assert not jax.jit(env.restart)(moved[1])[0].net_memory.any()
 
 
 def test_the_generated_physics_refuses_it_by_name(robot: Robot) -> None:

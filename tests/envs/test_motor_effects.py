@@ -40,7 +40,7 @@ def test_a_lag_holds_back_the_first_steps_torque() -> None:
     torque = []
     for randomisation in (EFFECTS, Randomisation()):
         env = LocomotionEnv(ROBOT, replace(SMOKE, physics="c", randomisation=randomisation))
-        state = jax.vmap(env.reset)(jax.random.split(jax.random.PRNGKey(0), 2))[0]
+        state = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 2))[0]
         state = state._replace(goals=state.goals + 0.2)
         moved, trace = jax.jit(jax.vmap(env.simulate))(state)
         torque.append(float(jnp.abs(trace.torque[:, 0]).mean()))
@@ -50,11 +50,11 @@ def test_a_lag_holds_back_the_first_steps_torque() -> None:
 
 def test_the_lag_of_one_episode_does_not_reach_the_next() -> None:
     env = LocomotionEnv(ROBOT, replace(SMOKE, physics="c", randomisation=EFFECTS))
-    state = env.reset(jax.random.PRNGKey(3))[0]
+    state = jax.jit(env.reset)(jax.random.PRNGKey(3))[0]
     assert not state.lagged_torque.any()
-    later = env.simulate(state._replace(goals=state.goals + 0.2))[0]
+    later = jax.jit(env.simulate)(state._replace(goals=state.goals + 0.2))[0]
     assert jnp.abs(later.lagged_torque).max() > 0.1
-    assert not env.restart(later)[0].lagged_torque.any()
+    assert not jax.jit(env.restart)(later)[0].lagged_torque.any()
 
 
 @pytest.mark.parametrize("effect", ["torque_lag_s", "load_friction", "backlash_rad"])

@@ -15,8 +15,7 @@ from mujoco.batch import Batch, SimulationError
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
-from footfall.envs import batch
-from footfall.envs.batch import step_batch
+from footfall.envs.batch import RESTARTED_AT_ONCE, step_batch
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
 from footfall.envs.physics.engines import ENGINES
@@ -289,15 +288,15 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 
 @IN_C
-def test_ended_episodes_begin_anew(monkeypatch: pytest.MonkeyPatch, env: LocomotionEnv, begun: State) -> None:
-    """21 end, and 16 at most begin at once."""
-    monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", 16)
+def test_ended_episodes_begin_anew(env: LocomotionEnv, begun: State, step) -> None:
+    """21 end, more than begin at once."""
     ends = np.arange(len(begun.steps)) % 3 > 0
+    assert ends.sum() > RESTARTED_AT_ONCE
     level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which goes on
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))
-    after, observation, step = jax.jit(lambda *arguments: step_batch(env, *arguments))(state, action)
-    assert np.array_equal(np.asarray(step.truncated) > 0, ends)
+    after, observation, result = step(state, action)
+    assert np.array_equal(np.asarray(result.truncated) > 0, ends)
     assert np.array_equal(after.steps, np.where(ends, 0, 8))
     assert np.array_equal(after.level, level)
     stepped, last = jax.jit(jax.vmap(env.step))(state, action)

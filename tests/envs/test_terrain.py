@@ -93,28 +93,28 @@ def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1
     assert np.median(apart) < (1e-3 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.03), apart
 
 
-class TestLevels:
-    def next_levels(self, env: Any, begun: State, level: int = 0, **progress: float) -> np.ndarray:
+def test_who_gets_along_meets_harder_ground(env: Any, begun: State) -> None:
+    restart = jax.jit(jax.vmap(env.restart))
+
+    def next_levels(level: int = 0, **progress: float) -> np.ndarray:
         """Levels of the episodes after ones of this level that went so."""
         now = walked(begun)._replace(
             piece=jnp.full(len(begun.level), 2 + level),
             **{k: jnp.full(len(begun.level), v) for k, v in progress.items()},
         )
-        state = begun._replace(terms=begun.terms | {"terrain": {"terrain": now}})
-        after, _ = jax.jit(jax.vmap(env.restart))(state)
+        after, _ = restart(begun._replace(terms=begun.terms | {"terrain": {"terrain": now}}))
         pieces = np.asarray(walked(after).piece)
         assert (pieces // LEVELS == 1).all()  # of the same kind
         return pieces % LEVELS
 
-    def test_who_gets_along_meets_harder_ground(self, env: Any, begun: State) -> None:
-        assert (self.next_levels(env, begun, along=4.5, asked=5.0, fell=0.0) == 1).all()
-        for progress in (
-            {"along": 3.0, "asked": 5.0, "fell": 0.0},
-            {"along": 4.5, "asked": 5.0, "fell": 1.0},
-            {"along": 0.4, "asked": 0.4, "fell": 0.0},
-        ):
-            assert (self.next_levels(env, begun, **progress) == 0).all(), progress
-        assert (self.next_levels(env, begun, 1, along=4.5, asked=5.0, fell=1.0) == 0).all()
+    assert (next_levels(along=4.5, asked=5.0, fell=0.0) == 1).all()
+    for progress in (
+        {"along": 3.0, "asked": 5.0, "fell": 0.0},
+        {"along": 4.5, "asked": 5.0, "fell": 1.0},
+        {"along": 0.4, "asked": 0.4, "fell": 0.0},
+    ):
+        assert (next_levels(**progress) == 0).all(), progress
+    assert (next_levels(1, along=4.5, asked=5.0, fell=1.0) == 0).all()
 
 
 def test_what_cannot_be_trained_on_is_refused(go1: Robot) -> None:

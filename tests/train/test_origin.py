@@ -17,7 +17,7 @@ from footfall.robots.description import Robot
 from footfall.train.api import TrainRequest, begin
 from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
 from footfall.train.brax.start import taken_over
-from footfall.train.brax.state import initial_state
+from footfall.train.brax.state import TrainState, initial_state
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.config import load_preset
 from footfall.train.export import export
@@ -35,7 +35,8 @@ class Trained:
         self.run = create_run(folder, made, config)
         self.env = make_environment(robot, config.env)
         self.networks = make_networks(self.env.observation_sizes, self.env.action_size, config.ppo)
-        state = jax.device_get(initial_state(self.env, self.networks, config.ppo, 5))
+        self._begin = jax.jit(lambda seed: initial_state(self.env, self.networks, config.ppo, seed))
+        state = self.begin(5)
         mean = {name: np.full_like(each, 0.25) for name, each in state.normalizer.mean.items()}
         normalizer = state.normalizer.replace(mean=mean, count=UInt64(hi=np.uint32(0), lo=np.uint32(10**8)))
         self.state = state._replace(normalizer=normalizer)
@@ -44,8 +45,11 @@ class Trained:
         actor = trained_actor(actor_means_function(self.networks), normalizer, self.state.params.policy)
         export(actor, self.env.contract, observed, self.run.policy)
 
+    def begin(self, seed: int) -> TrainState:
+        return jax.device_get(self._begin(seed))
+
     def fresh(self, seed: int) -> tuple:
-        state = jax.device_get(initial_state(self.env, self.networks, self.run.config.ppo, seed))
+        state = self.begin(seed)
         return state.params, state.normalizer
 
 
@@ -108,7 +112,7 @@ class TestTakenOver:
 
 def test_it_trains_on_with_the_taken_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
     """Its export is the policy that it started from."""
-    other = jax.device_get(initial_state(trained.env, trained.networks, trained.run.config.ppo, 7))
+    other = trained.begin(7)
     observed = np.zeros((1, trained.env.observation_sizes["state"]), np.float32)
     trainer = BraxTrainer(trained.run, go1)
     trainer.restore(checkpoint.save(tmp_path / "other", 1, other, observed))
