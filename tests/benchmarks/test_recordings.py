@@ -18,6 +18,7 @@ from footfall.common.errors import UserError
 from footfall.identify.leg import fixed_legs
 from footfall.identify.null_space import null_directions
 from footfall.identify.recording import Recording
+from footfall.identify.shooting import Shooting
 from footfall.robots.description import load_robot
 
 STEP_S = double_pendulum.STEP_S
@@ -55,10 +56,16 @@ def made_up(path: Path, seed: int, seconds: float = 3.0) -> None:
     np.savetxt(path, rows, delimiter=",", header="time,pos1,pos2,tau1,tau2", comments="")
 
 
-def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def windows(tmp_path_factory: pytest.TempPathFactory) -> Shooting:
+    """Of two made-up recordings."""
+    folder = tmp_path_factory.mktemp("recordings")
     for seed in range(2):
-        made_up(tmp_path / f"design_A.0_{seed}.csv", seed)
-    windows = ak80_6.problem(str(tmp_path))
+        made_up(folder / f"design_A.0_{seed}.csv", seed)
+    return ak80_6.problem(str(folder))
+
+
+def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(windows: Shooting) -> None:
     numbers = windows.fit(rounds=2, iterations=5)
     found = ak80_6.derived(numbers)
     assert found["length_1"] == pytest.approx(0.3, rel=0.02)
@@ -67,10 +74,7 @@ def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(tmp_path: P
     assert ak80_6.explained(windows.errors(numbers), windows.measured).min() > 0.9995
 
 
-def test_blocks_are_held_out_once_each(tmp_path: Path) -> None:
-    for seed in range(2):
-        made_up(tmp_path / f"design_A.0_{seed}.csv", seed)
-    windows = ak80_6.problem(str(tmp_path))
+def test_blocks_are_held_out_once_each(windows: Shooting) -> None:
     times = sum(ak80_6.held_out(windows, "blocks", fold).astype(int) for fold in range(ak80_6.FOLDS))
     assert (times == 1).all()
 

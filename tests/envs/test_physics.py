@@ -146,8 +146,8 @@ class TestPurity:
         for module in ("c", "generated.on_processor"):
             monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: 3)
         monkeypatch.setattr("footfall.envs.physics.generated.on_processor.MIN_ROBOTS_PER_THREAD", 5)
-        physics, given = ENGINES[engine](training_model(ROBOT), ROBOT), arguments(begun)
-        many = jax.vmap(physics)(*given)
+        physics, given = ENGINES[engine](training_model(ROBOT), ROBOT), jax.device_get(arguments(begun))
+        many = jax.device_get(jax.vmap(physics)(*given))
         few = jax.vmap(physics)(*jax.tree.map(lambda x: x[5:8], given))
         one = physics(*jax.tree.map(lambda x: x[5], given))
         nested = jax.vmap(jax.vmap(physics))(*jax.tree.map(lambda x: x.reshape(4, -1, *x.shape[1:]), given))
@@ -213,12 +213,12 @@ class TestDivergence:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
     ) -> None:
         monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
-        well = step(begun, actions()[0])
+        well = jax.device_get(step(begun, actions()[0]))
         ill = begun._replace(
             qpos=begun.qpos.at[3, 6].set(jnp.nan),
             qvel=begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20),
         )
-        after, observation, result = step(ill, actions()[0])
+        after, observation, result = jax.device_get(step(ill, actions()[0]))
         assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [3, 5, 7]
         assert np.flatnonzero(result.terminated).tolist() == [3, 5, 7]
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((observation, result, after.qpos)))
@@ -295,12 +295,12 @@ def test_ended_episodes_begin_anew(env: LocomotionEnv, begun: State, step) -> No
     level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which goes on
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))
-    after, observation, result = step(state, action)
+    after, observation, result = jax.device_get(step(state, action))
     assert np.array_equal(np.asarray(result.truncated) > 0, ends)
     assert np.array_equal(after.steps, np.where(ends, 0, 8))
     assert np.array_equal(after.level, level)
-    stepped, last = jax.jit(jax.vmap(env.step))(state, action)
-    begun_anew, first = jax.jit(jax.vmap(env.reset))(stepped.key, stepped.level)
+    stepped, last = jax.device_get(jax.jit(jax.vmap(env.step))(state, action))
+    begun_anew, first = jax.device_get(jax.jit(jax.vmap(env.reset))(stepped.key, stepped.level))
     for now, new, old in zip(
         jax.tree.leaves((after, observation)),
         jax.tree.leaves((begun_anew, first)),

@@ -61,7 +61,7 @@ def walked(state: State) -> Any:
 def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1: Robot, kind: int) -> None:
     """Joint targets stay; after half a second both robots lie within millimetres of each other."""
     hardest = np.flatnonzero(np.asarray(walked(begun).piece) == kind * LEVELS + LEVELS - 1)[:6]
-    state = jax.tree.map(lambda x: x[hardest], begun)
+    state = jax.tree.map(lambda x: x[hardest], jax.device_get(begun))
     spec = training_spec(go1, env.timestep_s)
     floor = spec.geom("floor")
     like_floor = {

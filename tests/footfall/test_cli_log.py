@@ -43,7 +43,10 @@ def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path
     assert page.count("<svg") >= 4 * 4
 
 
-def test_info_and_page_of_a_fault(shell: Shell, go1: Robot, tmp_path: Path) -> None:
+def test_info_and_page_of_a_fault(
+    shell: Shell, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("footfall.evaluate.report.log_page.plots", lambda _: [])  # they take seconds
     run_episode(
         go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=tmp_path / "bad.mcap")
     )

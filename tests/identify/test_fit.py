@@ -55,7 +55,7 @@ def recording(log: Path) -> Recording:
 
 @pytest.fixture(scope="module")
 def fit(recording: Recording) -> LegFit:
-    return fit_leg(LEG, [recording], config=FitConfig(rounds=3, rate_hz=125.0))
+    return fit_leg(LEG, [recording], config=FitConfig(rounds=2, rate_hz=125.0))
 
 
 def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:

@@ -1,6 +1,7 @@
 """A recording of another program, with its commands, is compared and fitted like one of ours."""
 
 import csv
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,6 @@ import pytest
 import yaml
 from shell import Shell
 
-from footfall.identify.compare import compare_leg
-from footfall.identify.leg import fixed_legs
 from footfall.identify.recording import Recording, read_recording
 from footfall.robots.description import load_robot
 
@@ -63,9 +62,10 @@ def test_a_file_of_another_program_is_read_and_compared_like_a_log(
     assert theirs.position == pytest.approx(own.position)
     assert theirs.time_s - theirs.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
     assert np.isnan(theirs.torque).all()  # unknown: no reading of zero
-    for shares in compare_leg(fixed_legs(ROBOT)[0], theirs).explains:
-        assert max(shares, key=shares.__getitem__) == "joint_friction", shares
-    assert shell("log", "compare", tmp_path / "theirs.mcap").status == 1
+    assert shell("log", "compare", tmp_path / "theirs.mcap", "--json", tmp_path / "gap.json").status == 1
+    for gap in json.loads((tmp_path / "gap.json").read_text()).values():
+        assert gap["error_mrad"] > 2.0 * gap["noise_mrad"]
+        assert max(gap["explains"], key=gap["explains"].__getitem__) == "joint_friction", gap
     assert shell("log", "info", tmp_path / "theirs.mcap").status == 0
 
 

@@ -1,7 +1,7 @@
 """PPO on a `NumberEnvironment`: settings, networks, one rollout and one update."""
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -44,6 +44,12 @@ def observation(value: float = 1.0) -> dict[str, jax.Array]:
     return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
 
 
+@cache
+def plain_update(config: PpoConfig) -> Any:
+    """Compiled once for all tests with these settings."""
+    return jax.jit(Ppo(NETWORKS, config).update)
+
+
 def learnt(
     state: TrainState,
     rollout: Transition,
@@ -51,6 +57,6 @@ def learnt(
     mirror: EnvironmentMirror | None = None,
 ) -> tuple[Any, dict[str, np.ndarray]]:
     """The optimiser's state and the losses (epoch, mini-batch) after one update."""
-    learner = Ppo(NETWORKS, config, mirror=mirror)
-    _, optimizer, losses = learner.update(state, rollout, observation(), jax.random.PRNGKey(2))
+    update = plain_update(config) if mirror is None else jax.jit(Ppo(NETWORKS, config, mirror=mirror).update)
+    _, optimizer, losses = update(state, rollout, observation(), jax.random.PRNGKey(2))
     return optimizer, {name: np.asarray(value) for name, value in losses.items()}
