@@ -13,6 +13,7 @@ from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
 
 SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of the `WORST_JOINTS`
+SURE = 0.02  # share of the cost left by a cause, below which no further ones are simulated
 WORST_JOINTS = 2  # number of joints with the largest errors
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
@@ -138,19 +139,22 @@ class Search(NamedTuple):
 
     def cause(self, every: list[Cause], highest: np.ndarray, left: float) -> str:
         """The text of the cause that leaves at most a share `left` of the cost; empty if there is none."""
-        limit = left * self.measured.cost(self.right, self.least, self.noise)
+        cost = self.measured.cost(self.right, self.least, self.noise)
+        limit = left * cost
         costs = np.array([self._rough_cost(each, highest) for each in every])
         errors, _ = self.measured.errors(self.right, self.least)
         strange = set(np.argsort(errors)[-WORST_JOINTS:].tolist())
         of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
-        first = dict.fromkeys([*np.argsort(costs)[:SIMULATED_CAUSES].tolist(), *of_strange])
-        best = self._best([every[row] for row in first], limit)
-        best = min(best, self._turned_imu())
-        if best[0] > limit:
-            best = self._best([each for each in every if len(each.key) > 2], limit)  # few: legs and buses
-        if best[0] > limit:
-            alone = [row for row in np.argsort(costs).tolist() if len(every[row].key) == 1]
-            best = self._best([every[row] for row in alone], limit)  # a biped's rough costs mislead
+        order = np.argsort(costs).tolist()
+        first = dict.fromkeys([*order[:SIMULATED_CAUSES], *of_strange])
+        best = min(self._best([every[row] for row in first], limit), self._turned_imu())
+        if best[0] > SURE * cost:
+            groups = [each for each in every if len(each.key) > 2]  # few: legs and buses
+            best = min(best, self._best(groups, min(limit, best[0])))
+        if best[0] > SURE * cost:  # rough costs mislead, most of all those of a biped
+            pairs = best[0] <= limit
+            rest = [every[row] for row in order if len(every[row].key) <= 1 + pairs and row not in first]
+            best = min(best, self._best(rest, min(limit, best[0])))
         return best[1] if best[0] <= limit else ""
 
     def twin(self, every: list[Cause], highest: np.ndarray, config: WiringCheckConfig) -> str:
