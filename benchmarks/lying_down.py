@@ -34,7 +34,7 @@ class Watch:
 
     def __init__(self, policy: InjectingPolicy, at_s: float) -> None:
         self._policy, self._at_s = policy, at_s
-        self.most_tilt = self.last_tilt = self.speed = 0.0
+        self.max_tilt = self.last_tilt = self.speed = 0.0
         self.touched_m_s: float | None = (
             None  # downward speed of the base at its first contact with the ground
         )
@@ -51,7 +51,7 @@ class Watch:
             self.speed = float(np.hypot(*qvel[:2]))
         if loop.state.faults:
             self.last_tilt = tilt(qpos[3:7])
-            self.most_tilt = max(self.most_tilt, self.last_tilt)
+            self.max_tilt = max(self.max_tilt, self.last_tilt)
             if self.touched_m_s is None and body.fall() == "the base touched the ground":
                 self.touched_m_s = self._sinking
         self._sinking = -float(qvel[2])
@@ -87,7 +87,7 @@ def main() -> None:
     touched = [each.touched_m_s for each in runs if each.touched_m_s is not None]
     print(f"{options.policy} at {np.mean([each.speed for each in runs]):.2f} m/s, {len(runs)} runs")
     print(f"  on the belly at the end: {level}")
-    print(f"  largest tilt, rad: {_spread([each.most_tilt for each in runs])}")
+    print(f"  largest tilt, rad: {_spread([each.max_tilt for each in runs])}")
     print(f"  speed at contact, m/s: {_spread(touched)}")
 
 

@@ -93,12 +93,12 @@ def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], see
         ),
         watch,
     )
-    most_rad = robot.description.target_rate_rad_s * config.tick_us * 1e-6
+    max_rad = robot.description.target_rate_rad_s * config.tick_us * 1e-6
     return {
         "took_s": source.took_s,
         "fell": trace.fell,
         "faults": [*trace.faults],
-        "rate_share": fastest_rad / most_rad,
+        "rate_share": fastest_rad / max_rad,
     }
 
 

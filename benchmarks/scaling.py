@@ -40,15 +40,21 @@ def main() -> None:
         parser.error(f"this machine has {jax.device_count()} devices, not {max(counts)}")
     results: list[dict[str, float]] = []
     for count in counts:
-        least, rate, most = steps_per_s(options, count)
+        slowest, rate, fastest = steps_per_s(options, count)
         first = results[0] if results else {"devices": count, "steps_per_s": rate}
         efficiency = rate / count / (first["steps_per_s"] / first["devices"])
         results.append(
-            {"devices": count, "steps_per_s": rate, "least": least, "most": most, "efficiency": efficiency}
+            {
+                "devices": count,
+                "steps_per_s": rate,
+                "least": slowest,
+                "most": fastest,
+                "efficiency": efficiency,
+            }
         )
         kind = jax.devices()[0].device_kind
         print(
-            f"{count} x {kind}: {rate:,.0f} [{least:,.0f} to {most:,.0f}] env-steps/s,"
+            f"{count} x {kind}: {rate:,.0f} [{slowest:,.0f} to {fastest:,.0f}] env-steps/s,"
             f" efficiency {efficiency:.1%}",
             flush=True,
         )

@@ -285,8 +285,8 @@ def show(results: dict[str, Any]) -> None:
 
 
 def in_thousands(rate: Spread) -> str:
-    least, median, most = (value / 1e3 for value in rate)
-    return f"{median:,.1f} [{least:,.1f} to {most:,.1f}]"
+    slowest, median, fastest = (value / 1e3 for value in rate)
+    return f"{median:,.1f} [{slowest:,.1f} to {fastest:,.1f}]"
 
 
 if __name__ == "__main__":

@@ -54,9 +54,9 @@ class CommandLimits:
     def reduce(self, command: np.ndarray, share: float) -> np.ndarray:
         """Command within a share of the ranges, (3,); the least speed of a range still applies."""
         low, high = self._reduced.T
-        least = np.where(low > 0.0, low, share * low)
-        most = np.where(high < 0.0, high, share * high)
-        return command.clip(least, np.maximum(least, most))
+        lower = np.where(low > 0.0, low, share * low)
+        upper = np.where(high < 0.0, high, share * high)
+        return command.clip(lower, np.maximum(lower, upper))
 
     def _note(self, axis: int, asked: float, given: float) -> str:
         (name, unit), (low, high) = _AXES[axis], self._ranges[axis]

@@ -59,11 +59,11 @@ class DeployConfig:
         require_between(self, 10.0, 1e7, "logs_most_mb")
         require_between(self, 1, 99, "realtime_priority")
         for name, ticks in AT_LEAST.items():
-            limit_s, least_s = getattr(self.safety, name), ticks * self.tick_us * 1e-6
-            if limit_s < least_s:
+            limit_s, min_s = getattr(self.safety, name), ticks * self.tick_us * 1e-6
+            if limit_s < min_s:
                 raise ValueError(
                     f"safety.{name} is {limit_s:g} s: at {self.joint_rate_hz:g} Hz"
-                    f" it must be at least {least_s:g} s ({ticks} ticks)"
+                    f" it must be at least {min_s:g} s ({ticks} ticks)"
                 )
         if self.safety.start_timeout_s < self.safety.still_s + START_TICKS * self.tick_us * 1e-6:
             raise ValueError(

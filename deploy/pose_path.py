@@ -9,20 +9,18 @@ import numpy as np
 class PosePath:
     """Joint positions as a function of time."""
 
-    def __init__(
-        self, poses: Sequence[np.ndarray], rates_rad_s: Sequence[float], least_s: float = 0.0
-    ) -> None:
+    def __init__(self, poses: Sequence[np.ndarray], rates_rad_s: Sequence[float], min_s: float = 0.0) -> None:
         """The joint with the longest travel determines the time between two poses.
 
         Args:
             poses: (n,) rad each; the first is the start of the path.
             rates_rad_s: largest joint speed between consecutive poses, rad/s.
-            least_s: shortest time between two poses, s.
+            min_s: shortest time between two poses, s.
         """
         self._poses = np.array(poses)
         ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
         # A cosine's peak speed is pi / 2 times its mean speed.
-        self._lasts_s = np.maximum(0.5 * math.pi * ways / np.array(rates_rad_s), least_s).tolist()
+        self._lasts_s = np.maximum(0.5 * math.pi * ways / np.array(rates_rad_s), min_s).tolist()
         self.duration_s = float(sum(self._lasts_s))
 
     def at(self, time_s: float) -> np.ndarray:

@@ -43,21 +43,21 @@ class Postures:
         self.may_lie = lie_down and self._lying is not None
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._levelling, self._levels = Levelling(robot, config.levelling), False
-        most = robot.description.target_rate_rad_s
-        self._rate = min(config.pose_rate_rad_s, most)
+        limit = robot.description.target_rate_rad_s
+        self._rate = min(config.pose_rate_rad_s, limit)
         # Share of the path from standing (0) to lying (1) that comes first, and its rate in rad/s. After
         # stopping, raised feet are put down first. While walking the base is lowered first, or the robot
         # pitches over.
         self._first = {
-            Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, most)),
-            Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, most)),
+            Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, limit)),
+            Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, limit)),
         }
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
         self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # the same damping ratio
         self._gains, self._unfold_s = self._stiff, config.safety.recovery.unfold_s
-        self._fastest = most
+        self._fastest = limit
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
         self._held_start, self._in_place_s = robot.description.held_start, config.in_place_s

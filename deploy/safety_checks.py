@@ -100,9 +100,11 @@ def _overflow(s: Signals, _: SafetyConfig) -> str:
 def _not_up(s: Signals, c: SafetyConfig) -> str:
     if s.recovery.tried_s < c.recovery.try_s:
         return ""
-    done, most = s.recovery.tries, c.recovery.tries
-    following = ": it stays down" if done >= most else ""
-    return f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {most}{following}"
+    done, tries = s.recovery.tries, c.recovery.tries
+    following = ": it stays down" if done >= tries else ""
+    return (
+        f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {tries}{following}"
+    )
 
 
 SIGNAL_CHECKS = (

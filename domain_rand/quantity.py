@@ -38,8 +38,8 @@ class Quantity(NamedTuple):
 
     kind: Kind  # its shape, and its mirror image
     nominal: float | None  # None: the robot's own value
-    least: float = -math.inf  # limits of sensible values for any robot
-    most: float = math.inf
+    lower: float = -math.inf  # limits of sensible values for any robot
+    upper: float = math.inf
     model: Effect | None = None  # on the fields of a MuJoCo model
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
     command: Effect | None = None  # on a JointCommand, as the motors carry it out

@@ -40,136 +40,140 @@ class Randomisation:
 
     # body
     friction: Distribution | None = quantity(  # foot on ground, coefficient
-        kinds.SCALAR, nominal=None, least=0.0, most=10.0, model=sets_sliding_friction()
+        kinds.SCALAR, nominal=None, lower=0.0, upper=10.0, model=sets_sliding_friction()
     )
     link_mass: Distribution | None = quantity(  # of each body, and inertia with it
-        kinds.BODY_AMOUNTS, SCALE, least=0.01, most=100.0, model=scales_bodies("body_mass", "body_inertia")
+        kinds.BODY_AMOUNTS, SCALE, lower=0.01, upper=100.0, model=scales_bodies("body_mass", "body_inertia")
     )
     payload_kg: Distribution | None = quantity(  # a point mass at the base's centre of mass
-        kinds.SCALAR, OFFSET, least=-1000.0, most=1000.0, model=adds_to_base("body_mass")
+        kinds.SCALAR, OFFSET, lower=-1000.0, upper=1000.0, model=adds_to_base("body_mass")
     )
     com_offset_m: Distribution | None = quantity(  # of the base, each axis
-        kinds.VECTOR, OFFSET, least=-1.0, most=1.0, model=adds_to_base("body_ipos")
+        kinds.VECTOR, OFFSET, lower=-1.0, upper=1.0, model=adds_to_base("body_ipos")
     )
     inertia: Distribution | None = quantity(  # of each body, beyond its mass
-        kinds.BODY_AMOUNTS, SCALE, least=0.01, most=100.0, model=scales_bodies("body_inertia")
+        kinds.BODY_AMOUNTS, SCALE, lower=0.01, upper=100.0, model=scales_bodies("body_inertia")
     )
     armature: Distribution | None = quantity(  # reflected inertia, each joint
-        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=100.0, model=scales_joints("dof_armature")
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=100.0, model=scales_joints("dof_armature")
     )
     # motors, each joint
     joint_friction: Distribution | None = quantity(
-        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=100.0, motor=scales("friction")
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=100.0, motor=scales("friction")
     )
     joint_damping: Distribution | None = quantity(  # viscous, N m s/rad
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=100.0, motor=adds_to("damping")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=100.0, motor=adds_to("damping")
     )
     motor_strength: Distribution | None = quantity(  # delivered over commanded torque
-        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, motor=scales("strength")
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=10.0, motor=scales("strength")
     )
-    kp: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kp"))
-    kd: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kd"))
+    kp: Distribution | None = quantity(
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=10.0, command=scales("kp")
+    )
+    kd: Distribution | None = quantity(
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=10.0, command=scales("kd")
+    )
     battery: Distribution | None = quantity(  # its voltage, for all joints
         kinds.SCALAR,
         SCALE,
-        least=0.0,
-        most=10.0,
+        lower=0.0,
+        upper=10.0,
         motor=scales("stall_torque", "no_load_speed", "voltage_gain"),
     )
     # timing
     action_delay_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("delay_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, actions=adds_to("delay_s")
     )
     observation_delay_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("delay_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, readings=adds_to("delay_s")
     )
     # sensors
     encoder_bias: Distribution | None = quantity(  # rad, each joint
-        kinds.JOINTS, OFFSET, least=-1.0, most=1.0, bias_of="joint_position"
+        kinds.JOINTS, OFFSET, lower=-1.0, upper=1.0, bias_of="joint_position"
     )
     gyro_bias: Distribution | None = quantity(  # rad/s, each axis
-        kinds.ROTATION, OFFSET, least=-10.0, most=10.0, bias_of="gyro"
+        kinds.ROTATION, OFFSET, lower=-10.0, upper=10.0, bias_of="gyro"
     )
     gravity_bias: Distribution | None = quantity(  # of a direction of length 1, each axis
-        kinds.VECTOR, OFFSET, least=-1.0, most=1.0, bias_of="gravity"
+        kinds.VECTOR, OFFSET, lower=-1.0, upper=1.0, bias_of="gravity"
     )
 
     # motors, each joint: effects that a nominal motor may not have
     torque_lag_s: Distribution | None = quantity(  # time constant of the torque, beyond robot.yaml's
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.1, motor=adds_to("lag_s")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=0.1, motor=adds_to("lag_s")
     )
     stribeck_friction: Distribution | None = quantity(  # N m at rest, beyond robot.yaml's
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=100.0, motor=adds_to("stribeck")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=100.0, motor=adds_to("stribeck")
     )
     load_friction: Distribution | None = quantity(  # share of the motor torque, beyond robot.yaml's
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.9, motor=adds_to("load_friction")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=0.9, motor=adds_to("load_friction")
     )
     backlash_rad: Distribution | None = quantity(  # whole play of the gearbox, beyond robot.yaml's
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=0.5, motor=adds_to("backlash")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=0.5, motor=adds_to("backlash")
     )
     gear_compliance: Distribution | None = quantity(  # rad/(N m), beyond robot.yaml's
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=1.0, motor=adds_to("compliance")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=1.0, motor=adds_to("compliance")
     )
 
     battery_charge: Distribution | None = quantity(  # of robot.yaml's battery, whose voltage sags under load
-        kinds.SCALAR, FULL, least=0.0, most=1.0, charge=True
+        kinds.SCALAR, FULL, lower=0.0, upper=1.0, charge=True
     )
 
     # temperature of motors whose thermal model robot.yaml declares
     ambient_k: Distribution | None = quantity(  # of the air, beyond 25 degrees Celsius
-        kinds.SCALAR, OFFSET, least=-100.0, most=100.0, winding=adds_to("ambient")
+        kinds.SCALAR, OFFSET, lower=-100.0, upper=100.0, winding=adds_to("ambient")
     )
     winding_rise_k: Distribution | None = quantity(  # initial, above the air's, each joint
-        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=200.0, winding=adds_to("start_rise")
+        kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=200.0, winding=adds_to("start_rise")
     )
     winding_heating: Distribution | None = quantity(  # thermal resistance times copper loss, each joint
-        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, winding=scales("heating")
+        kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=10.0, winding=scales("heating")
     )
     # force sensors at the feet, each; for the simulated robot alone, since no learned policy reads them
     foot_force_scale: Distribution | None = quantity(
-        kinds.FOOT_AMOUNTS, SCALE, least=0.0, most=10.0, force_sensor=scales("scale")
+        kinds.FOOT_AMOUNTS, SCALE, lower=0.0, upper=10.0, force_sensor=scales("scale")
     )
     foot_force_offset_n: Distribution | None = quantity(
-        kinds.FOOT_AMOUNTS, OFFSET, least=-1000.0, most=1000.0, force_sensor=adds_to("offset")
+        kinds.FOOT_AMOUNTS, OFFSET, lower=-1000.0, upper=1000.0, force_sensor=adds_to("offset")
     )
     foot_force_noise_n: Distribution | None = quantity(  # half-width, of each sample
-        kinds.FOOT_AMOUNTS, OFFSET, least=0.0, most=1000.0, force_sensor=adds_to("noise")
+        kinds.FOOT_AMOUNTS, OFFSET, lower=0.0, upper=1000.0, force_sensor=adds_to("noise")
     )
 
     # the IMU's accelerometer; for the simulated robot alone, since no learned policy reads it
     accelerometer_bias_m_s2: Distribution | None = quantity(  # along each axis
-        kinds.VECTOR, OFFSET, least=-10.0, most=10.0, accelerometer=adds_to("bias")
+        kinds.VECTOR, OFFSET, lower=-10.0, upper=10.0, accelerometer=adds_to("bias")
     )
     accelerometer_noise_m_s2: Distribution | None = quantity(  # half-width, of each sample
-        kinds.SCALAR, OFFSET, least=0.0, most=100.0, accelerometer=adds_to("noise")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=100.0, accelerometer=adds_to("noise")
     )
 
     # timing that changes within an episode, see domain_rand/transport.py
     action_jitter_s: Distribution | None = quantity(  # largest extra delay, drawn for each command
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("jitter_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, actions=adds_to("jitter_s")
     )
     observation_jitter_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("jitter_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, readings=adds_to("jitter_s")
     )
     action_swing_s: Distribution | None = quantity(  # amplitude of the delay's rise and fall, period 4 s
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, actions=adds_to("swing_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, actions=adds_to("swing_s")
     )
     observation_swing_s: Distribution | None = quantity(
-        kinds.SCALAR, OFFSET, least=0.0, most=1.0, readings=adds_to("swing_s")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=1.0, readings=adds_to("swing_s")
     )
     lost_commands: Distribution | None = quantity(  # share of the frames to each motor
-        kinds.SCALAR, OFFSET, least=0.0, most=0.9, actions=adds_to("lost")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=0.9, actions=adds_to("lost")
     )
     lost_replies: Distribution | None = quantity(  # share of the frames of each motor and of the IMU
-        kinds.SCALAR, OFFSET, least=0.0, most=0.9, readings=adds_to("lost")
+        kinds.SCALAR, OFFSET, lower=0.0, upper=0.9, readings=adds_to("lost")
     )
 
     def __post_init__(self) -> None:
         for each in fields(self):
             drawn, declared = getattr(self, each.name), each.metadata["declares"]
-            if drawn is not None and not declared.least <= drawn.low <= drawn.high <= declared.most:
+            if drawn is not None and not declared.lower <= drawn.low <= drawn.high <= declared.upper:
                 raise ValueError(
-                    f"{each.name} must be from {declared.least:g} to {declared.most:g},"
+                    f"{each.name} must be from {declared.lower:g} to {declared.upper:g},"
                     f" not {drawn.low:g} to {drawn.high:g}"
                 )
 
@@ -189,8 +193,10 @@ def declared_quantities(cls: type[Randomisation]) -> dict[str, Quantity]:
 QUANTITIES: dict[str, Quantity] = declared_quantities(Randomisation)
 
 
-def require_delays(randomisation: Randomisation, of: Literal["actions", "readings"], most_s: float) -> None:
-    """Raise UserError, naming the quantity, if actions or readings may be delayed by more than `most_s`.
+def require_delays(
+    randomisation: Randomisation, of: Literal["actions", "readings"], max_delay_s: float
+) -> None:
+    """Raise UserError, naming the quantity, if actions or readings may be delayed by more than `max_delay_s`.
 
     Lost frames do not count: the delay until the next frame has no bound.
     """
@@ -201,9 +207,9 @@ def require_delays(randomisation: Randomisation, of: Literal["actions", "reading
         if effect is not None and effect.fields != ("lost",)
     }
     longest_s = sum(each.high for each in drawn.values() if each is not None)
-    if longest_s > most_s:
+    if longest_s > max_delay_s:
         names = " + ".join(name for name, each in drawn.items() if each is not None)
-        raise UserError(f"randomisation.{names}: must be at most {most_s:g} s, not {longest_s:g}")
+        raise UserError(f"randomisation.{names}: must be at most {max_delay_s:g} s, not {longest_s:g}")
 
 
 def require_parts(name: str, robot: Robot) -> None:

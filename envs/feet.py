@@ -24,9 +24,9 @@ class Feet:
         feet = foot_geoms(model, robot.description)
         self._radius = single(model.geom_size[np.concatenate(feet), 0])
         counts = [len(geoms) for geoms in feet]
-        starts, most = np.cumsum([0, *counts[:-1]]), max(counts)
+        starts, max_count = np.cumsum([0, *counts[:-1]]), max(counts)
         # The points of each foot, (feet, most); a foot with fewer points repeats them.
-        self._points = np.array([s + np.arange(most) % c for s, c in zip(starts, counts, strict=True)])
+        self._points = np.array([s + np.arange(max_count) % c for s, c in zip(starts, counts, strict=True)])
         self._gait = gait
         self._timestep_s = timestep_s
         self.count, self.points = len(feet), sum(counts)
@@ -62,17 +62,17 @@ class Feet:
         """Middle of each foot's points, m, (feet, 3), from points (points, 3)."""
         return jnp.mean(position[self._points], axis=1)
 
-    def crowding(self, position: jax.Array, least_m: float) -> jax.Array:
+    def crowding(self, position: jax.Array, min_distance_m: float) -> jax.Array:
         """Shortfall of the distance between two feet, squared and summed over pairs, m^2.
 
         Args:
             position: position of the points (points, 3), m. A foot's position is the mean of its points.
-            least_m: horizontal distance beyond which a pair does not count.
+            min_distance_m: horizontal distance beyond which a pair does not count.
         """
         centre = self.centres(position)[:, :2]
         one, other = np.triu_indices(self.count, k=1)
         square = jnp.sum((centre[one] - centre[other]) ** 2, axis=-1)
-        return jnp.sum(jnp.maximum(least_m - jnp.sqrt(square), 0.0) ** 2)
+        return jnp.sum(jnp.maximum(min_distance_m - jnp.sqrt(square), 0.0) ** 2)
 
     def planned_swing(self, phase: jax.Array, moving: jax.Array) -> jax.Array:
         """Planned swing of each foot: 0 in stance, rising to 1 at mid-swing; 0 without a gait.

@@ -44,7 +44,7 @@ LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES, *GROUND_LEVELS)
 LEVEL_LIMITS = {
     **dict.fromkeys(COMMAND_AXES, (-MAX_COMMAND, MAX_COMMAND)),
     "push_m_s": (0.0, MAX_COMMAND),
-    **{name: (each.least, each.most) for name, each in QUANTITIES.items()},
+    **{name: (each.lower, each.upper) for name, each in QUANTITIES.items()},
 }
 MAX_EPISODES = 100_000  # of one scenario: would run for weeks
 MIN_HOLD_S = 0.01  # shorter than the period of any policy

@@ -125,9 +125,9 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
     can only brake. The current limit holds there too, so it is applied last.
     """
-    least, most = _supply_range(velocity, motor)
+    lower, upper = _supply_range(velocity, motor)
     xp, peak = library(torque), motor.peak_torque
-    within_supply = xp.minimum(xp.maximum(torque, least), most)
+    within_supply = xp.minimum(xp.maximum(torque, lower), upper)
     return xp.minimum(xp.maximum(within_supply, -peak), peak)  # as `clip`, in half the time
 
 
@@ -145,9 +145,9 @@ def friction_torque(velocity: Array, motor: Motor, load: Array | None = None) ->
         motor: the motors' parameters.
         load: motor torque that the gearbox transmits, N m; None: without load friction.
     """
-    xp, most = library(velocity), _dry_friction(velocity, motor, load)
-    least = -most
-    coulomb = xp.minimum(xp.maximum(least * (velocity / motor.friction_speed), least), most)
+    xp, upper = library(velocity), _dry_friction(velocity, motor, load)
+    lower = -upper
+    coulomb = xp.minimum(xp.maximum(lower * (velocity / motor.friction_speed), lower), upper)
     return coulomb - motor.damping * velocity
 
 
@@ -275,8 +275,8 @@ def joint_damping(
     xp = library(velocity)
     asked = _demand(command, position, velocity, motor)
     peak = motor.peak_torque
-    least, most = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
-    limit = xp.where(asked > most, most, least)
+    lower, upper = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
+    limit = xp.where(asked > upper, upper, lower)
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
     within = _engaged_damping(command, position, motor) * motor.strength
@@ -284,9 +284,9 @@ def joint_damping(
         gain, duty = motor.voltage_gain, _duty(_requested(command, position, velocity, motor), motor)
         slope = xp.where(xp.abs(duty) < 1.0, within * gain, 0.0) + line
         within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
-    delivered = xp.where((asked > most) | (asked < least), limited, within)
+    delivered = xp.where((asked > upper) | (asked < lower), limited, within)
     if lag is not None:
         delivered = delivered * (1.0 - lag.in_mean)
-    dry = _dry_friction(velocity, motor, asked.clip(least, most))
+    dry = _dry_friction(velocity, motor, asked.clip(lower, upper))
     ramp = xp.where(xp.abs(velocity) < motor.friction_speed, dry / motor.friction_speed, 0.0)
     return delivered + ramp + motor.damping

@@ -87,9 +87,9 @@ def look_at_values(peer: Peer) -> None:
     found("latched /tf_static", "imu_link" in fixed, fixed)
     walking = peer.until(lambda: "WALKING" in state(peer), WALKING_PATIENCE_S)
     found("latched state", walking, state(peer))
-    for topic, most_hz in RATES.items():
+    for topic, max_hz in RATES.items():
         seen = rate_hz(peer, topic, 2.0)
-        found(f"rate of {topic}, Hz (less on a busy computer)", 0.1 < seen / most_hz < 1.1, round(seen, 1))
+        found(f"rate of {topic}, Hz (less on a busy computer)", 0.1 < seen / max_hz < 1.1, round(seen, 1))
     joints = peer.latest("/joint_states")
     if joints is None:
         sys.exit("no run found")

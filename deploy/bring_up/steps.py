@@ -74,15 +74,15 @@ class Step(NamedTuple):
     about: str
     plan: Callable[[Setting], Plan]
     criteria: tuple[Criterion, ...]
-    least_feet: int = 1  # a robot with fewer feet skips the step
+    min_feet: int = 1  # a robot with fewer feet skips the step
     stands_still: bool = False  # a robot that cannot stand still (`held_start`) skips the step
     checks_wiring: bool = False
     uneven: bool = False  # with obstacles of height `uneven_m`
 
     def skipped_by(self, robot: Robot) -> str:
         """Why a robot skips the step; empty if it does not."""
-        if len(robot.description.feet) < self.least_feet:
-            return f"it needs {self.least_feet} feet"
+        if len(robot.description.feet) < self.min_feet:
+            return f"it needs {self.min_feet} feet"
         if self.stands_still and robot.description.held_start:
             return f"{robot.name} cannot stand still"
         return ""
@@ -152,7 +152,7 @@ STEPS = (
     Step("wiring", False, "each joint moves slightly in turn, lying and standing", _stand, ALWAYS,
          stands_still=True, checks_wiring=True),
     Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS), stands_still=True),
-    Step("shift", False, "the robot shifts its weight; the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
+    Step("shift", False, "the robot shifts its weight; the IMU agrees", _sway, (sway, *ALWAYS), min_feet=3),
     Step("walk", False, "control fades to the policy", _walk, (cool,)),
     Step("uneven", False, "the policy walks over uneven ground", _walk, (upright, cool), uneven=True),
 )  # fmt: skip

@@ -18,10 +18,10 @@ class ContactPoints:
             len(spheres.radius) == 1 and not spheres.place.any() for spheres in legs.spheres
         )
         self._radius = np.array([spheres.radius[:1] for spheres in legs.spheres])  # if all feet are spheres
-        most = max(len(spheres.radius) for spheres in legs.spheres)
+        max_count = max(len(spheres.radius) for spheres in legs.spheres)
         # x, y, z, radius and 1 of each sphere: weighted sums give the mean. Padding has infinite height.
-        self._spheres = np.zeros((legs.count, most, 5))
-        self._floats = np.full((legs.count, most), np.inf)
+        self._spheres = np.zeros((legs.count, max_count, 5))
+        self._floats = np.full((legs.count, max_count), np.inf)
         for leg, (place, radius) in enumerate(legs.spheres):
             own = slice(len(radius))
             self._spheres[leg, own] = np.column_stack([place, radius, np.ones_like(radius)])

@@ -18,7 +18,7 @@ class Continuity(NamedTuple):
     jumps: list[tuple[float, int, float]]  # time s, path, size
 
 
-def continuity(time_s: np.ndarray, paths: np.ndarray, least: float) -> Continuity:
+def continuity(time_s: np.ndarray, paths: np.ndarray, min_step: float) -> Continuity:
     """Find jumps in paths.
 
     Args:
@@ -32,7 +32,7 @@ def continuity(time_s: np.ndarray, paths: np.ndarray, least: float) -> Continuit
     padded = np.pad(steps, ((AROUND, AROUND), (0, 0)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0)
     around = np.delete(windows, AROUND, axis=2).max(axis=2)
-    found = np.argwhere(steps > TIMES_LARGER * around + least)
+    found = np.argwhere(steps > TIMES_LARGER * around + min_step)
     row, path = np.unravel_index(int(steps.argmax()), steps.shape)
     return Continuity(
         float(steps[row, path]),

@@ -145,8 +145,8 @@ class RestError(BodyCheck):
         if max(window.readings.fastest, *map(abs, window.gyro)) >= limits.resting_rad_s:
             self._rest_s = 0.0
             return 0.0
-        least = 1.0 - math.exp(-elapsed_s / limits.lean_memory_s)
-        weight = max(elapsed_s / (self._rest_s + elapsed_s), least)  # a plain mean at first
+        min_weight = 1.0 - math.exp(-elapsed_s / limits.lean_memory_s)
+        weight = max(elapsed_s / (self._rest_s + elapsed_s), min_weight)  # a plain mean at first
         self._mean = [
             mean + weight * (value - mean)
             for mean, value in zip(self._mean, window.acceleration, strict=True)

@@ -74,7 +74,7 @@ class _SignedTravel(JointCheck):
     """Sum of the signed errors, minus the effect of a late velocity, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
-    most_rad_s = math.inf  # limit of the rate of an error
+    max_rad_s = math.inf  # limit of the rate of an error
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
@@ -97,8 +97,8 @@ class _SignedTravel(JointCheck):
             moves: 0 to ignore the window, (n,).
         """
         kept = math.exp(-window.elapsed_s / self._memory_s)
-        most = self.most_rad_s * window.elapsed_s
-        self._error = counts * (kept * self._error + moves * within(window.position_error, -most, most))
+        bound = self.max_rad_s * window.elapsed_s
+        self._error = counts * (kept * self._error + moves * within(window.position_error, -bound, bound))
         kept = math.exp(-window.elapsed_s / self._late_memory_s)  # late readings have arrived since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
@@ -128,7 +128,7 @@ class Creep(_SignedTravel):
     """
 
     memory = "creep_memory_s"
-    most_rad_s = CREEP_RAD_S
+    max_rad_s = CREEP_RAD_S
     quantity = "the same sum over seconds: an encoder drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")

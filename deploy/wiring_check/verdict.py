@@ -47,7 +47,7 @@ class Responses(NamedTuple):
     tilt: np.ndarray
 
     @property
-    def least_size(self) -> float:
+    def min_size(self) -> float:
         """Torque response, N m/rad, by which errors are divided where the joint's own is smaller."""
         return MIN_SCALE * float(np.median(np.linalg.norm(self.torque, axis=1)))
 
@@ -56,8 +56,8 @@ class Responses(NamedTuple):
         size = np.linalg.norm(model.torque, axis=1).clip(least, None)
         joint = np.linalg.norm(self.torque - model.torque, axis=1) / size
         tilt = np.linalg.norm(model.tilt)
-        least_tilt = MIN_TILT * np.sqrt(len(size))
-        return joint, float(np.linalg.norm(self.tilt - model.tilt) / max(tilt, least_tilt))
+        min_tilt = MIN_TILT * np.sqrt(len(size))
+        return joint, float(np.linalg.norm(self.tilt - model.tilt) / max(tilt, min_tilt))
 
     def cost(self, model: "Responses", least: float, noise: float) -> float:
         """Mean squared error of the joints, plus the squared error of the tilts beyond the IMU's noise."""
@@ -99,7 +99,7 @@ def judged(
 
     right_rows = prediction.responses(start, here, motions, as_wired(n))
     right = _responses(right_rows[:n])
-    least = right.least_size
+    least = right.min_size
     errors, imu_error = measured.errors(right, least)
     verdict = Verdict("", float(errors.max()), imu_error)
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
@@ -133,7 +133,7 @@ class Search(NamedTuple):
 
     measured: Responses
     right: Responses  # of the wiring in `robot.yaml`
-    least: float  # see `Responses.least_size`
+    least: float  # see `Responses.min_size`
     noise: float  # error of the IMU's tilts that is ignored
     simulated: Callable[[Cause], Iterator[np.ndarray]]  # response to one motion after the other
 

@@ -45,8 +45,8 @@ class ShapedCommand:
             return
         self.value = np.array(
             [
-                now + min(max(wanted - now, -most * dt_s), most * dt_s)
-                for now, wanted, most in zip(current, goal, self._max_acceleration, strict=True)
+                now + min(max(wanted - now, -limit * dt_s), limit * dt_s)
+                for now, wanted, limit in zip(current, goal, self._max_acceleration, strict=True)
             ]
         )
 

@@ -27,7 +27,7 @@ def tilt_correction(
     inputs: PolicyInput,
     gain: float,
     rate_gain_s: float,
-    most_rad: float,
+    max_rad: float,
     wanted: np.ndarray | None = None,
 ) -> np.ndarray:
     """Roll and pitch (2,) in rad by which the feet turn with the base, so that it turns back.
@@ -40,7 +40,7 @@ def tilt_correction(
     roll, pitch = (0.0, 0.0) if wanted is None else wanted.tolist()
     errors = (up_y - roll, -up_x - pitch)
     corrections = [gain * error + rate_gain_s * rate for error, rate in zip(errors, rates, strict=True)]
-    return np.array([min(max(correction, -most_rad), most_rad) for correction in corrections])
+    return np.array([min(max(correction, -max_rad), max_rad) for correction in corrections])
 
 
 def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:

@@ -94,7 +94,7 @@ class TestPath:
             assert np.abs(path.at(time_s + 0.001) - path.at(time_s - 0.001)) < 1e-5
         path = PosePath([np.array([0.0]), np.array([1.0])], [1.0])
         assert (path.at(-1.0), path.at(99.0)) == (0.0, 1.0)
-        longer = PosePath([np.array([0.0]), np.array([0.0])], [1.0], least_s=0.7)
+        longer = PosePath([np.array([0.0]), np.array([0.0])], [1.0], min_s=0.7)
         assert (longer.duration_s, longer.at(0.3)) == (0.7, 0.0)
 
 

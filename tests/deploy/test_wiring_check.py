@@ -148,7 +148,7 @@ def test_a_cause_is_simulated_that_does_not_look_likely(joints: tuple[int, ...],
     def simulated(cause: Cause) -> Iterator[np.ndarray]:
         yield from np.hstack(measured if cause is true else similar if cause.key == (0,) else right)
 
-    search = Search(measured, right, right.least_size, 0.25, simulated)
+    search = Search(measured, right, right.min_size, 0.25, simulated)
     assert search.cause(every, np.full((5, 12), np.inf), 0.5) == true.text
 
 

@@ -28,7 +28,7 @@ def everything() -> Randomisation:
     """The default, and what it leaves out from a range of its own."""
     default = load_randomisation()
     left_out = {
-        name: Distribution(max(quantity.least, 0.0), quantity.most)
+        name: Distribution(max(quantity.lower, 0.0), quantity.upper)
         for name, quantity in QUANTITIES.items()
         if getattr(default, name) is None
     }

@@ -87,7 +87,7 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
     """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
     body = BODIES[robot.name]
     most = changes.get("most_force", np.full(body.points, 1e4))
-    torque = changes.get("most_torque", robot.motor.peak_torque)
+    torque = changes.get("max_torque", robot.motor.peak_torque)
     weights = changes.get("weights", CONFIG.weights)
     programs = QuadraticPrograms(
         body.foot_of_point,
@@ -296,7 +296,7 @@ class TestLimits:
     def test_torques_stay_in_their_limits(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         most = np.linspace(3.0, 9.0, 12)
-        _, _, torque = solved(G1, dynamics, STILL["g1"], most_torque=most)
+        _, _, torque = solved(G1, dynamics, STILL["g1"], max_torque=most)
         assert np.all(np.abs(torque) <= most + 1e-6)
         assert np.any(np.abs(torque) > most - 1e-3)  # the knees would need more
 

@@ -39,8 +39,8 @@ class Grip:
         friction = config.friction if self._careful_s <= 0.0 else config.slipping_friction
         if gradient <= 0.0:
             return friction
-        least = math.ceil((gradient + config.slipping_friction) / _FRICTION_STEP) * _FRICTION_STEP
-        return max(friction, least)
+        needed = math.ceil((gradient + config.slipping_friction) / _FRICTION_STEP) * _FRICTION_STEP
+        return max(friction, needed)
 
     def follow(self, sensed: Sensed, pose: LegPose, up: np.ndarray, stance: np.ndarray, dt_s: float) -> None:
         """Update the slip from the feet's velocities.

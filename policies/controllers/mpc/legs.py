@@ -101,5 +101,5 @@ class LegControl:
         return self._stances[key]
 
 
-def _about_zero(most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return -most, most
+def _about_zero(limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return -limit, limit

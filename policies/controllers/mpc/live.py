@@ -25,13 +25,13 @@ class LiveMpc:
 
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
-        most = config.most_attitude_rad
+        limit = config.most_attitude_rad
         own = {
             "step_period_s": config.gait.period_s,
             "step_height_m": config.swing.height_m,
             "body_height_m": config.stance.height_m,
         }
-        self.spans = shared(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-most, most, 0.0))
+        self.spans = shared(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-limit, limit, 0.0))
         self.reset()
 
     def reset(self) -> None:

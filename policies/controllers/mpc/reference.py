@@ -44,11 +44,11 @@ class Reference:
         forward, leftward, yaw_rate = command.tolist()
         self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
         ahead = self.place + self.velocity * dt_s - base.place
-        most = stance.most_position_lead_m
-        self.place = base.place + (ahead if abs(ahead) <= most else ahead * (most / abs(ahead)))
+        limit = stance.most_position_lead_m
+        self.place = base.place + (ahead if abs(ahead) <= limit else ahead * (limit / abs(ahead)))
         turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
-        most = stance.most_yaw_lead_rad
-        self.yaw = base.yaw + min(most, max(-most, turned))
+        limit = stance.most_yaw_lead_rad
+        self.yaw = base.yaw + min(limit, max(-limit, turned))
         climb = self.wanted_height - self.height
         self.height += min(1.0, dt_s / self._settle_s) * climb
 

@@ -72,8 +72,8 @@ class MpcWholeBody(Mpc):
             feet=self._foot_accelerations(dynamics, sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
-        most = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
-        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
+        max_force = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
+        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, max_force)
 
     def _foot_accelerations(
         self, dynamics: Dynamics, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray

@@ -154,11 +154,11 @@ class FootCycle:
             if down:
                 foot.land(ground_m)
 
-    def lower(self, feet: Sequence[bool], by_m: float, least_m: float) -> None:
+    def lower(self, feet: Sequence[bool], by_m: float, min_z_m: float) -> None:
         """Lower stance feet, to a minimum height."""
         for foot, lowers in zip(self.each_foot, feet, strict=True):
             if lowers:
-                foot.lower(by_m, least_m)
+                foot.lower(by_m, min_z_m)
 
     def _phases(self) -> list[float]:
         clock = self.clock

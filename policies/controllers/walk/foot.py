@@ -136,10 +136,10 @@ class Foot:
         self.y = left_y + share * (lands_y - left_y)
         self.z = (1.0 - share) * left_z + self._height * lift(progress)
 
-    def lower(self, by_m: float, least_m: float) -> None:
+    def lower(self, by_m: float, min_z_m: float) -> None:
         """Lower a stance foot, to a minimum height."""
         if not self.swings:
-            self.z = min(self.z, max(self.z - by_m, least_m))
+            self.z = min(self.z, max(self.z - by_m, min_z_m))
 
     def _passing(self, velocity: list[float], x: float, y: float) -> tuple[float, float]:
         return passing(self._rolling, velocity, x, y)

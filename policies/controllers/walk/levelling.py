@@ -24,8 +24,8 @@ class Levelling:
         """Feet (legs, 3) m, base frame, that turn the base to the wanted attitude."""
         config = self._config
         if self.attitude.tolist() != self.wanted.tolist():
-            most = config.attitude_rate_rad_s * dt_s
-            self.attitude = self.attitude + (self.wanted - self.attitude).clip(-most, most)
+            limit = config.attitude_rate_rad_s * dt_s
+            self.attitude = self.attitude + (self.wanted - self.attitude).clip(-limit, limit)
         tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.most_rad, self.attitude)
         self._tilt += min(1.0, dt_s / config.filter_s) * (tilt - self._tilt)
         return level_feet(feet, self._tilt - self.attitude)

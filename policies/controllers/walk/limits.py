@@ -90,15 +90,15 @@ class WalkLimits:
             reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
             if np.abs(reached - wanted).max() > _MISSED_M:
                 return "feet would be out of the legs' reach", rate
-        least = self._limits.margin_m
-        if least is not None and walk.timing.swing_s > self._limits.dynamic_swing_s:
+        min_margin = self._limits.margin_m
+        if min_margin is not None and walk.timing.swing_s > self._limits.dynamic_swing_s:
             points = stances(walk.footing, walk.timing, walk.offsets, walk.velocity, _CLOCKS)
             pressure = self._centre + sine_at(walk.sway.pressure, _CLOCKS)
             margin = min(
                 support_margin(stance, (x, y))
                 for stance, (x, y) in zip(points, pressure.tolist(), strict=True)
             )
-            if margin < least:
+            if margin < min_margin:
                 helps = "a shorter gait.period_s, a larger gait.duty or more stance.sway would help"
-                return f"the stability margin would be {margin:.3f} m of {least:.3f} m; {helps}", rate
+                return f"the stability margin would be {margin:.3f} m of {min_margin:.3f} m; {helps}", rate
         return "", rate

@@ -68,5 +68,5 @@ class Pacing:
 
     def set_tempo(self, steady: bool, dt_s: float) -> None:
         """Update the tempo. During a change of velocity (not `steady`) it suits both velocities."""
-        most = self._pace.tempo if steady else min(self._pace.tempo, self._before.tempo)
-        self.tempo = min(most, self.tempo + _TEMPO_RATE * dt_s)
+        limit = self._pace.tempo if steady else min(self._pace.tempo, self._before.tempo)
+        self.tempo = min(limit, self.tempo + _TEMPO_RATE * dt_s)

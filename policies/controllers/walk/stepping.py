@@ -84,8 +84,8 @@ class Stepping:
 
     def approach_height(self, dt_s: float) -> None:
         """Move the body towards the wanted height."""
-        most = self._config.levelling.body_rate_m_s * dt_s
-        self.height_m += min(max(self._settings.step.body_height_m - self.height_m, -most), most)
+        limit = self._config.levelling.body_rate_m_s * dt_s
+        self.height_m += min(max(self._settings.step.body_height_m - self.height_m, -limit), limit)
 
     def advance(self, command: np.ndarray, yaw: float, dt_s: float) -> None:
         """Advance the gait by one tick, according to the command.
@@ -130,9 +130,9 @@ class Stepping:
         """
         if not any(self._sway_plan.body.tolist()):
             return dt_s
-        timing, most = self.cycle.timing, self._config.command.acceleration_m_s2
+        timing, limit = self.cycle.timing, self._config.command.acceleration_m_s2
         calm = self._settings.step.length_m / (timing.stance_s * _APPROACH * timing.period_s)
-        return dt_s * min(1.0, calm / most)
+        return dt_s * min(1.0, calm / limit)
 
     def _within_limits(self, command: np.ndarray) -> np.ndarray:
         """The command that the walk can follow; the first reduction in each gait adds a note."""

@@ -23,6 +23,6 @@ class TravelLimit:
     def reduced(self, cycle: FootCycle, velocity: list[float], length_m: float, dt_s: float) -> list[float]:
         """The velocity (3,), reduced; `length_m` is the length of a step."""
         room = (_TOO_FAR - cycle.carried(velocity) / length_m) / (_TOO_FAR - _FAR)
-        most = _RATE * dt_s
-        self._share += min(max(min(max(room, 0.0), 1.0) - self._share, -most), most)
+        limit = _RATE * dt_s
+        self._share += min(max(min(max(room, 0.0), 1.0) - self._share, -limit), limit)
         return [self._share * part for part in velocity]

@@ -113,8 +113,8 @@ class WholeBodyControl:
         Raises:
             NoSolutionError: no solution for longer than the settings allow.
         """
-        least, most = limit_torque(self._anything, joint_velocity, self._motor)
-        program, meaning = self._programs.build(dynamics, wanted, most_force, least, most)
+        lower, upper = limit_torque(self._anything, joint_velocity, self._motor)
+        program, meaning = self._programs.build(dynamics, wanted, most_force, lower, upper)
         solution = self.solver.solve(program)
         if solution is None:
             return self._without_solution(joint_position)

@@ -125,8 +125,8 @@ class QuadraticPrograms:
         dynamics: Dynamics,
         wanted: Wanted,
         most_force: np.ndarray,
-        least_torque: np.ndarray,
-        most_torque: np.ndarray,
+        min_torque: np.ndarray,
+        max_torque: np.ndarray,
     ) -> tuple[QuadraticProgram, TorqueMap]:
         """Quadratic program of one tick.
 
@@ -134,8 +134,8 @@ class QuadraticPrograms:
             dynamics: current dynamics of the robot.
             wanted: wanted accelerations.
             most_force: (points,) N, largest upward force of each point; 0: no contact.
-            least_torque: (n,) N m, current lower limits of the motors.
-            most_torque: (n,) N m, upper limits.
+            min_torque: (n,) N m, current lower limits of the motors.
+            max_torque: (n,) N m, upper limits.
         """
         pattern = self._pattern(most_force > 0.0)
         standing, n, forces = pattern.standing, self._n, 3 * len(pattern.standing)
@@ -168,7 +168,7 @@ class QuadraticPrograms:
         rows[-n:] = torque
         lower[:forces].reshape(-1, 3)[:] *= most[:, None]
         upper[:forces].reshape(-1, 3)[:] *= most[:, None]
-        lower[-n:], upper[-n:] = least_torque - torque_offset, most_torque - torque_offset
+        lower[-n:], upper[-n:] = min_torque - torque_offset, max_torque - torque_offset
         program = QuadraticProgram(hessian, gradient, rows, lower, upper)
         return program, TorqueMap(standing, acceleration, offset, torque, torque_offset)
 
