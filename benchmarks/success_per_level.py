@@ -6,7 +6,8 @@
 
 In both, a robot starts in the middle and gets the scenario's first command. It succeeds if it does not fall
 and covers 70 % of the commanded path. The training environment draws robots, noise and delays as in the run;
-the scenario draws from the robot's own. So they differ in more than the contacts.
+the scenario draws from the robot's own. So they differ in more than the contacts, unless `--same-robots` lets
+the training environment draw robots, noise and errors of height scans as the scenario does.
 """
 
 import argparse
@@ -22,12 +23,13 @@ from rich.console import Console
 from rich.table import Table
 
 from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import randomisation_of
 from footfall.envs.batch import step_batch
 from footfall.envs.config import EnvConfig, TerrainConfig
 from footfall.envs.make import make_environment
 from footfall.envs.terrain import KEY
 from footfall.evaluate.metrics import SUCCESS_PROGRESS
-from footfall.evaluate.scenarios import Scenario, load_scenarios
+from footfall.evaluate.scenarios import Scenario, ScenarioFile, load_scenarios
 from footfall.policies.learned import open_network
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
@@ -64,6 +66,16 @@ def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> 
     )
 
 
+def as_drawn(config: EnvConfig, robot: Robot, file: ScenarioFile) -> EnvConfig:
+    """The training environment with the robots, the noise and the height scans of a scenario file."""
+    return replace(
+        config,
+        randomisation=randomisation_of(robot),
+        noise=file.noise,
+        height_scan_errors=file.height_scan_errors,
+    )
+
+
 def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, count: int, seed: int) -> int:
     """Number of `count` robots that succeed in the training environment."""
     env: Any = make_environment(robot, config)
@@ -90,9 +102,13 @@ def main() -> None:
     parser.add_argument("--scenario-file", type=Path, required=True)
     parser.add_argument("--robots", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--same-robots", action="store_true", help="drawn as the scenario does")
     options = parser.parse_args()
     robot, config = load_robot(options.robot), read_config(options.run / "config.yaml").env
-    scenario = load_scenarios(robot, options.scenario_file).scenarios[options.scenario]
+    file = load_scenarios(robot, options.scenario_file)
+    scenario = file.scenarios[options.scenario]
+    if options.same_robots:
+        config = as_drawn(config, robot, file)
     network, _ = open_network(options.run / "policy.onnx")
     table = Table("level", "training environment", "simulated robot", "difference, points")
     (name,) = scenario.rows
