@@ -58,10 +58,13 @@ class Problem:
         return result
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
-        """Parameters (p, K) in their own units."""
-        scale = np.array([each.kind.scale for each in self.parameters])
+        """Parameters (p, K) in their own units. A solver may round a bound to just beyond it."""
+        kinds = [each.kind for each in self.parameters]
+        scale, low, high = (
+            np.array([getattr(kind, name) for kind in kinds]) for name in ("scale", "low", "high")
+        )
         result: np.ndarray = nominal(self.parameters)[:, None] + scale[:, None] * x
-        return result
+        return result.clip(low[:, None], high[:, None])
 
     def errors(self, x: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Predicted minus measured positions, rad, and torques, N m, for candidates (p, K): (K, W, R, n)."""

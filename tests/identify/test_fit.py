@@ -115,6 +115,17 @@ def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recordi
     assert ranges.kp.low + ranges.kp.high == pytest.approx(2.0)  # what the net has learned counts once
 
 
+def test_a_solver_that_rounds_a_bound_to_just_beyond_it_finds_a_prediction(recording: Recording) -> None:
+    """A delay of -1e-18 s asks for a command that has not been sent."""
+    problem = problem_of(LEG, [recording], FitConfig())
+    at = problem.scaled(np.array([each.kind.nominal for each in problem.parameters]))
+    delays = [each.quantity == "delay_s" for each in problem.parameters]
+    at[delays] = problem.low[delays]
+    below = np.where(delays, np.nextafter(at, -np.inf), at)
+    for found, expected in zip(problem.errors(below[:, None]), problem.errors(at[:, None]), strict=True):
+        np.testing.assert_allclose(found, expected)
+
+
 def test_a_base_that_moves_is_refused(recording: Recording) -> None:
     with pytest.raises(UserError):
         fit_leg(LEG, [replace(recording, turn_rad_s=0.2)])
