@@ -58,6 +58,14 @@ def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFix
     assert Shell(capsys)("list", "--robot", own_folder).status == 0
 
 
+def test_a_robot_without_policies_has_none(own_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    description = own_folder / "robot.yaml"
+    description.write_text(description.read_text().replace("name: go1", "name: mine"))
+    listed = Shell(capsys)("list", "policies", "--robot", own_folder)
+    assert listed.status == 0
+    assert listed.out.split() == ["policies:", "none"]
+
+
 def test_a_robots_computer_can_list_too() -> None:
     code = (
         "import sys; from footfall.verbs.list import list_names; list_names(json=True);"

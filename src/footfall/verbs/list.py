@@ -142,6 +142,9 @@ def _show(found: dict[str, Rows]) -> None:
 
     console = Console()
     for kind, rows in found.items():
+        if not rows:
+            console.print(f"{kind}: none", style="bold", end="\n\n")
+            continue
         table = Table(title=kind, title_justify="left", title_style="bold", box=None)
         for field in rows[0]:
             table.add_column(field.replace("_", " "), no_wrap=field == "name")
