@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+from half_rate import half_rate
 from user_folder import UserFolder
 
 from footfall.plant.episode import Episode, run_episode
@@ -14,7 +15,8 @@ def test_the_base_sinks_and_rises_while_all_feet_stand(user_folder: UserFolder) 
     user_folder.copy("push_ups.py")
     robot = load_robot("hexapod")
     policy = load_policy("push_ups:PushUps", robot)
-    trace = run_episode(robot, policy, Episode(command_source=lambda _: np.zeros(3), duration_s=4.0))
+    episode = Episode(lambda _: np.zeros(3), 4.0, config=half_rate(robot))
+    trace = run_episode(robot, policy, episode)
     assert not trace.fell
     height = trace.base_position[:, 2]
     lowest, highest = height[200:300].min(), height[200:400].max()  # of the second cycle

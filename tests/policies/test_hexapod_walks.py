@@ -1,9 +1,11 @@
 """The hexapod's gaits over the simulated bus, a few steps each."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from half_rate import half_rate
 
 from footfall.common.rotations import heading, tilt
 from footfall.deploy.loop import ControlLoop
@@ -14,6 +16,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("hexapod")
+AHEAD = partial(Episode, config=half_rate(ROBOT))
 
 
 class Landings:
@@ -47,7 +50,7 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str
     policy = load_policy(gait, ROBOT)
     assert isinstance(policy, Walk)
     landings = Landings(policy)
-    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.12, 0.0, 0.0]), 2.4), watch=landings)
+    trace = run_episode(ROBOT, policy, AHEAD(lambda _: np.array([0.12, 0.0, 0.0]), 2.4), watch=landings)
     walked = trace.base_position[-1] - trace.base_position[0]
     assert not trace.fell
     assert trace.faults == ()
@@ -74,7 +77,7 @@ def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> Non
     policy = load_policy("tripod", ROBOT)
     assert isinstance(policy, Walk)
     landings = Landings(policy)
-    episode = Episode(lambda _: np.array([0.12, 0.0, 0.0]), 1.8, plant=plant)
+    episode = AHEAD(lambda _: np.array([0.12, 0.0, 0.0]), 1.8, plant=plant)
     trace = run_episode(ROBOT, policy, episode, watch=landings)
     time_s, foot, touched = landings.early[0]
     assert (foot, touched) == (0, True)
@@ -88,7 +91,7 @@ def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> Non
 def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
     """These walk 0.094 m/s at most, by the generator's own check."""
     policy = load_policy(f"tripod@{ROBOT.folder / 'fast.yaml'}", ROBOT)
-    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.25, 0.0, 0.0]), 2.4))
+    trace = run_episode(ROBOT, policy, AHEAD(lambda _: np.array([0.25, 0.0, 0.0]), 2.4))
     assert not trace.fell
     assert trace.faults == ()
     late = trace.time_s > 1.4
@@ -98,7 +101,7 @@ def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
 
 
 def test_mpc_walks_on_six_feet() -> None:
-    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), Episode(lambda _: np.array([0.15, 0.0, 0.0]), 2.0))
+    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), AHEAD(lambda _: np.array([0.15, 0.0, 0.0]), 2.0))
     assert not trace.fell
     assert trace.faults == ()
     assert trace.base_velocity[trace.time_s > 1.2, 0].mean() == pytest.approx(0.15, abs=0.04)
