@@ -200,13 +200,12 @@ def glide(
     estimator: BaseEstimator, sensed: Sensed, velocity: np.ndarray, yaws: np.ndarray, dt_s: float = 0.004
 ) -> None:
     """Walk at a body velocity (3,), m/s, through these headings, on feet that are carried forward unseen."""
+    legs, pose, arm = ROBOT.legs, ROBOT.legs.pose(sensed.joint_position), imu_position(ROBOT)
+    contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
     for before, yaw in pairwise(yaws):
         rate = (yaw - before) / dt_s
-        legs, pose = ROBOT.legs, ROBOT.legs.pose(sensed.joint_position)
-        contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
         passing = velocity + rate * np.cross(UP, pose.foot)
         rates = legs.joint_rates(contact, -passing[:, :, None])[:, :, 0]
-        arm = imu_position(ROBOT)
         centripetal = rate * np.cross(UP, velocity + rate * np.cross(UP, arm))
         moving = sensed._replace(gyro=rate * UP, acceleration=9.81 * UP + centripetal, quaternion=yawed(yaw))
         moving = moving._replace(joint_velocity=legs.scatter(rates, np.zeros(12)))
