@@ -389,6 +389,9 @@ def test_the_contract_says_what_was_configured() -> None:
     assert contract.gait.duty == 0.35
     phases = np.array(contract.gait.phase)[np.array(ROBOT.foot_joints)]
     np.testing.assert_array_equal(phases, np.repeat([[0.0], [0.1], [0.2], [0.3]], 3, axis=1))
+    lifted = ROBOT.default_pose + contract.gait.amplitude_rad
+    before, after = (ROBOT.legs.pose(pose).foot for pose in (ROBOT.default_pose, lifted))
+    np.testing.assert_allclose(after - before, np.tile([0.0, 0.0, 0.05], (4, 1)), atol=1e-4)
     assert not any(make_gait(ROBOT, GaitConfig("trot", 1.3)).amplitude_rad)
     assert make_contract(ROBOT, replace(CONFIG, gait=None)).gait is None
     assert float(moving(np.array([0.1, 0.1, 0.1]), contract)[0]) == 1.0
