@@ -65,6 +65,14 @@ def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> No
     assert arm @ aim / np.linalg.norm(arm) / np.linalg.norm(aim) > 0.99
     longest = np.hypot(0.02, 0.2) + np.hypot(0.05, 0.19)
     assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
+    # A knee that would have to bend further than it can: the foot is on the line to the place, too far out.
+    place = tip_at(chain, np.array([0.1, 0.4, -2.0]))
+    stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(place.tolist())
+    assert stiff[2] == pytest.approx(-1.5)
+    turn = Rotation.from_rotvec([stiff[0], 0, 0])
+    hip = chain.anchor[0] + turn.apply(chain.anchor[1] - chain.anchor[0])
+    aim, arm = (turn.inv().apply(end - hip)[[0, 2]] for end in (place, tip_at(chain, np.array(stiff))))
+    assert arm @ aim == pytest.approx(np.linalg.norm(arm) * np.linalg.norm(aim), rel=1e-6)
     folded = np.array(form.angles((chain.anchor[1] + [0.0, 0.055, 0.0]).tolist()))
     assert np.all((chain.lower <= folded) & (folded <= chain.upper))
 
