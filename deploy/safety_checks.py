@@ -102,9 +102,7 @@ def _not_up(s: Signals, c: SafetyConfig) -> str:
         return ""
     done, tries = s.recovery.tries, c.recovery.tries
     following = ": it stays down" if done >= tries else ""
-    return (
-        f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {tries}{following}"
-    )
+    return f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {tries}{following}"
 
 
 SIGNAL_CHECKS = (

@@ -73,7 +73,7 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
         return [
             *(f"float {name}_{k} = {of(loop.start[k])};" for k in numbers),
             "#pragma unroll 1",
-            f"for (int turn = 0; turn < {loop.upper}; turn++) {{",
+            f"for (int turn = 0; turn < {loop.max_repetitions}; turn++) {{",
             *(f"const float n{variable.number} = {name}_{k};" for k, variable in read),
             *(line for node in loop.body for line in lines(node)),
             *(f"{name}_{k} = {of(loop.following[k])};" for k in numbers),

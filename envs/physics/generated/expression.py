@@ -41,7 +41,7 @@ class Graph:
         elements[:] = [self.input(array, index) for index in range(elements.size)]
         return elements.reshape(shape)
 
-    def repeat(self, upper: int, start: list[Scalar], body: "Body") -> list[Scalar]:
+    def repeat(self, max_repetitions: int, start: list[Scalar], body: "Body") -> list[Scalar]:
         """The values after repeating `body`, from `start`.
 
         Args:
@@ -51,7 +51,7 @@ class Graph:
         """
         serial = len(self._nodes)
         following, more = body([self.node("variable", serial, k) for k in range(len(start))])
-        loop = self.node("loop", serial, upper, more, *start, *following)
+        loop = self.node("loop", serial, max_repetitions, more, *start, *following)
         return [self.node("result", loop, k) for k in range(len(start))]
 
 
@@ -225,7 +225,7 @@ class Loop(NamedTuple):
     start: list[Scalar]
     following: list[Scalar]
     more: Scalar  # flag computed by the body: true to continue
-    upper: int  # largest number of repetitions
+    max_repetitions: int
     body: list[Expression]  # operands first
 
 
@@ -274,7 +274,7 @@ def schedule(outputs: Iterable[Scalar], held: Collection[str]) -> Schedule:
 
 
 def _loop(node: Expression, bodies: dict[Expression, int]) -> Loop:
-    serial, upper, more, *values = node.operands
+    serial, max_repetitions, more, *values = node.operands
     count = len(values) // 2
     body = [each for each, of in bodies.items() if of == serial]
     variables: list[Expression | None] = [None] * count
@@ -282,4 +282,4 @@ def _loop(node: Expression, bodies: dict[Expression, int]) -> Loop:
         if each.operation == "variable":
             variables[each.operands[1]] = each
     rest = [each for each in body if each.operation != "variable"]
-    return Loop(variables, values[:count], values[count:], more, upper, rest)
+    return Loop(variables, values[:count], values[count:], more, max_repetitions, rest)

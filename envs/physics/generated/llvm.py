@@ -240,7 +240,7 @@ class _Writer:
         self._declared.add(f"declare i1 {any_lane}({self._flags})")
         self._emit(f"  %{name}.any = call i1 {any_lane}({self._flags} {self._value(loop.more)})")
         self._emit(f"  %{name}.more = add i64 %{name}.turns, 1")
-        self._emit(f"  %{name}.left = icmp ule i64 %{name}.more, {loop.upper}")
+        self._emit(f"  %{name}.left = icmp ule i64 %{name}.more, {loop.max_repetitions}")
         self._emit(f"  %{name}.again = and i1 %{name}.any, %{name}.left")
         self._emit(f"  br i1 %{name}.again, label %{name}.turn, label %{name}.end\n{name}.end:")
         self._block = f"{name}.end"
