@@ -1,6 +1,7 @@
 """The log of metrics: TensorBoard events, and lines of JSON."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -18,12 +19,13 @@ def test_tensorboard_reads_what_is_logged_and_forgets_what_is_computed_again(tmp
     for first, steps in ((0, (10, 20, 30)), (20, (30, 40))):  # killed after 30, resumed from 20
         log = MetricsLog(tmp_path, first)
         for step in steps:
-            log.write(step, {"reward/total": step + first / 100})
+            log.write(step, {"reward/total": step + first / 100, "reward/huge": -1e39})
         log.close()
     events = EventAccumulator(str(tmp_path / "events"))
     events.Reload()
     read = {event.step: event.value for event in events.Scalars("reward/total")}
     assert read == pytest.approx({10: 10.0, 20: 20.0, 30: 30.2, 40: 40.2})
+    assert {event.value for event in events.Scalars("reward/huge")} == {-math.inf}
     lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert [line["step"] for line in lines] == [10, 20, 30, 40]
 
