@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
-from packaging.markers import Marker
-from packaging.requirements import Requirement
-
 from footfall.common.errors import UserError
+
+if TYPE_CHECKING:
+    from packaging.markers import Marker
+    from packaging.requirements import Requirement
 
 NAME = "footfall"
 
@@ -62,8 +64,10 @@ def extras() -> list[str]:
     return distribution(NAME).metadata.get_all("Provides-Extra") or []
 
 
-def requirements(extra: str = "") -> Iterator[Requirement]:
+def requirements(extra: str = "") -> "Iterator[Requirement]":
     """Requirements of an extra, included extras resolved; without a name, footfall's own."""
+    from packaging.requirements import Requirement  # seldom needed, and a start would wait for it
+
     for text in distribution(NAME).requires or []:
         requirement = Requirement(text)
         if not _is_of(extra, requirement.marker):
@@ -76,18 +80,18 @@ def requirements(extra: str = "") -> Iterator[Requirement]:
             yield requirement
 
 
-def _is_of(extra: str, marker: Marker | None) -> bool:
+def _is_of(extra: str, marker: "Marker | None") -> bool:
     if marker is None or marker.evaluate({"extra": ""}):
         return extra == ""
     return extra != "" and marker.evaluate({"extra": extra})
 
 
-def missing(extra: str = "") -> list[Requirement]:
+def missing(extra: str = "") -> "list[Requirement]":
     """Requirements that are not installed, or in a wrong version."""
     return [requirement for requirement in requirements(extra) if not _installed(requirement)]
 
 
-def _installed(requirement: Requirement) -> bool:
+def _installed(requirement: "Requirement") -> bool:
     try:
         return requirement.specifier.contains(version(requirement.name), prereleases=True)
     except PackageNotFoundError:

@@ -69,6 +69,7 @@ def begin(request: TrainRequest) -> Path:
         UserError: no such robot or preset, settings that do not fit the robot or the devices, a folder in
             use, or a request that does not suit a cluster.
     """
+    find_trainer(request.trainer)  # imports its libraries while the device starts: the next line waits for it
     if cluster.processes() > 1:
         _check_cluster(request)
     folder = request.out or Path()
@@ -93,7 +94,7 @@ def _make_run(request: TrainRequest) -> Path:
     if request.checkpoint_interval_s is not None:
         config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
     use_compilation_cache()
-    prefetch(request.trainer, robot, config)  # read while the trainer's libraries are imported
+    prefetch(request.trainer, robot, config)
     trainer = find_trainer(request.trainer)
     source = None
     if request.start_from is not None:

@@ -68,6 +68,19 @@ def test_a_device_may_not_start(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert capsys.readouterr() == ("", "")
 
 
+def test_a_training_on_processors_leaves_nvidias_driver_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    initialised = []
+    driver = SimpleNamespace(cuInit=lambda flags: initialised.append(jax_platforms))
+    monkeypatch.setattr("ctypes.CDLL", lambda _: driver)
+    for jax_platforms in ("cpu", "cuda"):
+        monkeypatch.setenv("JAX_PLATFORMS", jax_platforms)
+        start_device()
+        for thread in threading.enumerate():
+            if thread.name == "wake driver":
+                thread.join()
+    assert initialised == ["cuda"]
+
+
 def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
     lowered = jax.jit(lambda x: x + 1).lower(1.0)
     lowered.compile(compiler_options=dict(GPU_OPTIONS))
