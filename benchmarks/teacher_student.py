@@ -1,0 +1,229 @@
+"""A student learns by imitation (DAgger) from one teacher that sees the ground exactly, or from two.
+
+    footfall train --preset EXACT.yaml --out runs/teacher     # `rough`, all height_scan_errors 0
+    python benchmarks/teacher_student.py runs/teacher/policy.onnx --out student.onnx
+    python benchmarks/teacher_student.py ROUGH.onnx --level-teacher FLAT.onnx --out student.onnx
+
+The student has the teacher's network and starts from it. In the environment of `--preset`, whose scans are
+erroneous and cease, it acts with noise. In each state its mean action learns the teacher's by least squares.
+One teacher reads exact heights. Of two, the second is asked where the ground around the robot is level and
+scans arrive, the first one elsewhere, and both read what the student reads.
+"""
+
+import argparse
+import time
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from footfall.envs.batch import step_batch
+from footfall.envs.make import make_environment
+from footfall.envs.state import State
+from footfall.envs.terms.data import example_data
+from footfall.policies.contract import Contract
+from footfall.policies.height_scan import NAME
+from footfall.policies.learned import open_network
+from footfall.policies.observation import size_per_step, term_size
+from footfall.robots.description import load_robot
+from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
+from footfall.train.config import load_preset
+from footfall.train.export import export
+from footfall.train.origin import Exported, read_exported
+
+Array = jax.Array | np.ndarray
+Layers = tuple[tuple[Array, Array], ...]  # kernel and bias
+STEPS, BATCHES, EPOCHS = 8, 4, 2  # control steps of an iteration; mini-batches and epochs of its samples
+LAST_RATE = 0.01  # share of the learning rate at the end
+LEVEL_SHARE = 0.07  # of the standing height: heights that differ by less are level ground
+REPORTS = 10
+
+
+def mean_action(layers: Layers, observed: Any) -> Any:
+    """The network's output for normalised observations (k, observation): (k, n)."""
+    for kernel, bias in layers[:-1]:
+        observed = jax.nn.elu(observed @ kernel + bias)
+    kernel, bias = layers[-1]
+    return observed @ kernel + bias
+
+
+def action_of(policy: Exported, observed: Array) -> jax.Array:
+    """Mean actions (k, n) of a policy for its observations (k, observation)."""
+    return mean_action(policy.layers, (observed - policy.mean) / policy.std)
+
+
+class Student(NamedTuple):
+    """What an iteration changes."""
+
+    layers: Layers
+    optimizer: Any
+    episodes: Any  # the environments' states, and the observations for the next actions
+    key: jax.Array
+
+
+@dataclass(frozen=True)
+class Imitation:
+    """Training of a student; holds constants only."""
+
+    env: Any
+    teacher: Exported
+    envs: int
+    iterations: int
+    noise: float  # deviation of the student's actions
+    learning_rate: float
+
+    @cached_property
+    def optimizer(self) -> optax.GradientTransformation:
+        """Adam with a falling learning rate."""
+        steps = self.iterations * EPOCHS * BATCHES
+        rates = optax.cosine_decay_schedule(self.learning_rate, steps, LAST_RATE)
+        return optax.chain(optax.clip_by_global_norm(1.0), optax.adam(rates))
+
+    def begin(self, seed: int) -> Student:
+        """The student before the first iteration: the teacher's network."""
+        key, layers = jax.random.PRNGKey(seed), jax.tree.map(jnp.asarray, self.teacher.layers)
+        episodes = jax.jit(jax.vmap(self.env.reset))(jax.random.split(key, self.envs))
+        return Student(layers, self.optimizer.init(layers), episodes, key)
+
+    def iterate(self, student: Student) -> tuple[Student, jax.Array]:
+        """Act, then learn. Also returns the loss, the falls in a step, and the ground's mean level."""
+        key, steps, order = jax.random.split(student.key, 3)
+        act = partial(self._control_step, student.layers)
+        episodes, (samples, figures) = jax.lax.scan(act, student.episodes, jax.random.split(steps, STEPS))
+        epoch = partial(self._epoch, samples=samples)
+        learner = (student.layers, student.optimizer)
+        learner, losses = jax.lax.scan(epoch, learner, jax.random.split(order, EPOCHS))
+        return Student(*learner, episodes, key), jnp.append(losses.mean(), figures.mean(axis=0))
+
+    def asked(self, state: State, observation: dict[str, jax.Array]) -> jax.Array:
+        """The actions to learn, (envs, n)."""
+        # The critic's observation begins with the student's and a frame without errors.
+        contract, size = self.env.contract, self.teacher.mean.size
+        points, end = term_size(contract.observation[-1], contract), size + size_per_step(contract)
+        exact = observation["privileged_state"][:, end - points : end]
+        seen = jnp.concatenate([observation["state"][:, : size - points], exact], axis=1)
+        return action_of(self.teacher, seen)
+
+    def actor(self, student: Student) -> Actor:
+        """The student on the host."""
+        layers = jax.tree.map(np.asarray, student.layers)
+
+        def act(observed: np.ndarray) -> np.ndarray:
+            with jax.default_matmul_precision("highest"), jax.default_device(jax.devices("cpu")[0]):
+                return np.asarray(action_of(self.teacher._replace(layers=layers), observed))
+
+        return Actor("imitation", self.teacher.mean, self.teacher.std, layers, act)
+
+    def _control_step(self, layers: Layers, episodes: Any, key: jax.Array) -> Any:
+        state, observation = episodes
+        asked = self.asked(state, observation)
+        observed = (observation["state"] - self.teacher.mean) / self.teacher.std
+        action = mean_action(layers, observed)
+        action += self.noise * jax.random.normal(key, action.shape)
+        state, observation, step = step_batch(self.env, state, action)
+        figures = jnp.stack([step.terminated.mean(), step.metrics["terrain/level"].mean()])
+        return (state, observation), ((observed, asked), figures)
+
+    def _epoch(self, learner: Any, key: jax.Array, samples: Any) -> Any:
+        rows = jax.random.permutation(key, self.envs).reshape(BATCHES, -1)
+        batches = jax.tree.map(lambda x: x[:, rows].swapaxes(0, 1).reshape(BATCHES, -1, x.shape[-1]), samples)
+        return jax.lax.scan(self._mini_batch, learner, batches)
+
+    def _mini_batch(self, learner: Any, batch: tuple[jax.Array, jax.Array]) -> Any:
+        def loss(layers: Layers) -> jax.Array:
+            observed, asked = batch
+            return jnp.mean((mean_action(layers, observed) - asked) ** 2)
+
+        layers, memory = learner
+        value, gradient = jax.value_and_grad(loss)(layers)
+        updates, memory = self.optimizer.update(gradient, memory, layers)
+        return (optax.apply_updates(layers, updates), memory), value
+
+
+@dataclass(frozen=True)
+class TwoTeachers(Imitation):
+    """Training by a second teacher on level ground, and by the first one elsewhere."""
+
+    on_level: Exported
+    seen: np.ndarray  # indices of the second teacher's observation in the student's
+
+    def asked(self, state: State, observation: dict[str, jax.Array]) -> jax.Array:
+        """The actions to learn, (envs, n)."""
+        observed = observation["state"]
+        on_level = jax.vmap(self._sees_level_ground)(state)[:, None]
+        elsewhere = action_of(self.teacher, observed)
+        return jnp.where(on_level, action_of(self.on_level, observed[:, self.seen]), elsewhere)
+
+    def _sees_level_ground(self, state: State) -> jax.Array:
+        """Whether scans arrive, and heights around the robot hardly differ."""
+        env, reach = self.env, self.env.scene.standing_height
+        data = env.terrain.base(state, example_data(env.scene))
+        leftward = jnp.stack([-data.forward[1], data.forward[0]])
+        along, across = jnp.arange(-1.0, 3.0)[:, None, None], jnp.arange(-1.0, 2.0)[:, None]
+        places = data.place[:2] + reach * (along * data.forward + across * leftward)
+        errors = state.terms[NAME][NAME].errors
+        blind = errors.useless | (state.steps * env.period_s > errors.end_s)
+        return (jnp.ptp(data.ground(places)) < LEVEL_SHARE * reach) & ~blind
+
+
+def indices_of(part: Contract, whole: Contract) -> np.ndarray:
+    """Indices of a policy's observation in another one's, which has the same terms at the same scales."""
+    starts, start = {}, 0
+    for term in whole.observation:
+        starts[term.name] = start, term.history, term.scale
+        start += term.history * term_size(term, whole)
+    found = []
+    for term in part.observation:
+        first, history, scale = starts[term.name]
+        assert scale == term.scale, term.name
+        assert history >= term.history, term.name
+        size = term_size(term, whole)
+        found.append(first + size * (history - term.history) + np.arange(size * term.history))
+    return np.concatenate(found)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "teacher", type=Path, help="exported policy whose observation ends with a height scan"
+    )
+    parser.add_argument("--level-teacher", type=Path, help="exported policy for level ground")
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--preset", default="rough", help="whose environment the student acts in")
+    parser.add_argument("--steps", type=int, default=200_000_000)
+    parser.add_argument("--envs", type=int, default=32768)
+    parser.add_argument("--noise", type=float, default=0.1, help="deviation of the student's actions")
+    parser.add_argument("--learning-rate", type=float, default=5e-4)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    robot = load_robot(options.robot)
+    env: Any = make_environment(robot, load_preset(options.preset, robot).env)
+    _, contract = open_network(options.teacher)
+    if contract.observation != env.contract.observation or contract.observation[-1].name != NAME:
+        parser.error("the teacher's observation is not the preset's, or does not end with a height scan")
+    count = max(1, options.steps // (STEPS * options.envs))
+    common = env, read_exported(options.teacher), options.envs, count, options.noise, options.learning_rate
+    imitation = Imitation(*common)
+    if options.level_teacher:
+        other = indices_of(open_network(options.level_teacher)[1], contract)
+        imitation = TwoTeachers(*common, read_exported(options.level_teacher), other)
+    student, iterate, began_s = imitation.begin(options.seed), jax.jit(imitation.iterate), time.perf_counter()
+    for k in range(1, count + 1):
+        student, figures = iterate(student)
+        if k % max(1, count // REPORTS) == 0 or k == count:
+            loss, fell, level = np.asarray(figures)
+            done = f"{time.perf_counter() - began_s:.0f} s, {k * STEPS * options.envs:,} steps"
+            print(f"{done}: loss {loss:.2e}, falls a step {fell:.1e}, level {level:.2f}", flush=True)
+    seen = np.asarray(student.episodes[1]["state"][:LOGGED_OBSERVATIONS])
+    worst = export(imitation.actor(student), env.contract, seen, options.out)
+    print(f"exported {options.out}; ONNX Runtime differs by at most {worst:.1e}")
+
+
+if __name__ == "__main__":
+    main()
