@@ -25,8 +25,7 @@ class ExcitationConfig:
     triangle_s: float = 4.0  # duration for each joint of a leg: slow, to identify friction
     chirp_s: float = 10.0  # duration of each chirp
     burst_s: float = 4.0  # duration of torque bursts, which separate strength from stiffness
-    amplitude_rad: float = 0.35
-    swing_rad: float = 0.4  # amplitude of a slow swing beneath the chirps
+    amplitude_rad: float = 0.3
     second_amplitude: float = 0.5  # relative to the first, in the second chirp
     lowest_hz: float = 0.2
     highest_hz: float = 8.0
@@ -39,18 +38,12 @@ class ExcitationConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.1, 600.0, "settle_s", "triangle_s", "chirp_s", "burst_s")
         require_between(self, 0.01, 1.0, "amplitude_rad", "second_amplitude")
-        require_between(self, 0.0, 1.0, "swing_rad")
         require_between(self, 0.05, 40.0, "lowest_hz", "highest_hz", "corner_hz")
         require_between(self, 0.005, 0.5, "burst_share")
         if (len(self.stiffness), len(self.damping)) != (2, 2):
             raise ValueError("stiffness and damping need two values each: one for each chirp")
         if any(not 0.05 <= each <= 3.0 for each in (*self.stiffness, *self.damping)):
             raise ValueError("stiffness and damping must be from 0.05 to 3, as shares of the robot's gains")
-
-    @property
-    def reach_rad(self) -> float:
-        """Largest distance of a joint from the default pose."""
-        return self.amplitude_rad + self.swing_rad
 
 
 class Excitation:
@@ -72,9 +65,6 @@ class Excitation:
         self._joint_index = np.zeros(n)  # index of each joint in its leg
         for joints in robot.foot_joints:
             self._joint_index[joints] = np.arange(len(joints))
-        # Neighbours swing in opposite senses, so that a leg takes poses in which gravity acts differently.
-        self._swing = np.minimum(config.swing_rad, 0.9 * room - self._amplitude)
-        self._swing *= np.where(self._joint_index % 2 == 0, 1.0, -1.0)
         self._side = swing_senses(robot)
         self._longest = 1 + int(self._joint_index.max())
         self._start = self._middle
@@ -104,8 +94,7 @@ class Excitation:
         if time_s < 2 * config.chirp_s:
             second = time_s >= config.chirp_s
             size = config.second_amplitude if second else 1.0
-            chirp = size * self._chirp(time_s % config.chirp_s)
-            return self._command(chirp + self._slow_swing(time_s), second)
+            return self._command(size * self._chirp(time_s % config.chirp_s), second)
         return self._command(np.zeros_like(self._middle), True, self._burst(time_s - 2 * config.chirp_s))
 
     def _command(self, offset: np.ndarray, second: bool, torque: np.ndarray | None = None) -> JointCommand:
@@ -130,10 +119,6 @@ class Excitation:
         phase = GOLDEN * self._joint_index
         wave = np.sin(2.0 * math.pi * (turns + phase))
         return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
-
-    def _slow_swing(self, time_s: float) -> np.ndarray:
-        """One sine over both chirps: in a single pose, gravity hardly tells masses from encoder biases."""
-        return self._side * self._swing * math.sin(math.pi * time_s / self._config.chirp_s)
 
     def _burst(self, time_s: float) -> np.ndarray:
         """Torque with random changes of sign, ten times a second, N m."""

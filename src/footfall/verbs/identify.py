@@ -74,7 +74,7 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
     motion = ExcitationConfig() if options.excitation is None else load(options.excitation, ExcitationConfig)
     deploy = deploy_config(robot, options.config, simulated)
     if options.bus not in (SIMULATED, VIRTUAL):
-        confirm(f"All joints move, up to {motion.reach_rad:g} rad. {PLACE}?", options.yes)
+        confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {PLACE}?", options.yes)
     with ExitStack() as resources:
         bus = opened(robot, options.bus, options.plant, options.seed, resources)
         outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)
