@@ -76,7 +76,7 @@ def test_a_training_on_processors_leaves_nvidias_driver_alone(monkeypatch: pytes
         monkeypatch.setenv("JAX_PLATFORMS", jax_platforms)
         start_device()
         for thread in threading.enumerate():
-            if thread.name == "wake driver":
+            if thread.name in ("wake driver", "start device"):
                 thread.join()
     assert initialised == ["cuda"]
 
