@@ -46,6 +46,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["deploy", "stand", "--duration", "1e12"], ["--duration", "at most 86400, a day"]),
         (["can", "monitor", "--duration", "86401"], ["--duration", "at most 86400, a day"]),
         (["deploy", "stand", "--command", "fast"], ["--command", "three numbers"]),
+        (["deploy", "stand", "--command", "nan,0,0"], ["--command", "three numbers"]),
         (["deploy", "stand", "--command"], ["--command"]),
         (["train", "--steps", "0"], ["--steps", ">= 1"]),
         (["deploy", "go1-falt"], ["Did you mean go1-flat?"]),

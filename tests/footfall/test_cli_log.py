@@ -46,15 +46,16 @@ def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path
 def test_info_and_page_of_a_fault(
     shell: Shell, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The page lies beside its log."""
     monkeypatch.setattr("footfall.evaluate.report.log_page.plots", lambda _: [])  # they take seconds
-    run_episode(
-        go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=tmp_path / "bad.mcap")
-    )
-    told = shell("log", "info", "bad.mcap")
+    (tmp_path / "logs").mkdir()
+    log = tmp_path / "logs" / "bad.mcap"
+    run_episode(go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=log))
+    told = shell("log", "info", log)
     assert told.status == 1
     assert "the policy's command is not finite" in told.out
-    assert shell("log", "plot", "bad.mcap").status == 0
-    assert "is not finite" in (tmp_path / "bad.html").read_text()
+    assert shell("log", "plot", log).status == 0
+    assert "is not finite" in log.with_suffix(".html").read_text()
 
 
 def test_a_jump_is_found_and_a_swing_is_none() -> None:
