@@ -410,7 +410,7 @@ class TestLadder:
 def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs/bring_up.md").read_text(encoding="utf-8")
     path = tmp_path / "limits.yaml"
-    path.write_text(page.partition("```yaml")[2].partition("```")[0])
+    path.write_text(page.partition("<!-- read as: bring-up -->\n```yaml")[2].partition("```")[0])
     assert load(path, BringUpConfig) == BringUpConfig()
 
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
 
 from footfall import machine
-from footfall.common import installation
 
 
 def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,13 +103,12 @@ class TestDoctor:
 
     def test_packages_and_extras_that_lack_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         lacking: dict[str, list] = {"": [], "train": [], "pages": [], "dev": ["x"]}
-        require = installation.Requirement
         monkeypatch.setattr(machine, "extras", lambda: [name for name in lacking if name])
         monkeypatch.setattr(machine, "missing", lambda extra="": lacking[extra])
         assert machine.check_packages()[1:3] == (True, "all that are required on a robot")
         assert machine.check_extras()[1:3] == (True, "train, pages")
-        lacking[""] = [require("mujoco>=9")]
-        lacking["pages"] = [require("aiohttp"), require("rich>1")]
+        lacking[""] = [Requirement("mujoco>=9")]
+        lacking["pages"] = [Requirement("aiohttp"), Requirement("rich>1")]
         found = machine.check_packages()
         assert (found.good, found.found) == (False, "missing or too old: mujoco")
         assert "mujoco>=9" in found.advice
@@ -117,5 +116,5 @@ class TestDoctor:
         assert (found.good, found.found) == (False, "train; pages lacks aiohttp, rich")
         assert "pages" in found.advice
         assert "train" not in found.advice.replace(str(Path.cwd()), "")
-        lacking["train"] = [require("jax")]
+        lacking["train"] = [Requirement("jax")]
         assert machine.check_extras().found == "train lacks jax; pages lacks aiohttp, rich"
