@@ -18,6 +18,7 @@ class WiringCheckConfig:
     motor_lag_s: float = 0.001  # delay from a command to the reading with its effect, besides these ticks:
     motor_lag_ticks: float = 1.5  # half a tick until the next command, and one over the bus
     imu_lag_s: float = 0.002  # same for the tilt measured by the IMU
+    max_delay_s: float = 0.05  # largest further delay of readings after commands, estimated by the check
     alike: float = 0.13  # maximum error of a joint's response
     doubtful: float = 0.09  # same, if a wrong wiring explains the error
     imu_alike: float = 0.25  # maximum error of the base's tilt measured by the IMU
@@ -35,6 +36,6 @@ class WiringCheckConfig:
         )
         require_between(self, 0.01, 1.0, "alike", "imu_alike", "explained")
         require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt")
-        require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s")
+        require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s", "max_delay_s")
         require_between(self, 0.0, 10.0, "motor_lag_ticks")
         require_between(self, 0.1, 10.0, "unlike", "soles_stiffness")

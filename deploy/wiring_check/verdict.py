@@ -14,6 +14,7 @@ from footfall.deploy.wiring_check.prediction import Prediction
 
 SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of the `WORST_JOINTS`
 SURE = 0.02  # share of the cost left by a cause, below which no further ones are simulated
+DELAY_STEP_S = 0.002
 WORST_JOINTS = 2  # number of joints with the largest errors
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
@@ -86,11 +87,6 @@ def judged(
         config: limits of the check.
     """
     n, up = len(here), recorded.up[:, :2]
-    measured = Responses(
-        motions.responses(recorded.time_s - recorded.motor_lag_s, recorded.torque),
-        motions.responses(recorded.time_s - config.imu_lag_s, up),
-    )
-
     settled = (recorded.time_s > 0.5 * config.settle_s) & (recorded.time_s < config.settle_s)
     start = recorded.position[settled].mean(axis=0)
 
@@ -100,6 +96,7 @@ def judged(
     right_rows = prediction.responses(start, here, motions, as_wired(n))
     right = _responses(right_rows[:n])
     least = right.min_size
+    measured = _measured(recorded, motions, right, config)
     errors, imu_error = measured.errors(right, least)
     verdict = Verdict("", float(errors.max()), imu_error)
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
@@ -121,6 +118,26 @@ def judged(
         strangest = wiring.place(int(errors.argmax()))
         fault = f"the robot's motions do not match its description, most of all with {strangest}"
     return verdict._replace(fault=fault)
+
+
+def _measured(recorded: Recorded, motions: Motions, right: Responses, config: WiringCheckConfig) -> Responses:
+    """The measured responses, with the additional delay at which most joints agree best with the model.
+
+    A robot's computer, buses and filters add delays that its description does not have.
+    """
+
+    def responses(values: np.ndarray, lag_s: float) -> np.ndarray:
+        return motions.responses(recorded.time_s - lag_s, values)
+
+    def error(delay_s: float) -> float:
+        torque = responses(recorded.torque, recorded.motor_lag_s + delay_s)
+        return float(np.median(np.linalg.norm(torque - right.torque, axis=1)))
+
+    delay_s = min(np.arange(0.0, config.max_delay_s, DELAY_STEP_S).tolist(), key=error)
+    return Responses(
+        responses(recorded.torque, recorded.motor_lag_s + delay_s),
+        responses(recorded.up[:, :2], config.imu_lag_s + delay_s),
+    )
 
 
 def _responses(rows: np.ndarray) -> Responses:
