@@ -1,4 +1,4 @@
-"""Question that the user confirms before anything moves."""
+"""Questions to the user, such as the one before anything moves."""
 
 import sys
 from typing import Annotated
@@ -16,5 +16,14 @@ def confirm(question: str, yes: bool) -> None:
         return
     if not sys.stdin.isatty():
         raise UserError("no terminal for the confirmation: add --yes")
-    if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+    if answer(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
         raise UserError("not confirmed")
+
+
+def answer(question: str) -> str:
+    """What the user types; raises UserError at the end of the input (Ctrl-D)."""
+    try:
+        return input(question)
+    except EOFError:
+        print()
+        raise UserError("no answer") from None

@@ -1,4 +1,4 @@
-"""The question that somebody has to answer before anything moves."""
+"""Questions to the user."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from footfall.confirm import confirm
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Questions that were asked; nobody is at the terminal."""
+    """Questions that were asked; there is no terminal."""
     questions: list[str] = []
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or "n")
@@ -23,14 +23,24 @@ def test_yes_in_any_case_is_a_yes(asked: list[str], monkeypatch: pytest.MonkeyPa
     assert asked == ["shall it move? [y/N] "]
 
 
-def test_who_has_said_yes_beforehand_is_not_asked(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_yes_no_question_is_asked(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     for terminal in (False, True):
         monkeypatch.setattr("sys.stdin.isatty", lambda terminal=terminal: terminal, raising=False)
         confirm("shall it move?", yes=True)
     assert asked == []
 
 
-def test_nobody_is_not_asked(asked: list[str]) -> None:
+def test_without_a_terminal_it_is_refused(asked: list[str]) -> None:
     with pytest.raises(UserError, match="no terminal for the confirmation: add --yes"):
         confirm("shall it move?", yes=False)
     assert asked == []
+
+
+def test_the_end_of_the_input_is_no_yes(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def end_of_input(_: str) -> str:
+        raise EOFError
+
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", end_of_input)
+    with pytest.raises(UserError):
+        confirm("shall it move?", yes=False)

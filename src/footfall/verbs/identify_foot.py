@@ -1,5 +1,6 @@
 """`footfall identify foot`: how closely one foot reaches positions, and how hard it presses on a scale."""
 
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -11,7 +12,7 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
-from footfall.confirm import Yes, confirm
+from footfall.confirm import Yes, answer, confirm
 from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.stand_bus import PLACE, SAFE, opened
@@ -119,9 +120,12 @@ def _asked(held: "Held") -> "Held":
 
     while True:
         try:
-            return held._replace(scale_n=GRAVITY * float(input(f"scale at {held.hold.force_n:.0f} N, kg: ")))
+            shown_kg = float(answer(f"scale at {held.hold.force_n:.0f} N, kg: "))
         except ValueError:
-            print("a number in kg is needed, such as 1.25")
+            shown_kg = math.nan
+        if math.isfinite(shown_kg):
+            return held._replace(scale_n=GRAVITY * shown_kg)
+        print("a number in kg is needed, such as 1.25")
 
 
 def _figures(held: "Held") -> dict[str, Any]:
