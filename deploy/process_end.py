@@ -30,13 +30,15 @@ def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
 
     A second signal calls `finish` again, which skips lying down. Signals in `ONCE` count once.
     """
-    hung_up = threading.Event()
+    hung_up = False  # no lock: a second signal may interrupt the handler, which would wait for itself
 
     def end(number: int, _: object) -> None:
-        if number not in ONCE or not hung_up.is_set():
-            finish()
+        nonlocal hung_up
         if number in ONCE:
-            hung_up.set()
+            if hung_up:
+                return
+            hung_up = True
+        finish()
 
     with handling(end):
         yield

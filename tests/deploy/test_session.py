@@ -56,6 +56,18 @@ class TestSignals:
             signal.raise_signal(signal.SIGHUP)
         assert loop.asked == 1
 
+    def test_a_second_hangup_while_the_first_is_handled_counts_with_it(self) -> None:
+        asked: list[int] = []
+
+        def finish() -> None:
+            asked.append(1)
+            if len(asked) < 5:
+                signal.raise_signal(signal.SIGHUP)
+
+        with ending_on_signals(finish):
+            signal.raise_signal(signal.SIGHUP)
+        assert asked == [1]
+
     def test_signal_handlers_are_restored_and_threads_without_signals_run(self, loop: Any) -> None:
         before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
         with pytest.raises(RuntimeError), ending_on_signals(loop.finish):
