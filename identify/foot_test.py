@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_between
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -16,7 +17,6 @@ from footfall.robots.momentum import outside_torque, upward_force
 from footfall.robots.readings import Sensed
 
 UP = np.array([0.0, 0.0, 1.0])
-GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Held(NamedTuple):
     hold: Hold
     offset: np.ndarray  # (3,) m, by the encoders
     force_n: float  # by the motors' torques
-    scale_n: float  # by the scale; NaN if nobody has read it yet
+    scale_n: float  # by the scale; NaN until it is read
 
 
 def reaches(config: FootTestConfig) -> list[Hold]:
@@ -66,7 +66,7 @@ def reaches(config: FootTestConfig) -> list[Hold]:
 
 def presses(robot: Robot, config: FootTestConfig) -> list[Hold]:
     """Increasing forces in the default pose: friction then always acts in the same sense."""
-    weight_n = GRAVITY * robot.legs.mass
+    weight_n = GRAVITY_M_S2 * robot.legs.mass
     return [Hold(np.zeros(3), share * weight_n, config.press_s) for share in sorted(config.presses)]
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from cyclopts import Parameter
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, answer, confirm
@@ -116,15 +117,13 @@ def _question(name: str, config: "FootTestConfig", press: bool) -> str:
 
 def _asked(held: "Held") -> "Held":
     """The hold with the scale's reading, which the user enters."""
-    from footfall.identify.foot_test import GRAVITY
-
     while True:
         try:
             shown_kg = float(answer(f"scale at {held.hold.force_n:.0f} N, kg: "))
         except ValueError:
             shown_kg = math.nan
         if math.isfinite(shown_kg):
-            return held._replace(scale_n=GRAVITY * shown_kg)
+            return held._replace(scale_n=GRAVITY_M_S2 * shown_kg)
         print("a number in kg is needed, such as 1.25")
 
 
