@@ -6,9 +6,12 @@ import os
 import time
 from pathlib import Path
 
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
+
 from footfall.common.errors import CannotWriteError
 from footfall.common.files import write_atomically
-from footfall.train.runs.events import first_record, restart_record, scalars_record
 
 
 class MetricsLog:
@@ -28,10 +31,12 @@ class MetricsLog:
             self._keep_before(first_step)
             self._lines = _WholeRecords(self._path)
             (folder / "events").mkdir(exist_ok=True)
-            self._events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
-            self._events.write(first_record(time.time()))
+            events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
+            self._events = RecordWriter(events)
+            self._write_event(Event(file_version="brain.Event:2"))
             if first_step:  # TensorBoard then drops later steps of the interrupted run
-                self._events.write(restart_record(time.time(), first_step + 1))
+                restarted = SessionLog(status=SessionLog.START)
+                self._write_event(Event(step=first_step + 1, session_log=restarted))
         except OSError as error:
             raise self._refusal(error) from None
 
@@ -41,15 +46,20 @@ class MetricsLog:
         Raises:
             CannotWriteError: the disk is full; earlier records are whole.
         """
+        values = [Summary.Value(tag=name, simple_value=value) for name, value in metrics.items()]
         try:
             self._lines.write((json.dumps({"step": step, **metrics}) + "\n").encode())
-            self._events.write(scalars_record(time.time(), step, metrics))
+            self._write_event(Event(step=step, summary=Summary(value=values)))
         except OSError as error:
             raise self._refusal(error) from None
 
     def close(self) -> None:
         self._lines.close()
         self._events.close()
+
+    def _write_event(self, event: Event) -> None:
+        event.wall_time = time.time()
+        self._events.write(event.SerializeToString())
 
     def _refusal(self, error: OSError) -> CannotWriteError:
         return CannotWriteError(f"cannot write {self._path}: {error.strerror}")
