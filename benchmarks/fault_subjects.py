@@ -5,6 +5,7 @@ No benchmark itself: `fault_table.py` and its parts use it.
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ class Subject(NamedTuple):
     ground: str = ""  # name of a scenario; empty for level ground
 
 
+SCENARIOS = Path(__file__).with_name("rough_ground.yaml")  # besides those of `footfall evaluate`
 SUBJECTS = {  # whether all rows are tried, or the main ones
     Subject("go1", "go1-flat"): True,
     Subject("go1", "mpc"): True,
@@ -43,6 +45,7 @@ SUBJECTS = {  # whether all rows are tried, or the main ones
     Subject("go1", "go1-rough-blind", "rough"): False,
     Subject("go1", "go1-rough", "rough"): False,
     Subject("hexapod", "hexapod-rough", "rough"): False,
+    Subject("g1", "g1-rough", "g1_rough"): False,
 }
 GET_UP = {"go1": "go1-getup"}  # of the robots that can get up
 POWERED = ("go1", "g1")  # robots that get a battery; the hexapod's buses are too full for ODrives
@@ -104,7 +107,7 @@ def ground_of(subject: Subject, seed: int) -> Ground | None:
     """The ground of a run: the seed picks the scenario's level. None is level ground."""
     if not subject.ground:
         return None
-    scenario = load_scenarios(robot_of(subject.robot)).scenarios[subject.ground]
+    scenario = load_scenarios(robot_of(subject.robot), SCENARIOS).scenarios[subject.ground]
     assert scenario.ground is not None
     level = {name: values[seed % len(values)] for name, values in scenario.levels.items()}
     return make_ground(at_level(scenario.ground, level), seed)

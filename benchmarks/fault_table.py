@@ -96,7 +96,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int)
     parser.add_argument("--healthy", type=int, default=0, help="runs without a fault, of each kind")
     parser.add_argument("--policy", help="this policy alone")
-    parser.add_argument("--ground", help="this ground alone: level or rough")
+    parser.add_argument("--ground", help="this ground alone: level, rough or g1_rough")
     parser.add_argument("--main", action="store_true", help="main rows alone, for every policy")
     parser.add_argument("--only", help="kinds with this in their names alone")
     parser.add_argument("--group", nargs="+", help="kinds of these groups alone, such as wiring")

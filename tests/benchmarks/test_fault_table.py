@@ -14,6 +14,7 @@ from fault_kinds.kind import IMPLAUSIBLE_S
 from fault_subjects import FaultTask, HealthyTask, Subject
 
 from footfall.plant.episode import Push
+from footfall.policies.registry import zoo_names
 from footfall.robots.description import Robot, available_robots
 
 
@@ -103,6 +104,11 @@ def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_writte
         Subject("go1", "go1-flat"),
         Subject("go1", "mpc"),
     ]
+
+
+def test_every_learned_policy_that_walks_is_tried() -> None:
+    walking = {name for name in zoo_names() if not name.endswith("-getup")}
+    assert walking - {each.policy for each in fault_subjects.SUBJECTS} == set()
 
 
 @pytest.mark.parametrize(
