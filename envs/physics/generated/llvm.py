@@ -6,7 +6,7 @@ of robots and over physics steps. A robot's results depend only on its own input
 
 import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -41,15 +41,14 @@ class Program:
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         features = llvm.get_host_cpu_features()
-        widest = next((n for name, n in SINGLE_LANES if features.get(name)), MIN_LANES)
-        lanes = lanes or widest * 4 // np.dtype(dtype).itemsize
+        lanes = lanes or lanes_of(features, dtype)
         if lanes * np.dtype(dtype).itemsize == 64:
             features["prefer-256-bit"] = False
         self.inputs, self.outputs = arguments(substep)
         machine = llvm.Target.from_default_triple().create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=features.flatten(), opt=OPTIMISATION, jit=True
         )
-        self.text = _Writer(substep, steps, np.dtype(dtype), lanes).text()
+        self.text = module_text(substep, steps, dtype, lanes)
         module = llvm.parse_assembly(self.text)
         self._engine = llvm.create_mcjit_compiler(module, machine)
         self._engine.finalize_object()
@@ -72,6 +71,17 @@ class Program:
         """The same with the arrays' addresses."""
         if last > first:
             self._function(*pointers, first, last)
+
+
+def lanes_of(features: Mapping[str, bool], dtype: Any) -> int:
+    """Robots in a vector register of a processor with these features."""
+    widest = next((n for name, n in SINGLE_LANES if features.get(name)), MIN_LANES)
+    return widest * 4 // np.dtype(dtype).itemsize
+
+
+def module_text(substep: Substep, steps: int, dtype: Any, lanes: int) -> str:
+    """A control step in LLVM's intermediate representation: the same text for every processor."""
+    return _Writer(substep, steps, np.dtype(dtype), lanes).text()
 
 
 class _Writer:
