@@ -10,10 +10,12 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault(
     "XLA_FLAGS",
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    + " --xla_cpu_parallel_codegen_split_count=1"
     # XLA ends the process at a flag that it does not know, as 0.11.2 does at this one.
     + " --xla_cpu_use_fusion_emitters=false"
     * any(found.version.startswith("0.10.") for found in distributions(name="jaxlib")),
 )
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")  # no places of the source in programs
 os.environ["XDG_STATE_HOME"] = str(Path(__file__).parents[1] / ".cache" / "state")  # not the user's
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
@@ -30,6 +32,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
+from lowering import share_contexts
 from recorder import Recorder
 from shell import Shell
 
@@ -110,8 +113,10 @@ def pytest_collection() -> Generator[None, object, object]:
     try:
         return (yield)
     finally:
+        share_contexts()
         gc.collect()
         gc.freeze()
+        gc.set_threshold(20_000)
         gc.enable()
 
 

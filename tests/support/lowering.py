@@ -1,0 +1,31 @@
+"""JAX makes an MLIR context for every program that it compiles, a third of the time of a small one."""
+
+import sys
+import threading
+from typing import Any
+
+PROGRAMS = 200  # of one context, which keeps all their constants
+
+
+def share_contexts() -> None:
+    """Programs that are compiled one after the other have one context, if JAX has been imported.
+
+    Other threads compile in contexts of their own, and so does this one beside them.
+    """
+    try:
+        mlir: Any = sys.modules["jax._src.interpreters.mlir"]
+        make = mlir.make_ir_context
+    except (KeyError, AttributeError):
+        return
+    threads = set(threading.enumerate())
+    made: list[Any] = []
+
+    def context() -> Any:
+        if not threads.issuperset(threading.enumerate()):
+            return make()
+        if len(made) % PROGRAMS == 0:
+            made[:] = [make()]
+        made.append(made[-1])
+        return made[-1]
+
+    mlir.make_ir_context = context
