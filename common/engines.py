@@ -2,5 +2,5 @@
 
 from typing import Literal
 
-EngineName = Literal["mujoco", "drake"]
+EngineName = Literal["mujoco", "drake", "motrixsim"]
 DEFAULT_ENGINE: EngineName = "mujoco"

@@ -81,7 +81,7 @@ class Episode:
     stop_sources: Sequence[StopSource] = ()  # in addition to the command source
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may take over, by spec
     get_up: GetUp | None = None  # permission to get up; then only the control loop detects falls
-    engine: str = DEFAULT_ENGINE  # physics engine: mujoco or drake
+    engine: str = DEFAULT_ENGINE  # physics engine, see common/engines.py
     # Errors of the simulated height scans; another source of scans replaces these.
     height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
     height_scans: HeightScanSource | None = None

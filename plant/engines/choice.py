@@ -31,9 +31,14 @@ def open_engine(
         if ground is None or ground.stepped[0]:
             return MujocoEngine(model, data)
         return SlopedGroundEngine(model, data, ground)
-    if name != "drake":
-        raise UserError(f"no engine '{name}': there are {', '.join(get_args(EngineName))}")
-    with needs_extra("drake", "--engine drake"):
-        from footfall.plant.engines.drake_engine import DrakeEngine
+    if name == "drake":
+        with needs_extra("drake", "--engine drake"):
+            from footfall.plant.engines.drake_engine import DrakeEngine
 
-    return DrakeEngine(model, data, feet)
+        return DrakeEngine(model, data, feet)
+    if name == "motrixsim":
+        with needs_extra("motrixsim", "--engine motrixsim"):
+            from footfall.plant.engines.motrix_engine import MotrixEngine
+
+        return MotrixEngine(model, data)
+    raise UserError(f"no engine '{name}': there are {', '.join(get_args(EngineName))}")

@@ -10,7 +10,8 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from footfall.common.rotations import rotate_to_body, rotation_matrix
-from footfall.plant.engines.drake_model import FREE, drake_plant
+from footfall.plant.engines.drake_model import drake_plant
+from footfall.plant.engines.shared import FREE, generalised_force, update_derived
 
 
 class DrakeEngine:
@@ -40,7 +41,8 @@ class DrakeEngine:
         before = data.qvel.copy()
         state, speed, force = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
         state[positions], speed[velocities] = data.qpos, self._to_world(before)
-        force[velocities] = self._to_world(self._generalised_force())
+        generalised_force(model, data, self._applied)
+        force[velocities] = self._to_world(self._applied)
         plant.SetPositionsAndVelocities(self._context, np.concatenate([state, speed]))
         self._forces.FixValue(self._context, force)
         self._steps += 1
@@ -56,7 +58,7 @@ class DrakeEngine:
         data.time += step_s
         self._failed = self._failed or not np.isfinite(data.qpos).all()
         self._read_contacts()
-        self._update((data.qvel - before) / step_s)
+        update_derived(model, data, (data.qvel - before) / step_s)
 
     def touching(self) -> list[list[int]]:
         """See `Engine`."""
@@ -69,15 +71,6 @@ class DrakeEngine:
     def diverged(self) -> bool:
         """See `Engine`."""
         return self._failed
-
-    def _generalised_force(self) -> np.ndarray:
-        """All applied forces as MuJoCo's generalised ones, (nv,); valid until the next call."""
-        data, applied = self._data, self._applied
-        applied[:] = data.qfrc_applied
-        for body in np.flatnonzero(data.xfrc_applied.any(axis=1)).tolist():
-            wrench = data.xfrc_applied[body]
-            mujoco.mj_applyFT(self._model, data, wrench[:3], wrench[3:], data.xipos[body], body, applied)
-        return applied
 
     def _to_world(self, values: np.ndarray) -> np.ndarray:
         """Velocities or forces, (nv,), with the base's angular part in the world frame instead of its own."""
@@ -95,18 +88,3 @@ class DrakeEngine:
             geoms = self._plant.geoms
             self._touching.append([geoms[pair.id_A], geoms[pair.id_B]])
             self._normal_force.append(abs(float(contact.contact_force() @ pair.nhat_BA_W)))
-
-    def _update(self, acceleration: np.ndarray) -> None:
-        """Update the values that MuJoCo derives from the state: poses and velocities of bodies, IMU readings.
-
-        Args:
-            acceleration: mean generalised acceleration over the step, (nv,).
-        """
-        model, data = self._model, self._data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        data.qacc[:] = acceleration
-        data.cfrc_ext[:] = 0.0
-        mujoco.mj_rnePostConstraint(model, data)
-        mujoco.mj_sensorAcc(model, data)

@@ -41,6 +41,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from footfall.common.errors import UserError
+from footfall.plant.engines.shared import FREE, HINGE, WORLD, collidable
 from footfall.robots.self_contact import adjacent, excluded_bodies
 
 if TYPE_CHECKING:
@@ -48,8 +49,6 @@ if TYPE_CHECKING:
 
 logging.getLogger("drake").setLevel(logging.ERROR)  # a warning about deformable bodies for each half space
 
-WORLD = 0  # body of MuJoCo
-HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 MAX_FRICTION = 10.0
 
@@ -127,13 +126,6 @@ def check_model(model: mujoco.MjModel, feet: list[int]) -> None:
     for reason, found in reasons.items():
         if found:
             raise UserError(f"--engine drake does not simulate {reason}: leave it out")
-
-
-def collidable(model: mujoco.MjModel) -> np.ndarray:
-    """Which geoms may touch something, (ngeom,) bool."""
-    found = (model.geom_contype | model.geom_conaffinity) != 0
-    found[model.pair_geom1] = found[model.pair_geom2] = True
-    return found
 
 
 def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:

@@ -99,7 +99,7 @@ Plant = Annotated[
 ]
 Engine = Annotated[
     EngineName,
-    Parameter(help="Physics engine of the simulated robot; drake needs the extra of that name."),
+    Parameter(help="Physics engine of the simulated robot; drake and motrixsim need the extra of that name."),
 ]
 ScenarioFile = Annotated[
     OptionalPath,

@@ -61,6 +61,7 @@ POLICIES_FOR_LEARNING = {
 OTHER_WORLDS = (
     *("footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"),
     *("footfall.plant.engines.drake_engine", "footfall.plant.engines.drake_model"),
+    "footfall.plant.engines.motrix_engine",
 )
 IMPORT_BUDGET_S = 1.0
 CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
