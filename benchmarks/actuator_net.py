@@ -51,8 +51,8 @@ def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
         "load_friction": np.full(joints, 0.05),
         "backlash_rad": np.full(joints, np.deg2rad(0.2)),
     }
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory() as index:
+        folder = Path(index)
         *fitted, judging = (
             recorded(robot, sample, motion, seed, folder) for seed, motion in enumerate(MOTIONS)
         )
@@ -73,7 +73,7 @@ def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
     found = [log for log in logs(folder, "xl330") if _driven(log)]
     every = problem(folder, "xl330", MODEL)
     used = [
-        place for place, log in enumerate(logs(folder, "xl330")) if _driven(log) and held_out not in log.name
+        index for index, log in enumerate(logs(folder, "xl330")) if _driven(log) and held_out not in log.name
     ]
     numbers = every.of(used).fit()
     value = dict(zip((each.name for each in every.numbers), numbers.tolist(), strict=True))

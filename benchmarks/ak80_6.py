@@ -87,7 +87,7 @@ def problem(folder: str) -> Shooting:
     """All windows of all recordings."""
     margin, steps = round(MARGIN_S / STEP_S), round(WINDOW_S / STEP_S)
     given, read_at, measured, starts, recording = [], [], [], [], []
-    for place, path in enumerate(files(folder)):
+    for index, path in enumerate(files(folder)):
         time_s, position, torque = read(path)
         begin = time_s[0] + MARGIN_S + 0.02
         for window in range(int((time_s[-1] - begin - 0.02) / WINDOW_S)):
@@ -101,7 +101,7 @@ def problem(folder: str) -> Shooting:
             near = slice(first - FIT_POINTS, first + FIT_POINTS)
             curve = np.polynomial.polynomial.polyfit(time_s[near] - start_s, position[near], 2)
             starts.append(curve[:2].ravel())
-            recording.append(place)
+            recording.append(index)
     inputs = Inputs(np.stack(given), margin, STEP_S, np.array(read_at))
     return Shooting(
         rollouts(accelerate, inputs, NUMBERS, ("delay_1", "delay_2"), (None, "strength_2")),
@@ -201,8 +201,8 @@ def report_motion(windows: Shooting, fits: dict[tuple[str, int], np.ndarray], na
             errors[kind][judging] = windows.errors(numbers)[judging]
     sets = [*errors.values(), windows.errors(np.array([PUBLISHED.get(name, 0.0) for name in NAMES]))]
     rows = []
-    for place, name in enumerate([*names, "all"]):
-        mine = windows.recording == place if place < len(names) else windows.recording >= 0
+    for index, name in enumerate([*names, "all"]):
+        mine = windows.recording == index if index < len(names) else windows.recording >= 0
         shares = [explained(each[mine], windows.measured[mine]) for each in sets]
         rms = 1e3 * np.sqrt((sets[0][mine] ** 2).mean(axis=(0, 1)))
         cells = [", ".join(f"{100 * share:.2f}" for share in each) for each in shares]

@@ -52,9 +52,9 @@ class Recording(NamedTuple):
     period_s: float
     gyro: np.ndarray  # (T, 3) rad/s
     acceleration: np.ndarray  # (T, 3) m/s^2
-    position: np.ndarray  # (T, 12) of the joints, rad
+    joint_position: np.ndarray  # (T, 12) rad
     force: np.ndarray  # (T, 2) at the feet, N
-    place: np.ndarray  # (T, 3) reference position of the base, m
+    position: np.ndarray  # (T, 3) reference position of the base, m
     rotation: np.ndarray  # (T, 3, 3) reference, body to world
 
 
@@ -62,7 +62,7 @@ class Estimated(NamedTuple):
     """Outputs of the estimator, from its first sample on."""
 
     first: int  # sample at which it starts
-    place: np.ndarray  # (T, 3) position of the base, m, axes of the base at the start, z up
+    position: np.ndarray  # (T, 3) position of the base, m, axes of the base at the start, z up
     velocity: np.ndarray  # (T, 3) m/s, body frame
     rotation: np.ndarray  # (T, 3, 3)
     yaw: np.ndarray  # (T,) rad
@@ -105,7 +105,9 @@ def estimate(recording: Recording) -> Estimated:
     """Run attitude filter and base estimator on a recording."""
     config = structure(SETTINGS, EstimatorConfig, "SETTINGS")
     attitudes, estimator = AttitudeEstimator(config.attitude), BaseEstimator(recording.robot, config)
-    velocity = np.diff(recording.position, axis=0, prepend=recording.position[:1]) / recording.period_s
+    velocity = (
+        np.diff(recording.joint_position, axis=0, prepend=recording.joint_position[:1]) / recording.period_s
+    )
     first, found = None, []
     for sample, (gyro, acceleration) in enumerate(zip(recording.gyro, recording.acceleration, strict=True)):
         elapsed_s = recording.period_s if sample else 0.0
@@ -116,7 +118,7 @@ def estimate(recording: Recording) -> Estimated:
             gyro,
             acceleration,
             np.array(attitude.quaternion),
-            recording.position[sample],
+            recording.joint_position[sample],
             velocity[sample],
             np.full(velocity.shape[1], np.nan),
             recording.force[sample],
@@ -142,22 +144,22 @@ def rms(errors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def slope(place: np.ndarray, period_s: float) -> np.ndarray:
-    """Velocity (T - 2 SLOPE, 3) of places (T, 3): least squares over each 2 SLOPE + 1 samples."""
+def slope(position: np.ndarray, period_s: float) -> np.ndarray:
+    """Velocity (T - 2 SLOPE, 3) of positions (T, 3): least squares over each 2 SLOPE + 1 samples."""
     steps = np.arange(-SLOPE, SLOPE + 1)
     weights = steps / (np.sum(steps**2) * period_s)
-    windows = np.lib.stride_tricks.sliding_window_view(place, len(steps), axis=0)
+    windows = np.lib.stride_tricks.sliding_window_view(position, len(steps), axis=0)
     result: np.ndarray = windows @ weights
     return result
 
 
 def figures(recording: Recording, found: Estimated) -> dict[str, str]:
     """Errors, by name, with their units."""
-    place, rotation = recording.place[found.first :], recording.rotation[found.first :]
+    position, rotation = recording.position[found.first :], recording.rotation[found.first :]
     start = heading_matrix(-math.atan2(rotation[0, 1, 0], rotation[0, 0, 0]))
-    end = found.place[-1] - start @ (place[-1] - place[0])
+    end = found.position[-1] - start @ (position[-1] - position[0])
     inner = slice(SLOPE, -SLOPE)
-    true = slope(place, recording.period_s)
+    true = slope(position, recording.period_s)
     velocity = found.velocity[inner] - np.einsum("tji,tj->ti", rotation[inner], true)
     tilt = np.degrees(np.linalg.norm(found.rotation[:, 2] - rotation[:, 2], axis=1))
     moves = np.linalg.norm(true[:, :2], axis=1) > MOVING_M_S
@@ -165,7 +167,7 @@ def figures(recording: Recording, found: Estimated) -> dict[str, str]:
     lasting = np.flatnonzero(moves)
     moving = tilt[inner][lasting[0] : lasting[-1] + 1] if len(lasting) else tilt
     return {
-        "way": f"{1e3 * np.linalg.norm((place[-1] - place[0])[:2]):.0f} mm",
+        "way": f"{1e3 * np.linalg.norm((position[-1] - position[0])[:2]):.0f} mm",
         "off at the end": f"{1e3 * np.linalg.norm(end[:2]):.0f} mm",
         "velocity RMSE x, y, z": ", ".join(f"{1e3 * rms(axis):.0f}" for axis in velocity.T) + " mm/s",
         "tilt RMS, all / in motion": f"{rms(tilt):.2f} / {rms(moving):.2f} degrees",

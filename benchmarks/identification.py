@@ -118,8 +118,8 @@ def truth_of(
     model = plant_model(robot)
     way = np.mod(recording.read_s[:, leg.joints] - recording.time_s[:, None] + 1e-9, recording.period_s)
     found = {
-        ("delay_s", name): float(sample["action_delay_s"] + way[:, place].mean())
-        for place, name in enumerate(leg.joint_names)
+        ("delay_s", name): float(sample["action_delay_s"] + way[:, index].mean())
+        for index, name in enumerate(leg.joint_names)
     }
     for quantity, values in sample.items():
         if np.ndim(values) and len(values) == len(robot.joint_names):
@@ -169,8 +169,8 @@ def run(name: str, number: int, legs: int) -> list[Outcome]:
             for row, motion in enumerate((FITTED, JUDGING))
         )
     outcomes = []
-    for place in range(legs):
-        leg = all_legs[(number + place) % len(all_legs)]
+    for index in range(legs):
+        leg = all_legs[(number + index) % len(all_legs)]
         fit = fit_leg(leg, [fitted], [judging])
         outcomes.append(judged(number, leg, fit, truth_of(robot, leg, sample, fitted)))
     return outcomes

@@ -80,9 +80,9 @@ def heavy_plant(robot: Robot, folder: Path) -> Path:
     for foot in robot.description.feet:
         geom = spec.geom(foot.geoms[0])
         body: mujoco.MjsBody = geom.parent
-        place, centre = np.array(geom.pos), np.array(body.ipos)
+        position, centre = np.array(geom.pos), np.array(body.ipos)
         mass = body.mass + WEIGHT_KG
-        offset = place - centre
+        offset = position - centre
         reduced = body.mass * WEIGHT_KG / mass
         body.ipos = centre + WEIGHT_KG / mass * offset
         body.inertia = np.array(body.inertia) + reduced * (offset @ offset - offset**2)

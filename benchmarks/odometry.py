@@ -40,7 +40,7 @@ FIRST_SEED = 1000
 RECORD_EVERY_S = 0.237  # no multiple of a gait period: errors oscillate with the stride
 SHARE = 0.5  # share of the robot's highest commands
 SIDE_S = 3.0  # duration of one side of the rectangle
-PARTS = {"horizontal place": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
+PARTS = {"horizontal position": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
 PLANTS = ("nominal", "randomised")
 GOAL = 2.0  # drift, % of the distance
 LONG_ENOUGH_M = 0.5  # drift per distance is not computed for shorter paths
@@ -103,7 +103,7 @@ class EstimatorRecorder:
             return
         if not self.rows:
             self._estimator.start()
-            self._from_place, quaternion = body.truth().base_position, body.truth().base_quaternion
+            self._from_position, quaternion = body.truth().base_position, body.truth().base_quaternion
             self._from_yaw = float(heading(quaternion))
         self._plan = self._policy.stance()
         if loop.walking_s >= self._next_record_s:
@@ -112,15 +112,15 @@ class EstimatorRecorder:
 
     def _record(self, time_s: float, body: SimulatedRobot) -> None:
         truth, found = body.truth(), self._estimator.odometry()
-        place = heading_matrix(-self._from_yaw) @ (truth.base_position - self._from_place)
+        true_position = heading_matrix(-self._from_yaw) @ (truth.base_position - self._from_position)
         yaw = wrap_angle(float(heading(truth.base_quaternion)) - self._from_yaw)
         self.rows.append(
             {
                 "time_s": time_s,
-                "true": place.tolist(),
+                "true": true_position.tolist(),
                 "estimated": found.position.tolist(),
                 "error": [
-                    *(found.position - place).tolist(),
+                    *(found.position - true_position).tolist(),
                     wrap_angle(found.yaw - yaw),
                     *(found.velocity - truth.base_velocity).tolist(),
                 ],

@@ -45,9 +45,9 @@ def run(task: Task) -> dict[str, Any]:
     return {"numbers": windows.of(used).fit().tolist()}
 
 
-def mean_error_mrad(windows: Shooting, numbers: np.ndarray, places: Sequence[int]) -> float:
+def mean_error_mrad(windows: Shooting, numbers: np.ndarray, members: Sequence[int]) -> float:
     """Mean absolute error over windows of some recordings, mrad."""
-    error = windows.errors(numbers)[np.isin(windows.recording, places)]
+    error = windows.errors(numbers)[np.isin(windows.recording, members)]
     return float(1e3 * np.abs(error).mean())
 
 
@@ -86,18 +86,18 @@ def report_errors(folder: str, servo: str, fits: dict[tuple[str, str, int], np.n
     for name, values in SERVOS[servo].makers.items():
         each = [makers_problem(folder, servo, window_s) for window_s in (1.0, LONG_S)]
         numbers = np.array([values[number.name] for number in each[0].numbers])
-        short, long = ([mean_error_mrad(part, numbers, places) for _, places in parts] for part in each)
+        short, long = ([mean_error_mrad(part, numbers, members) for _, members in parts] for part in each)
         rows.append([f"makers: {name}", *_cells(short), f"{np.mean(long):.1f}", ""])
     for model in MODELS:
         each = [problem(folder, servo, model, window_s) for window_s in (1.0, LONG_S)]
         short, long = (
             [
-                mean_error_mrad(part, fits[model, "without", place], places)
-                for place, (_, places) in enumerate(parts)
+                mean_error_mrad(part, fits[model, "without", fold], members)
+                for fold, (_, members) in enumerate(parts)
             ]
             for part in each
         )
-        known = [mean_error_mrad(each[0], fits[model, "all", 0], places) for _, places in parts]
+        known = [mean_error_mrad(each[0], fits[model, "all", 0], members) for _, members in parts]
         refused = [
             name
             for (name, _), held_out, fitted in zip(parts, short, known, strict=True)
@@ -119,12 +119,12 @@ def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarra
     fitted = fits["joint law", "all", 0]
     draws = np.array([numbers for (_, kind, _), numbers in fits.items() if kind == "draw"])
     rows = []
-    for place, number in enumerate(windows.numbers):
-        low, high = interval(list(draws[:, place])) if len(draws) else interval([])
-        value = f"{fitted[place]:.4g}"
+    for fold, number in enumerate(windows.numbers):
+        low, high = interval(list(draws[:, fold])) if len(draws) else interval([])
+        value = f"{fitted[fold]:.4g}"
         if min(low - number.low, number.high - high) < AT_BOUND * number.scale:
             value = f"refused: {value} is at its bound"
-        elif high - low > 2.0 * SUPPORTED * abs(fitted[place]):
+        elif high - low > 2.0 * SUPPORTED * abs(fitted[fold]):
             value = f"refused: {value} is not determined"
         rows.append([number.name, number.unit, value, f"{low:.4g} to {high:.4g}"])
     print(table(["joint law", "unit", "fit to all", "95 % over recordings"], rows))
@@ -152,9 +152,9 @@ def plot(path: Path, folder: str, servo: str, fits: dict[tuple[str, str, int], n
     model = list(MODELS)[-1]
     windows = problem(folder, servo, model)
     error = np.zeros_like(windows.measured)
-    for place, (_, places) in enumerate(folds(folder, servo)):
-        mine = np.isin(windows.recording, places)
-        error[mine] = windows.errors(fits[model, "without", place])[mine]
+    for fold, (_, members) in enumerate(folds(folder, servo)):
+        mine = np.isin(windows.recording, members)
+        error[mine] = windows.errors(fits[model, "without", fold])[mine]
     names = [log.name for log in logs(folder, servo)]
     plot_windows(path, windows.measured, error, windows.recording, names, ("position, rad",))
 

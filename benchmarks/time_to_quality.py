@@ -119,8 +119,12 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
     theirs = folder / f"{PLAYGROUND}.npz"
     if theirs.exists():
         kept = load_actors(theirs)
-        for place in range(1, len(kept.time_s)):  # the first policy is untrained
-            found[f"{theirs}#{place}"] = (PLAYGROUND, float(kept.time_s[place]), int(kept.steps[place]))
+        for snapshot in range(1, len(kept.time_s)):  # the first policy is untrained
+            found[f"{theirs}#{snapshot}"] = (
+                PLAYGROUND,
+                float(kept.time_s[snapshot]),
+                int(kept.steps[snapshot]),
+            )
     return found
 
 
@@ -137,13 +141,13 @@ def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[
 
 def _run(task: EpisodeTask) -> EpisodeOutcome:
     """Run an episode in a worker process, with either kind of policy."""
-    file, _, place = task.policy.partition("#")
-    return run_with(_playground(file, int(place)), task) if place else run_task(task)
+    file, _, snapshot = task.policy.partition("#")
+    return run_with(_playground(file, int(snapshot)), task) if snapshot else run_task(task)
 
 
 @cache
-def _playground(file: str, place: int) -> PlaygroundPolicy:
-    return PlaygroundPolicy(_actors(file), place, load_robot(ROBOT))
+def _playground(file: str, snapshot: int) -> PlaygroundPolicy:
+    return PlaygroundPolicy(_actors(file), snapshot, load_robot(ROBOT))
 
 
 @cache

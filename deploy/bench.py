@@ -96,7 +96,7 @@ class Bench:
 
     def _unsettled(self) -> str:
         moving = np.abs(self._values[1]) > MAX_REST_SPEED_RAD_S
-        moves = f"{self._wiring.place(int(moving.argmax()))} moves" if moving.any() else ""
+        moves = f"{self._wiring.label(int(moving.argmax()))} moves" if moving.any() else ""
         return self.missing() or moves
 
     def clear(self) -> str:
@@ -117,7 +117,7 @@ class Bench:
             elsewhere = np.abs(self._values[0]) > MAX_ZERO_ERROR_RAD
             if not elsewhere.any():
                 return ""
-        return f"{self._wiring.place(int(elsewhere.argmax()))} did not set its zero"
+        return f"{self._wiring.label(int(elsewhere.argmax()))} did not set its zero"
 
     def disable(self) -> None:
         """Disable the motors."""
@@ -129,7 +129,7 @@ class Bench:
     def missing(self) -> str:
         """First silent motor; empty if all reply."""
         silent = self._now_us - self._heard_us > SILENCE_TIMEOUT_US
-        return f"no answer from {self._wiring.place(int(silent.argmax()))}" if silent.any() else ""
+        return f"no answer from {self._wiring.label(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:
         """Latest state of each motor."""

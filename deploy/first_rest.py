@@ -15,16 +15,16 @@ AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # reading of an accelerometer at r
 class FirstRest:
     """Averages accelerations while the robot is at rest, because motion would hide gravity."""
 
-    def __init__(self, still_s: float, limits: ImuLimits, places: list[str]) -> None:
+    def __init__(self, still_s: float, limits: ImuLimits, labels: list[str]) -> None:
         """Start without readings.
 
         Args:
             still_s: required time at rest; 0 for no check.
             limits: limits of rest and of the error of gravity.
-            places: names of the joints' motors, for messages.
+            labels: names of the joints' motors, for messages.
         """
         self._still_s, self._limits = still_s, limits
-        self._sources = [*("the IMU's gyro",) * 3, *places]  # source of each speed
+        self._sources = [*("the IMU's gyro",) * 3, *labels]  # source of each speed
         self._since_us: int | None = None
         self._sum, self._count = np.zeros(3), 0  # sum of accelerations since then, world axes
         self._speed = np.zeros(len(self._sources))  # base about its axes, then joints, rad/s

@@ -55,14 +55,14 @@ def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilte
         UserError: a bus cannot be opened, or another process commands a robot on it.
     """
     with ExitStack() as resources:
-        for name, place in _places(kind, names).items():
-            resources.enter_context(held(f"bus/{place}", f"bus {name} ({kind})"))
+        for name, key in _lock_keys(kind, names).items():
+            resources.enter_context(held(f"bus/{key}", f"bus {name} ({kind})"))
         bus = open_interfaces(kind, names, filters)
         resources.callback(bus.close)
         yield bus
 
 
-def _places(kind: str, names: tuple[str, ...]) -> dict[str, str]:
+def _lock_keys(kind: str, names: tuple[str, ...]) -> dict[str, str]:
     """Keys that identify buses shared between processes, by their names in robot.yaml."""
     if kind == VIRTUAL:  # private to this process
         return {}

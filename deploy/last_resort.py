@@ -70,15 +70,15 @@ class LastResort:
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
             pulls = self._joints.torque_share > MIN_TORQUE_SHARE
             on = ~unanswered & (self._driver.not_confirmed_off() | pulls)
-            self.silent_at_the_end, self.on_at_the_end = self._places(unanswered), self._places(on)
+            self.silent_at_the_end, self.on_at_the_end = self._labels(unanswered), self._labels(on)
             if not self.silent_at_the_end and not self.on_at_the_end:
                 return
             with suppress(BaseException):
                 self._bus.send(self._driver.disable(), now_us)
             now_us = self._clock.next_tick()
 
-    def _places(self, joints: np.ndarray) -> list[str]:
-        return [self._wiring.place(int(joint)) for joint in np.flatnonzero(joints)]
+    def _labels(self, joints: np.ndarray) -> list[str]:
+        return [self._wiring.label(int(joint)) for joint in np.flatnonzero(joints)]
 
 
 def in_one_line(error: BaseException) -> str:

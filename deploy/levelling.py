@@ -60,7 +60,7 @@ class Levelling:
 
 def on_two_soles(legs: Legs) -> bool:
     """Whether the robot stands on two feet that can press with their toes or their heels."""
-    soles = all(np.ptp(spheres.place, axis=0).max() >= MIN_SOLE_M for spheres in legs.spheres)
+    soles = all(np.ptp(spheres.centre, axis=0).max() >= MIN_SOLE_M for spheres in legs.spheres)
     return legs.count == 2 and soles
 
 

@@ -12,7 +12,7 @@ def beyond(position: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.nda
     return np.maximum(np.maximum(lower - position, position - upper), 0.0)
 
 
-def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margin_rad: float) -> str:
+def impossible_pose(robot: Robot, labels: list[str], position: np.ndarray, margin_rad: float) -> str:
     """First joint with an impossible position, and the likely reason; empty if all are possible.
 
     An encoder at the rotor is absolute within one turn of the rotor, one at the output within one turn of the
@@ -20,7 +20,7 @@ def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margi
 
     Args:
         robot: robot with these joints.
-        places: names of the joints' motors, for the message.
+        labels: names of the joints' motors, for the message.
         position: measured positions, rad, (n,).
         margin_rad: permitted distance beyond a joint's range.
     """
@@ -34,7 +34,7 @@ def impossible_pose(robot: Robot, places: list[str], position: np.ndarray, margi
     reason = _turns(float(position[joint]), lower, upper, math.tau, "of the joint")
     reason = reason or _turns(float(position[joint]), lower, upper, sector, "of its rotor")
     return (
-        f"{places[joint]} reads {position[joint]:.2f} rad, outside its range of"
+        f"{labels[joint]} reads {position[joint]:.2f} rad, outside its range of"
         f" {robot.lower_rad[joint]:.2f} to {robot.upper_rad[joint]:.2f} rad{reason}"
     )
 

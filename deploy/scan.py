@@ -91,8 +91,8 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
             bus.send(frames, now_us)
             now_us = clock.next_tick()
             for answer in bus.receive(now_us):
-                places = zip(answer.channel.tolist(), answer.id.tolist(), strict=True)
-                free = [is_free(*place) for place in places]
+                addresses = zip(answer.channel.tolist(), answer.id.tolist(), strict=True)
+                free = [is_free(*address) for address in addresses]
                 found |= _senders(answer.take(np.array(free, bool)), answering)
     return found
 

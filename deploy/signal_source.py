@@ -60,10 +60,10 @@ class SignalSource:
         self._joints, self._postures, self._end = joints, postures, end
         self._wiring_check, self._recovery = wiring_check, recovery
         self._channel, self._buses = wiring.channel, wiring.buses
-        self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
+        self._labels = [wiring.label(joint) for joint in range(len(robot.joint_names))]
         answering = getattr(driver, "answers_each_frame", False)
         self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s, answering=answering)
-        self._first_rest = FirstRest(safety.still_s, safety.sensors, self._places)
+        self._first_rest = FirstRest(safety.still_s, safety.sensors, self._labels)
         self._first_pose_rad = safety.first_pose_rad
         self._silence_us = safety.silence_timeout_s * 1e6
         self._skipped = SkippedTicks(config.tick_us)
@@ -152,7 +152,7 @@ class SignalSource:
         not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us)
         if not heard:
             return StartSignals(not_ready), None
-        pose = impossible_pose(self._robot, self._places, joints.joints[0], self._first_pose_rad)
+        pose = impossible_pose(self._robot, self._labels, joints.joints[0], self._first_pose_rad)
         implausible = self._monitor.first_contradiction(joints) or rest.contradiction()
         return StartSignals(not_ready, pose), implausible
 
@@ -166,9 +166,9 @@ class SignalSource:
                 return "any motor"
             if of_bus.all() and len(of_bus) > 1:
                 return f"any motor on {self._buses[channel]}"
-        return self._places[oldest]
+        return self._labels[oldest]
 
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])
         code = int(errors[joint])
-        return f"motor {self._places[joint]} reports {self._driver.error_name(code, joint)}"
+        return f"motor {self._labels[joint]} reports {self._driver.error_name(code, joint)}"

@@ -46,7 +46,7 @@ class Wiring:
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
-    def place(self, joint: int) -> str:
+    def label(self, joint: int) -> str:
         """Name, bus and id of a joint's motor, for messages."""
         bus, motor = self.buses[self.channel[joint]], self.motor_id[joint]
         return f"{self.joint_names[joint]} ({bus}, id {motor})"

@@ -117,10 +117,10 @@ def scales_joints(*names: str) -> Effect:
 
     def change(nominal: Array, drawn: Array, where: BodyMap) -> Array:
         xp = nominal.__array_namespace__()
-        place, rest = np.zeros((nominal.shape[0], len(where.dofs))), np.ones(nominal.shape[0])
-        place[list(where.dofs), np.arange(len(where.dofs))] = 1.0
+        selection, rest = np.zeros((nominal.shape[0], len(where.dofs))), np.ones(nominal.shape[0])
+        selection[list(where.dofs), np.arange(len(where.dofs))] = 1.0
         rest[list(where.dofs)] = 0.0
-        spread = xp.asarray(place, dtype=nominal.dtype) @ drawn
+        spread = xp.asarray(selection, dtype=nominal.dtype) @ drawn
         return nominal * (spread + xp.asarray(rest, dtype=nominal.dtype))
 
     return Effect(names, change)

@@ -21,7 +21,7 @@ class Base:
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         joint = model.body(robot.description.base).jntadr[0]
         start, speed = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        self._place = slice(start, start + 3)
+        self._position = slice(start, start + 3)
         self._quaternion = slice(start + 3, start + 7)
         self._linear = slice(speed, speed + 3)
         self._angular = slice(speed + 3, speed + 6)
@@ -29,7 +29,7 @@ class Base:
 
     def position(self, qpos: Array) -> Array:
         """Position of the base in the world, m, (3,)."""
-        return qpos[self._place]
+        return qpos[self._position]
 
     def quaternion(self, qpos: jax.Array) -> jax.Array:
         """Body to world, w x y z."""
@@ -53,11 +53,11 @@ class Base:
 
     def shifted(self, qpos: jax.Array, offset: jax.Array) -> jax.Array:
         """Positions with the base moved by an offset (3,), m, in the world."""
-        return qpos.at[self._place].add(offset)
+        return qpos.at[self._position].add(offset)
 
     def at_height(self, qpos: jax.Array, height_m: jax.Array) -> jax.Array:
         """Positions with the base at another height above the world's origin."""
-        return qpos.at[self._place.stop - 1].set(height_m)
+        return qpos.at[self._position.stop - 1].set(height_m)
 
     def moving(self, qvel: jax.Array, linear: jax.Array, yaw_rate: jax.Array) -> jax.Array:
         """Velocities with the base's horizontal velocity (2,) and its yaw rate set."""

@@ -21,7 +21,7 @@ SPACING_M = 0.13  # between two points along a shape, at most
 
 
 class Level(NamedTuple):
-    """Links at the same depth of the tree; the place of a link in the last level is its parent's number."""
+    """Links at the same depth of the tree; a link's index in the level above is its parent's number."""
 
     parent: np.ndarray  # (links,)
     position: np.ndarray  # (links, 3) m, in the parent's frame
@@ -47,11 +47,11 @@ class BodyPoints:
                 (number, link.body_origin + at, radius) for at, radius in _points(model, link.body, feet)
             ]
         self._link = np.array([number for number, _, _ in found], dtype=int)
-        self._place = np.array([at for _, at, _ in found]).reshape(-1, 3).astype(np.float32)
+        self._offset = np.array([at for _, at, _ in found]).reshape(-1, 3).astype(np.float32)
         self.radius = np.array([radius for _, _, radius in found], dtype=np.float32)  # (points,) m
         self.on_base = self._link == 0  # (points,) bool
 
-    def places(self, qpos: jax.Array) -> jax.Array:
+    def points(self, qpos: jax.Array) -> jax.Array:
         """The points in the world, m, (points, 3), of positions qpos (nq,)."""
         positions = self._base.position(qpos)[None]
         rotations = rotation_matrix(self._base.quaternion(qpos))[None]
@@ -65,7 +65,7 @@ class BodyPoints:
             all_positions.append(positions)
             all_rotations.append(rotations)
         origin, turned = (jnp.concatenate(each)[self._link] for each in (all_positions, all_rotations))
-        return origin + jnp.einsum("pij,pj->pi", turned, self._place)
+        return origin + jnp.einsum("pij,pj->pi", turned, self._offset)
 
 
 def _by_depth(links: list[Link]) -> list[list[Link]]:
@@ -105,7 +105,7 @@ def _about(axis: np.ndarray, angle: jax.Array) -> jax.Array:
 
 
 def _points(model: mujoco.MjModel, body: int, feet: set[str]) -> Iterator[tuple[np.ndarray, float]]:
-    """Places in the body's frame, m, and radii, m, of points on its collision shapes."""
+    """Positions in the body's frame, m, and radii, m, of points on its collision shapes."""
     for geom in np.flatnonzero(model.geom_bodyid == body).tolist() if body >= 0 else ():
         if model.geom(geom).name in feet or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
             continue
@@ -115,8 +115,8 @@ def _points(model: mujoco.MjModel, body: int, feet: set[str]) -> Iterator[tuple[
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         outside = np.any(np.abs(grid) > half - 1e-9, axis=1)  # true of all points of a line
         turn = rotation_matrix(model.geom_quat[geom])
-        for place in grid[outside]:
-            yield model.geom_pos[geom] + turn @ (model.geom_aabb[geom, :3] + place), radius
+        for corner in grid[outside]:
+            yield model.geom_pos[geom] + turn @ (model.geom_aabb[geom, :3] + corner), radius
 
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:

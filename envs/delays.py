@@ -49,9 +49,9 @@ def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: f
     """
     if delay_s is None:
         return recent[-1]
-    place = jnp.clip(recent.shape[0] - 1 - delay_s / timestep_s, 0.0, recent.shape[0] - 1.0)
-    before = jnp.floor(place).astype(jnp.int32)
+    row = jnp.clip(recent.shape[0] - 1 - delay_s / timestep_s, 0.0, recent.shape[0] - 1.0)
+    before = jnp.floor(row).astype(jnp.int32)
     after = jnp.minimum(before + 1, recent.shape[0] - 1)
-    share = place - before
+    share = row - before
     column = jnp.arange(recent.shape[1]) if jnp.ndim(delay_s) else slice(None)
     return (1.0 - share) * recent[before, column] + share * recent[after, column]

@@ -21,8 +21,10 @@ def make_gait(robot: Robot, config: GaitConfig) -> Gait:
     amplitude = np.zeros(len(robot.joint_names))
     phase = np.zeros(len(robot.joint_names))
     pattern = find_gait(config.name, robot)
-    for foot, joints, place in zip(robot.description.feet, robot.foot_joints, pattern.phase, strict=True):
-        phase[joints] = place
+    for foot, joints, foot_phase in zip(
+        robot.description.feet, robot.foot_joints, pattern.phase, strict=True
+    ):
+        phase[joints] = foot_phase
         if config.reference_lift_m > 0:
             amplitude[joints] = _lift(robot, foot, joints, config.reference_lift_m)
     return Gait(config.frequency_hz, tuple(phase.tolist()), tuple(amplitude.tolist()), pattern.duty)

@@ -8,14 +8,14 @@ Array = Any  # a NumPy or a JAX array
 CONTACT_CLEARANCE_M = 0.002  # a foot closer to the ground counts as touching
 
 
-def ground_height(place: Array) -> Array:
-    """Height of the ground below or above places (..., 3), in the world, m, (...)."""
-    return place.__array_namespace__().zeros_like(place[..., 2])
+def ground_height(position: Array) -> Array:
+    """Height of the ground below or above positions (..., 3), in the world, m, (...)."""
+    return position.__array_namespace__().zeros_like(position[..., 2])
 
 
-def height_above_ground(place: Array) -> Array:
-    """Height of places (..., 3) in the world above the ground below them, m, (...)."""
-    return place[..., 2] - ground_height(place)
+def height_above_ground(position: Array) -> Array:
+    """Height of positions (..., 3) in the world above the ground below them, m, (...)."""
+    return position[..., 2] - ground_height(position)
 
 
 def in_contact(clearance: jax.Array) -> jax.Array:

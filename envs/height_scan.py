@@ -22,7 +22,7 @@ from footfall.policies.height_scan import NAME, HeightScan
 
 DUE_TOLERANCE_S = 1e-4  # of a scan's time, which is a sum of rounded numbers
 
-Heights = Callable[[jax.Array], jax.Array]  # from places (..., 2) in the world to the ground's height, m
+Heights = Callable[[jax.Array], jax.Array]  # from positions (..., 2) in the world to the ground's height, m
 
 
 class Scans(NamedTuple):
@@ -73,4 +73,4 @@ class Scanner:
         return jnp.append(self._base.position(state.qpos), yaw)
 
     def _heights(self, pose: jax.Array, ground: Heights, shift: jax.Array) -> jax.Array:
-        return ground(self._scan.places(pose[:3], pose[3], shift)) - pose[2]
+        return ground(self._scan.positions(pose[:3], pose[3], shift)) - pose[2]

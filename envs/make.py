@@ -57,5 +57,5 @@ def outside_sources(config: EnvConfig) -> list[tuple[str, bytes]]:
         UserError: a module cannot be imported.
     """
     listed = (entry.term for kind in ("observation", *TERM_LISTS) for entry in getattr(config, kind))
-    places = {config.task, config.commands.term, *listed}
-    return sources(sorted(filter(is_import_path, places)))
+    names = {config.task, config.commands.term, *listed}
+    return sources(sorted(filter(is_import_path, names)))

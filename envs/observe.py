@@ -91,7 +91,7 @@ class Observer:
             state: after the control step; its last action, command and phase are part of the observation.
             recent: readings after each of the last physics steps, oldest first, shape (k, numbers).
             u: uniform numbers for the noise, shape (numbers,).
-            ground: height of the ground at places in the world.
+            ground: height of the ground at positions in the world.
             first: whether an episode begins; its first values then fill the whole history.
             lateness_s: delay of each number in this step, s, (numbers,); None: the sample's constant delay.
         """

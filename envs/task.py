@@ -127,8 +127,8 @@ def _terms(entries: Sequence[NamedTermConfig], available: dict[str, Any], what: 
     check_labels(entries, where)
     found = {}
     for index, entry in enumerate(entries):
-        place = f"{where}[{index}]"
-        found[entry.label] = bind(choose(entry.term, available, what, place), entry.settings, place)
+        key = f"{where}[{index}]"
+        found[entry.label] = bind(choose(entry.term, available, what, key), entry.settings, key)
     return Terms(found)
 
 
@@ -136,29 +136,29 @@ def _critic(entries: Sequence[NamedTermConfig]) -> tuple[Terms, list[Kind]]:
     check_labels(entries, "env.critic")
     found, kinds = {}, []
     for index, entry in enumerate(entries):
-        place = f"env.critic[{index}]"
-        term = choose(entry.term, CRITIC, "critic term", place)
-        _require(term, CriticTerm, "critic_term", place)
-        found[entry.label] = bind(term.source, entry.settings, place)
+        key = f"env.critic[{index}]"
+        term = choose(entry.term, CRITIC, "critic term", key)
+        _require(term, CriticTerm, "critic_term", key)
+        found[entry.label] = bind(term.source, entry.settings, key)
         kinds.append(term.kind)
     return Terms(found), kinds
 
 
 def _command(config: EnvConfig) -> CommandTerm:
-    place = "env.commands"
-    term = choose(config.commands.term, COMMANDS, "command term", place)
-    _require(term, CommandTerm, "command_term", place)
-    return term._replace(draw=bind(term.draw, config.commands.settings, place))
+    key = "env.commands"
+    term = choose(config.commands.term, COMMANDS, "command term", key)
+    _require(term, CommandTerm, "command_term", key)
+    return term._replace(draw=bind(term.draw, config.commands.settings, key))
 
 
 def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
     check_labels(entries, "env.events")
     parts, found = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count), {}
     for index, entry in enumerate(entries):
-        place = f"env.events[{index}]"
-        term = choose(entry.term, EVENTS, "event", place)
-        _require(term, EventTerm, "event_term", place)
-        change = bind(term.change, entry.settings, place)
+        key = f"env.events[{index}]"
+        term = choose(entry.term, EVENTS, "event", key)
+        _require(term, EventTerm, "event_term", key)
+        change = bind(term.change, entry.settings, key)
         interval_s = entry.interval_s or term.interval_s
         found[entry.label] = Event(
             change, term.numbers(parts), interval_s, term.heeds_due, term.generated_only
@@ -170,11 +170,11 @@ def _curricula(config: EnvConfig, events: dict[str, Event]) -> list[Curriculum]:
     check_labels(config.curricula, "env.curricula")
     found = []
     for index, entry in enumerate(config.curricula):
-        place = f"env.curricula[{index}]"
+        key = f"env.curricula[{index}]"
         if entry.of not in (*OTHERS, *events):
-            raise UserError(f"{place}.of: no '{entry.of}': there are {', '.join((*OTHERS, *events))}")
-        term = choose(entry.term, CURRICULA, "curriculum", place)
-        found.append(Curriculum(entry.of, bind(term, entry.settings, place)))
+            raise UserError(f"{key}.of: no '{entry.of}': there are {', '.join((*OTHERS, *events))}")
+        term = choose(entry.term, CURRICULA, "curriculum", key)
+        found.append(Curriculum(entry.of, bind(term, entry.settings, key)))
     return found
 
 

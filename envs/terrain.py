@@ -88,8 +88,8 @@ class LevelGround:
         return data._replace(contact=in_contact(clearance), clearance=clearance, foot_tilt=tilt)
 
     def base(self, state: State, data: StepData) -> StepData:
-        place = self._scene.base.position(state.qpos)
-        return data._replace(height=height_above_ground(place), place=place)
+        base_position = self._scene.base.position(state.qpos)
+        return data._replace(height=height_above_ground(base_position), base_position=base_position)
 
 
 class Walked(NamedTuple):
@@ -119,8 +119,8 @@ class Pieces:
         data = mujoco.MjData(model)
         data.qpos[:] = scene.standing
         mujoco.mj_kinematics(model, data)
-        places = data.geom_xpos[points] - scene.base.position(scene.standing)
-        self._standing = jnp.asarray(places, dtype=jnp.float32)  # (points, 3) m, from the base
+        positions = data.geom_xpos[points] - scene.base.position(scene.standing)
+        self._standing = jnp.asarray(positions, dtype=jnp.float32)  # (points, 3) m, from the base
         self._period_s, self._timestep_s = scene.period_s, config.timestep_s
 
     def begin(self, state: State, key: jax.Array, before: State | None) -> State:
@@ -188,38 +188,38 @@ class Pieces:
 
     def base(self, state: State, data: StepData) -> StepData:
         walked, base = _walked(state), self._scene.base
-        place = base.position(state.qpos)
+        base_position = base.position(state.qpos)
         yaw = heading(base.quaternion(state.qpos))
         return data._replace(
-            height=place[2] - jnp.mean(height_at(self._ground, walked.feet, walked.piece)),
-            place=place,
+            height=base_position[2] - jnp.mean(height_at(self._ground, walked.feet, walked.piece)),
+            base_position=base_position,
             forward=jnp.stack([jnp.cos(yaw), jnp.sin(yaw)]),
             ground=Partial(_height_on, self._ground, walked.piece),
         )
 
     def _distance(self, walked: Walked) -> jax.Array:
         """Distance of each foot point's sphere from the ground, m, (points,); below 0 in contact."""
-        place = walked.feet
-        plane, level = self._near(place, walked.piece)
-        to_plane = jnp.sum(plane[:, :3] * place, axis=1) - plane[:, 3]
-        away = jnp.sum(level[:, :2] * place[:, :2], axis=1) - level[:, 2]
-        above = place[:, 2] - level[:, 3]
+        feet = walked.feet
+        plane, level = self._near(feet, walked.piece)
+        to_plane = jnp.sum(plane[:, :3] * feet, axis=1) - plane[:, 3]
+        away = jnp.sum(level[:, :2] * feet[:, :2], axis=1) - level[:, 2]
+        above = feet[:, 2] - level[:, 3]
         outside = jnp.hypot(jnp.maximum(away, 0.0), jnp.maximum(above, 0.0))
         to_level = jnp.where(outside > 0.0, outside, jnp.maximum(away, above))
         return jnp.where(away > 0.0, jnp.minimum(to_plane, to_level), to_level) - self._radius
 
-    def _near(self, place: jax.Array, piece: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def _near(self, points: jax.Array, piece: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Plane below points (points, 3), and edge near them, (points, 4) each, as in `interface.GROUND`."""
-        height, slope = tangent_at(self._ground, place, piece)
+        height, slope = tangent_at(self._ground, points, piece)
         if self._has_edges:
-            edge = edge_at(self._ground, place, piece)
+            edge = edge_at(self._ground, points, piece)
             height = jnp.where(self._ground.stepped[piece], edge.low, height)
             level = jnp.column_stack([edge.away, edge.offset, edge.high])
         else:
-            level = jnp.tile(jnp.array([1.0, 0.0, UNREACHABLE_M, UNREACHABLE_M]), (len(place), 1))
-        normal = jnp.column_stack([-slope, jnp.ones(len(place))])
+            level = jnp.tile(jnp.array([1.0, 0.0, UNREACHABLE_M, UNREACHABLE_M]), (len(points), 1))
+        normal = jnp.column_stack([-slope, jnp.ones(len(points))])
         normal = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
-        below = jnp.column_stack([place[:, :2], height])
+        below = jnp.column_stack([points[:, :2], height])
         return jnp.column_stack([normal, jnp.sum(normal * below, axis=1)]), level
 
 
@@ -236,8 +236,8 @@ def make_terrain(config: EnvConfig, engine: Engine, model: mujoco.MjModel, scene
     return Pieces(config, config.terrain, model, scene)
 
 
-def _height_on(ground: Ground, piece: jax.Array, place: jax.Array) -> jax.Array:
-    return height_at(ground, place, piece)
+def _height_on(ground: Ground, piece: jax.Array, position: jax.Array) -> jax.Array:
+    return height_at(ground, position, piece)
 
 
 def _walked(state: State) -> Walked:

@@ -21,45 +21,45 @@ SECTION = "own"  # part of a scenario's summary: {name: mean over episodes}
 
 
 @cache
-def load_metric(place: str) -> Metric:
+def load_metric(import_path: str) -> Metric:
     """The function at MODULE:NAME.
 
     Raises:
         UserError: there is no such module or function.
     """
-    metric: Metric = find(place, "metric")
+    metric: Metric = find(import_path, "metric")
     if not callable(metric):
-        raise UserError(f"no metric '{place}': it is not a function")
+        raise UserError(f"no metric '{import_path}': it is not a function")
     return metric
 
 
-def name_of(place: str) -> str:
+def name_of(import_path: str) -> str:
     """The name under which a metric is reported."""
-    return place.partition(":")[2]
+    return import_path.partition(":")[2]
 
 
-def score_own(places: Sequence[str], trace: Trace, robot: Robot) -> dict[str, float]:
+def score_own(import_paths: Sequence[str], trace: Trace, robot: Robot) -> dict[str, float]:
     """Value of each metric for one episode, NaN if there was nothing to measure.
 
     Raises:
         UserError: a metric raises, or returns something else than a number.
     """
     values = {}
-    for place in places:
+    for import_path in import_paths:
         try:
-            values[name_of(place)] = float(load_metric(place)(trace, robot))
+            values[name_of(import_path)] = float(load_metric(import_path)(trace, robot))
         except UserError:
             raise
         except Exception as error:  # any error of the user's function
-            raise UserError(f"metric {place} fails: {one_line(error)}") from error
+            raise UserError(f"metric {import_path} fails: {one_line(error)}") from error
     return values
 
 
-def check_metrics(places: Sequence[str]) -> None:
+def check_metrics(import_paths: Sequence[str]) -> None:
     """Raise UserError for a metric that cannot be loaded, or for two metrics with one name."""
-    names = [name_of(place) for place in places]
-    for place, name in zip(places, names, strict=True):
-        load_metric(place)
+    names = [name_of(import_path) for import_path in import_paths]
+    for import_path, name in zip(import_paths, names, strict=True):
+        load_metric(import_path)
         if names.count(name) > 1:
             raise UserError(f"two metrics are called '{name}': give one of them another name")
 
@@ -70,10 +70,13 @@ def own_figures(summaries: Sequence[Summary]) -> list[Figure]:
     return [_figure(name, "") for name in names]
 
 
-def definitions(places: Sequence[str]) -> list[Figure]:
+def definitions(import_paths: Sequence[str]) -> list[Figure]:
     """Definition of each metric: the first line of its docstring."""
-    lines = [(load_metric(place).__doc__ or "").strip().splitlines() for place in places]
-    return [_figure(name_of(place), next(iter(each), "")) for place, each in zip(places, lines, strict=True)]
+    lines = [(load_metric(import_path).__doc__ or "").strip().splitlines() for import_path in import_paths]
+    return [
+        _figure(name_of(import_path), next(iter(each), ""))
+        for import_path, each in zip(import_paths, lines, strict=True)
+    ]
 
 
 def _figure(name: str, about: str) -> Figure:

@@ -69,7 +69,10 @@ def parse_requirements(
     Raises:
         UserError: a text has another form, or names an unknown scenario or figure.
     """
-    own = {f"{SECTION}.{name_of(place)}": Figure(f"{SECTION}.{name_of(place)}", "", "") for place in metrics}
+    own = {
+        f"{SECTION}.{name_of(import_path)}": Figure(f"{SECTION}.{name_of(import_path)}", "", "")
+        for import_path in metrics
+    }
     return [_parse(text, tuple(scenarios), figures() | own) for text in texts]
 
 

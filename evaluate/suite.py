@@ -49,14 +49,14 @@ def run_suite(
     plans = {
         name: plan_episodes(name, scenario, config.seed, config.episodes) for name, scenario in chosen.items()
     }
-    places = [
+    pairs = [
         (policy, name, plan) for name, episodes in plans.items() for plan in episodes for policy in policies
     ]
-    tasks = [_task(policy, plan, config, file) for policy, _, plan in places]
+    tasks = [_task(policy, plan, config, file) for policy, _, plan in pairs]
     report = None if done is None else lambda finished: done(finished, len(tasks))
     outcomes = run_all(run_task, tasks, config.workers, report)
     gathered: dict[tuple[str, str], list[TaskResult[EpisodeOutcome]]] = {}
-    for (policy, name, _), outcome in zip(places, outcomes, strict=True):
+    for (policy, name, _), outcome in zip(pairs, outcomes, strict=True):
         gathered.setdefault((policy, name), []).append(outcome)
     return {
         policy: {
@@ -86,11 +86,11 @@ def run_grounds(
         for name, scenario in file.select(config.scenarios).items()
         if scenario.ground is not None
     }
-    places = [(policy, name) for policy in policies for name in plans]
-    tasks = [_task(policy, plans[name], config, file, keep_trace=True) for policy, name in places]
+    pairs = [(policy, name) for policy in policies for name in plans]
+    tasks = [_task(policy, plans[name], config, file, keep_trace=True) for policy, name in pairs]
     outcomes = run_all(run_task, tasks, config.workers)
     walks: dict[str, dict[str, CourseWalk]] = {policy: {} for policy in policies}
-    for (policy, name), outcome in zip(places, outcomes, strict=True):
+    for (policy, name), outcome in zip(pairs, outcomes, strict=True):
         walks[policy][name] = _course_walk(plans[name], outcome)
     return walks
 

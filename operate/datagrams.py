@@ -13,12 +13,12 @@ JOIN_S = 1.0
 
 @contextmanager
 def answered(
-    place: tuple[str, int], largest: int, answer: Callable[[bytes], bytes], option: str
+    address: tuple[str, int], largest: int, answer: Callable[[bytes], bytes], option: str
 ) -> Iterator[int]:
     """Answer datagrams while the context is open; yields the port.
 
     Args:
-        place: host and port to listen on; port 0 chooses a free one.
+        address: host and port to listen on; port 0 chooses a free one.
         largest: maximum size of a datagram, bytes. A longer one is cut to one byte more.
         answer: returns the reply to a datagram; empty for none.
         option: name of the command-line option, for the message.
@@ -29,9 +29,9 @@ def answered(
     ended = threading.Event()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
         try:
-            plug.bind(place)
+            plug.bind(address)
         except OSError as error:
-            raise UserError(f"{option}: {place[0]}:{place[1]}: {error.strerror or error}") from None
+            raise UserError(f"{option}: {address[0]}:{address[1]}: {error.strerror or error}") from None
         plug.settimeout(WAIT_S)
 
         def listen() -> None:

@@ -94,7 +94,7 @@ def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
         UserError: the address cannot be used, or the token is missing or too short to be a secret.
     """
     try:
-        host, port = UdpConfig(address or f"127.0.0.1:{SCAN_PORT}").place
+        host, port = UdpConfig(address or f"127.0.0.1:{SCAN_PORT}").socket_address
     except ValueError as error:
         raise UserError(f"--height-scan udp: {error}") from None
     token = os.environ.get(TOKEN, "")

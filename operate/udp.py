@@ -39,7 +39,7 @@ class UdpConfig:
             raise ValueError(f"address is HOST:PORT, such as 127.0.0.1:{PORT}, not '{self.address}'")
 
     @property
-    def place(self) -> tuple[str, int]:
+    def socket_address(self) -> tuple[str, int]:
         """Host and port."""
         host, _, port = self.address.rpartition(":")
         return host, int(port)
@@ -134,8 +134,8 @@ def steered_by_udp(
     token = os.environ.get(TOKEN) or secrets.token_urlsafe(MIN_TOKEN_CHARS)
     if len(token) < MIN_TOKEN_CHARS:
         raise UserError(f"{TOKEN} is shorter than {MIN_TOKEN_CHARS} characters: choose a longer one")
-    receiver, host = Receiver(inbox, token), config.place[0]
-    with answered(config.place, MAX_DATAGRAM_BYTES, receiver.receive, "--from udp") as port:
+    receiver, host = Receiver(inbox, token), config.socket_address[0]
+    with answered(config.socket_address, MAX_DATAGRAM_BYTES, receiver.receive, "--from udp") as port:
         secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
         about = f"datagrams to {host}:{port}{secret}"
         yield Opened(inbox, lambda: _line(receiver, inbox), (about,), odometry=True)

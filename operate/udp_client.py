@@ -69,7 +69,7 @@ class UdpSteering:
 
     def __init__(self, host: str, token: str, port: int = PORT, name: str = "udp") -> None:
         """`name`: name of the operator, shown in the robot's notes."""
-        self._place, self._token, self._name = (host, port), token, name
+        self._address, self._token, self._name = (host, port), token, name
         self._sender, self._number, self._challenge = secrets.token_hex(8), 0, ""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
@@ -104,7 +104,7 @@ class UdpSteering:
             "challenge": self._challenge,
             "name": self._name,
         }
-        self._socket.sendto(pack(head | request, self._token, REQUEST), self._place)
+        self._socket.sendto(pack(head | request, self._token, REQUEST), self._address)
         deadline_s = time.monotonic() + wait_s
         while (left_s := deadline_s - time.monotonic()) > 0.0:
             self._socket.settimeout(left_s)
@@ -121,7 +121,7 @@ class UdpHeightScan:
     """Sends height scans to a robot's policy."""
 
     def __init__(self, host: str, token: str, port: int = SCAN_PORT) -> None:
-        self._place, self._token = (host, port), token
+        self._address, self._token = (host, port), token
         self._sender, self._number = secrets.token_hex(8), 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
@@ -140,4 +140,4 @@ class UdpHeightScan:
         self._number += 1
         known = [round(float(each), 4) if math.isfinite(each) else None for each in heights]
         content = {"sender": self._sender, "number": self._number, "age_s": age_s, "heights": known}
-        self._socket.sendto(pack(content, self._token, SCAN), self._place)
+        self._socket.sendto(pack(content, self._token, SCAN), self._address)

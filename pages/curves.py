@@ -45,11 +45,11 @@ CURVES = (
 class Curves:
     """A chart for each metric of the run, or the reason why there is none."""
 
-    def __init__(self, gui: "GuiApi", place: "GuiTabHandle | GuiFolderHandle") -> None:
-        self._gui, self._place = gui, place
+    def __init__(self, gui: "GuiApi", parent: "GuiTabHandle | GuiFolderHandle") -> None:
+        self._gui, self._parent = gui, parent
         self._drawn_step = 0
         self._charts: dict[str, GuiUplotHandle] = {}
-        with place:
+        with parent:
             self._text = gui.add_markdown(WAITING)
 
     def draw(self, metrics: MetricsFile, finished: bool) -> None:
@@ -74,7 +74,7 @@ class Curves:
     def _chart(self, curve: Curve, data: tuple[np.ndarray, ...]) -> "GuiUplotHandle":
         from viser import uplot
 
-        with self._place:
+        with self._parent:
             return self._gui.add_uplot(
                 data,
                 (

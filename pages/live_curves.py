@@ -38,9 +38,9 @@ CHARTS: dict[str, tuple[Line, ...]] = {
 class LiveCurves:
     """Charts of a walking robot, in one container of the page."""
 
-    def __init__(self, gui: "GuiApi", place: Any, robot: Robot) -> None:
-        """`place` is a folder or tab."""
-        self._gui, self._place = gui, place
+    def __init__(self, gui: "GuiApi", parent: Any, robot: Robot) -> None:
+        """`parent` is a folder or tab."""
+        self._gui, self._parent = gui, parent
         self._most_nm = robot.motor.peak_torque
         self._values: deque[list[float]] = deque()
         self._charts: list[Any] = []
@@ -64,7 +64,7 @@ class LiveCurves:
 
     def _draw(self, rows: np.ndarray) -> None:
         if not self._charts:
-            with self._place:
+            with self._parent:
                 self._charts = [self._chart(title, lines, rows[:1]) for title, lines in CHARTS.items()]
         times = rows[0] - rows[0, -1]  # a run's own are Unix times, too long for an axis
         first = 1

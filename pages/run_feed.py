@@ -102,15 +102,15 @@ def moment(feed: RunFeed, feet: int) -> Moment | None:
     command, footholds = feed.newest("/cmd_vel", since_ns), feed.newest("/footholds", since_ns)
     odometry, contacts = feed.newest("/odom"), feed.newest("/contacts", since_ns)
     twist = None if command is None else command.twist
-    place, velocity, quaternion = ZEROS, ZEROS, readings.quaternion
+    position, velocity, quaternion = ZEROS, ZEROS, readings.quaternion
     if odometry is not None:
-        place, turn = _vector(odometry.pose.pose.position), odometry.pose.pose.orientation
+        position, turn = _vector(odometry.pose.pose.position), odometry.pose.pose.orientation
         if contacts is not None:
             velocity = _vector(odometry.twist.twist.linear)
             quaternion = np.array([turn.w, turn.x, turn.y, turn.z])
     return Moment(
         time_s=feed.time_ns * 1e-9,
-        position=place,
+        position=position,
         quaternion=quaternion,
         velocity=velocity,
         command=ZEROS if twist is None else np.array([twist.linear.x, twist.linear.y, twist.angular.z]),

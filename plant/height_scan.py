@@ -50,7 +50,7 @@ class SimulatedScanner:
 
     def _take(self, taken_s: float) -> np.ndarray:
         position, quaternion = self._pose()
-        places = self._scan.places(position, heading(quaternion), self._episode.shift_m)
-        ground = np.zeros(len(places)) if self._ground is None else height_at(self._ground, places)
-        u = self._rng.random((2, len(places)))
+        positions = self._scan.positions(position, heading(quaternion), self._episode.shift_m)
+        ground = np.zeros(len(positions)) if self._ground is None else height_at(self._ground, positions)
+        u = self._rng.random((2, len(positions)))
         return with_errors(ground - position[2], self._errors, self._episode, np.float64(taken_s), u)

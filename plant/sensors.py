@@ -47,7 +47,7 @@ class _Error(NamedTuple):
     row: int  # of the device's sensed values
     shift: Callable[[Any, Any], Any]  # adds an offset of the reading to the sensed value
     bias: np.ndarray | None  # constant offset of the reading
-    noise: slice  # its place in a row of `_Noise`
+    noise: slice  # its columns in a row of `_Noise`
 
     def on_lists(self) -> "_Error":
         """The same for sensed values that are lists of floats, which are faster than short arrays."""
@@ -133,16 +133,19 @@ class _Noise:
     """Uniform noise of all readings, drawn in blocks."""
 
     def __init__(self, noise: Noise, joints: int, seed: int) -> None:
-        places = _places(joints)
+        by_reading = _columns(joints)
         self._half_widths = np.concatenate(
-            [np.full(place.stop - place.start, getattr(noise, name)) for name, place in places.items()]
+            [
+                np.full(columns.stop - columns.start, getattr(noise, name))
+                for name, columns in by_reading.items()
+            ]
         )
         self._random = np.random.default_rng(seed)
         self._rows = np.zeros((0, len(self._half_widths)))
         self._row = 0
 
     def draw(self) -> np.ndarray:
-        """One noise value for each component of all readings, in the layout of `_places`."""
+        """One noise value for each component of all readings, in the layout of `_columns`."""
         if self._row >= len(self._rows):
             u = self._random.uniform(-1.0, 1.0, (_NOISE_BLOCK, len(self._half_widths)))
             self._rows, self._row = u * self._half_widths, 0
@@ -150,21 +153,21 @@ class _Noise:
         return self._rows[self._row - 1]
 
 
-def _places(joints: int) -> dict[str, slice]:
+def _columns(joints: int) -> dict[str, slice]:
     """The columns of each reading in a row of noise, readings of motors first."""
-    places, start = {}, 0
+    by_reading, start = {}, 0
     for name in sorted(READINGS, key=lambda name: READINGS[name].sensed not in MOTORS):
         stop = start + READINGS[name].kind.size(Parts(joints))
-        places[name] = slice(start, stop)
+        by_reading[name] = slice(start, stop)
         start = stop
-    return places
+    return by_reading
 
 
 def _errors(
     fields: Sequence[str], sample: Sample, noise: Noise | None, joints: int, add: Callable[[Any, Any], Any]
 ) -> Iterator[_Error]:
     """Bias and noise of the readings of one device's fields; `add` adds an offset to a field's values."""
-    for name, place in _places(joints).items():
+    for name, columns in _columns(joints).items():
         declared = READINGS[name]
         if declared.sensed not in fields:
             continue
@@ -178,7 +181,7 @@ def _errors(
                 f"reading '{name}': the simulated robot cannot add bias or noise to it, its declaration has"
                 " no shift"
             )
-        yield _Error(fields.index(declared.sensed), declared.shift or add, bias, place)
+        yield _Error(fields.index(declared.sensed), declared.shift or add, bias, columns)
 
 
 def _add_lists(value: list[float], offset: list[float]) -> list[float]:

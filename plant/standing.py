@@ -64,16 +64,16 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     episode = Episode(command_source=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
     trace = run_episode(robot, HoldDefaultPose(robot), episode)
     late = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
-    place, contact = trace.base_position, trace.foot_contact[late]
+    position, contact = trace.base_position, trace.foot_contact[late]
     torque = np.abs(trace.motor_torque[late]) / robot.motor.peak_torque
     height = robot.description.standing_height_m
     return StandingResult(
         fall_reason=trace.fall_reason or ("the simulation diverged" if trace.fell else ""),
         faults=trace.faults,
         stood_s=trace.walked_s,
-        sank_m=float(np.max(height - place[:, 2], initial=0.0)),
+        sank_m=float(np.max(height - position[:, 2], initial=0.0)),
         tilt_rad=float(max((tilt(q) for q in trace.base_quaternion), default=0.0)),
-        moved_m=float(np.linalg.norm((place - place[:1])[:, :2], axis=1).max(initial=0.0)),
+        moved_m=float(np.linalg.norm((position - position[:1])[:, :2], axis=1).max(initial=0.0)),
         torque_share=torque.max(axis=0, initial=0.0),
         feet_down=contact.mean(axis=0) if len(contact) else np.zeros(contact.shape[1]),
     )

@@ -12,7 +12,7 @@ from footfall.deploy.frames import EXTENDED, Frames, bits_of
 class Plan:
     """The timing on the wires of a batch with one layout (channels, identifiers, lengths)."""
 
-    place: np.ndarray  # (k,) position of the frame among the batch's frames on its wire, from 1
+    position: np.ndarray  # (k,) position of the frame among the batch's frames on its wire, from 1
     offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
     occupied: list[float]  # microseconds that the batch takes on each wire
     longest: float  # largest of `occupied`
@@ -42,7 +42,7 @@ def planned(frames: Frames, wires: int) -> Plan:
     occupied, count = (on @ duration).tolist(), on.sum(axis=1)
     each = [order[row] for row in on]
     return Plan(
-        place=before.sum(axis=1),
+        position=before.sum(axis=1),
         offset=before @ duration,
         occupied=occupied,
         longest=max(occupied, default=0.0),

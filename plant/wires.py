@@ -260,7 +260,7 @@ class SimulatedWires:
         waiting = np.zeros(len(self.names), dtype=np.int64)
         for batch in self._flying[side]:
             np.add.at(waiting, batch.frames.channel[batch.arrival > now_us], 1)
-        return waiting[frames.channel] + plan.place <= self._host_queue
+        return waiting[frames.channel] + plan.position <= self._host_queue
 
 
 class _Waiting(NamedTuple):

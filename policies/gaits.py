@@ -103,9 +103,9 @@ def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
 
 def _sides(robot: Robot) -> tuple[list[int], list[int], list[int]]:
     """Feet on the left, on the right and in the middle, each from front to back."""
-    places = robot.foot_places
-    order = np.argsort(-places[:, 0], kind="stable").tolist()
-    side = {foot: places[foot, 1] for foot in order}
+    positions = robot.foot_positions
+    order = np.argsort(-positions[:, 0], kind="stable").tolist()
+    side = {foot: positions[foot, 1] for foot in order}
     return (
         [foot for foot in order if side[foot] > MIDDLE_M],
         [foot for foot in order if side[foot] < -MIDDLE_M],

@@ -71,11 +71,13 @@ class HeightScan:
     @property
     def kind(self) -> Kind:
         """Heights, then a flag for a valid scan; the mirror image exchanges left and right in each row."""
-        places = np.arange(self.size).reshape(self._rows, self._columns)[:, ::-1].ravel()
-        mirror = Mirror(np.append(places, self.size), np.ones(self.size + 1))
+        order = np.arange(self.size).reshape(self._rows, self._columns)[:, ::-1].ravel()
+        mirror = Mirror(np.append(order, self.size), np.ones(self.size + 1))
         return Kind(lambda _: (self.size + 1,), lambda _: mirror)
 
-    def places(self, position: Array, yaw: Array, shift: Array | tuple[float, float] = (0.0, 0.0)) -> Array:
+    def positions(
+        self, position: Array, yaw: Array, shift: Array | tuple[float, float] = (0.0, 0.0)
+    ) -> Array:
         """Positions of the points in the world, m, (points, 2).
 
         Args:

@@ -80,7 +80,7 @@ class LearnedPolicy:
         kept = history_length(self.contract), size_per_step(self.contract)
         # Indices of an observation's values in the history: computed once, so that each step needs one
         # look-up.
-        self._places = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
+        self._indices = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
         self._begin()
         self._dry_run(path)  # also because the first call is slow
 
@@ -124,7 +124,7 @@ class LearnedPolicy:
             self._history = np.tile(newest, (history_length(contract), 1))
         else:
             self._history = push_history(self._history, newest)
-        self.observed = self._history.ravel()[self._places].astype(np.float32)
+        self.observed = self._history.ravel()[self._indices].astype(np.float32)
         self._action = self.network(self.observed)
         self._steps += 1
         target = joint_target(self._action.astype(np.float64), phase, inputs.command, contract)

@@ -40,7 +40,7 @@ class ActuatorNet(NamedTuple):
         return int(self.limit.shape[0])
 
     def of(self, joints: np.ndarray) -> "ActuatorNet":
-        """The networks of some joints, by their places."""
+        """The networks of some joints, by their indices."""
         layers = tuple(layer[joints] for layer in self.layers)
         rest = {name: getattr(self, name)[joints] for name in ("linear", "scale", "limit")}
         return self._replace(layers=layers, **rest)
@@ -102,7 +102,7 @@ def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float
 
 def save_net(path: Path, net: ActuatorNet, joints: tuple[str, ...]) -> None:
     """Write networks as plain arrays (NPZ). The file must not exist."""
-    arrays = {f"{KERNEL}{place}": np.asarray(layer) for place, layer in enumerate(net.layers)}
+    arrays = {f"{KERNEL}{index}": np.asarray(layer) for index, layer in enumerate(net.layers)}
     arrays |= {name: np.asarray(values) for name, values in zip(ARRAYS, net[1:], strict=True)}
     with path.open("xb") as file:
         np.savez(file, allow_pickle=False, joints=np.array(joints), **arrays)
@@ -122,7 +122,7 @@ def load_net(path: Path, joints: tuple[str, ...]) -> ActuatorNet:
         with np.load(path, allow_pickle=False) as file:
             found = {name: file[name] for name in file.files}
         count = sum(name.startswith(KERNEL) for name in found)
-        layers = tuple(found[f"{KERNEL}{place}"].astype(float) for place in range(count))
+        layers = tuple(found[f"{KERNEL}{index}"].astype(float) for index in range(count))
         net = ActuatorNet(layers, *(found[name].astype(float) for name in ARRAYS))
         names = tuple(found["joints"].tolist())
     except (OSError, KeyError, ValueError) as error:

@@ -18,7 +18,7 @@ from footfall.robots.kinematics import Legs
 from footfall.robots.mjcf import load_spec
 from footfall.robots.robot_yaml import Description, MotorType
 from footfall.robots.stability import instabilities
-from footfall.robots.stance import foot_places
+from footfall.robots.stance import foot_positions
 from footfall.robots.targets import soft_limits
 from footfall.robots.winding import AMBIENT_C, Winding
 
@@ -35,7 +35,7 @@ class Robot:
     upper_rad: np.ndarray
     armature: np.ndarray  # reflected inertia, kg m^2
     motor: Motor
-    foot_places: np.ndarray  # (feet, 3) m, centre of each foot in the default pose, base frame
+    foot_positions: np.ndarray  # (feet, 3) m, centre of each foot in the default pose, base frame
     digest: str  # fingerprint of everything that a policy relies on (robots/digest.py)
     actuator_net: ActuatorNet | None = None  # the learned part of the joint law
 
@@ -200,7 +200,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         upper_rad=model.jnt_range[ids, 1].copy(),
         armature=model.dof_armature[dofs].copy(),
         motor=motor,
-        foot_places=foot_places(description, model),
+        foot_positions=foot_positions(description, model),
         digest=digest(description, model, net),
         actuator_net=net,
     )

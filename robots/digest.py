@@ -137,7 +137,7 @@ def _figures(description: Description, model: mujoco.MjModel) -> Iterator[tuple[
 def _learned(net: ActuatorNet | None) -> Iterator[tuple[str, Any]]:
     """The arrays of the learned part of the joint law."""
     if net is not None:
-        yield from ((f"actuator_net layer {place}", layer) for place, layer in enumerate(net.layers))
+        yield from ((f"actuator_net layer {index}", layer) for index, layer in enumerate(net.layers))
         yield from (item for item in net._asdict().items() if item[0] != "layers")
 
 

@@ -17,7 +17,7 @@ MAX_OFFSET = 0.25  # largest distance of a foot from its expected position, over
 class FootSpheres(NamedTuple):
     """The contact surface of a foot: one sphere, or several at the ends and corners of a sole."""
 
-    place: np.ndarray  # (k, 3) m, centres, in the frame of the limb's last link
+    centre: np.ndarray  # (k, 3) m, in the frame of the limb's last link
     radius: np.ndarray  # (k,) m; 0 for the corner of a box
 
 
@@ -34,7 +34,7 @@ def foot_spheres(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> F
         geoms: ids of the geoms that it stands on, all of one body.
         tip: (3,) m, origin of the resulting positions, in that body's frame.
     """
-    place, radius = [], []
+    centres, radius = [], []
     for geom in geoms.tolist():
         size = model.geom_size[geom]
         middle, half = np.split(model.geom_aabb[geom], 2)
@@ -47,9 +47,9 @@ def foot_spheres(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> F
                 inside, thickness = middle + half * np.array(list(product((-1, 1), repeat=3))), 0.0
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-        place.append(model.geom_pos[geom] - tip + inside @ turn.reshape(3, 3).T)
+        centres.append(model.geom_pos[geom] - tip + inside @ turn.reshape(3, 3).T)
         radius.append(np.full(len(inside), thickness))
-    return FootSpheres(np.concatenate(place), np.concatenate(radius))
+    return FootSpheres(np.concatenate(centres), np.concatenate(radius))
 
 
 def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -> tuple[np.ndarray, ...]:
@@ -74,8 +74,8 @@ def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -
         expected, actual = (in_default_pose(each, description) for each in (own, model))
         for foot, geoms in zip(feet, found, strict=True):
             for index in np.flatnonzero(geoms < 0):
-                place = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
-                geoms[index] = _nearest(model, actual, foot, place)
+                expected_centre = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
+                geoms[index] = _nearest(model, actual, foot, expected_centre)
     return tuple(_once(geoms[geoms >= 0]) for geoms in found)
 
 
@@ -89,7 +89,7 @@ def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geo
     return data.geom_xpos[geom] - data.xanchor[model.joint(foot.joints[-1]).id]
 
 
-def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
+def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, expected_centre: np.ndarray) -> int:
     """The geom of the leg's last link nearest to a position, -1 if none is near.
 
     Distance is measured to the geom's centre. For a foot of several geoms it is also measured to the contact
@@ -101,17 +101,17 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.n
     if not candidates:
         return -1
     joint = data.xanchor[model.joint(foot.joints[-1]).id]
-    centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - place) for geom in candidates])
+    centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - expected_centre) for geom in candidates])
     away = centre
     if len(foot.geoms) > 1:
-        touching = (_world_spheres(model, data, geom) - joint - place for geom in candidates)
+        touching = (_world_spheres(model, data, geom) - joint - expected_centre for geom in candidates)
         away = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
     nearest = int(np.lexsort((centre, away.round(6)))[0])
-    return candidates[nearest] if away[nearest] <= MAX_OFFSET * np.linalg.norm(place) else -1
+    return candidates[nearest] if away[nearest] <= MAX_OFFSET * np.linalg.norm(expected_centre) else -1
 
 
 def _world_spheres(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
     """Centres of a geom's contact spheres, m, (k, 3), world frame."""
     body = model.geom_bodyid[geom]
     spheres = foot_spheres(model, np.array([geom]), np.zeros(3))
-    return data.xpos[body] + spheres.place @ data.xmat[body].reshape(3, 3).T
+    return data.xpos[body] + spheres.centre @ data.xmat[body].reshape(3, 3).T

@@ -53,8 +53,8 @@ class ForwardKinematics:
         self._jacobian_of_tip = list(zip(self._full_jacobian, self.tips.tolist(), strict=True))
         # Indices of each limb's (3, m) in the flat arrays of all degrees of freedom, and of all axes.
         rows = np.arange(3 * order.count).reshape(order.count, 3, 1)
-        self._jacobian_places = rows * model.nv + self._dofs[:, None, :]
-        self._axis_places = 3 * self._hinges[:, None, :] + np.arange(3)[:, None]
+        self._jacobian_indices = rows * model.nv + self._dofs[:, None, :]
+        self._axis_indices = 3 * self._hinges[:, None, :] + np.arange(3)[:, None]
 
     def twin(self) -> "ForwardKinematics":
         """A copy with its own pose."""
@@ -78,7 +78,7 @@ class ForwardKinematics:
         foot = data.site_xpos.take(self.tips, axis=0)
         for full, tip in self._jacobian_of_tip:
             mujoco.mj_jacSite(model, data, full, None, tip)
-        jacobian, axes = self._full_jacobian.take(self._jacobian_places), data.xaxis.take(self._axis_places)
+        jacobian, axes = self._full_jacobian.take(self._jacobian_indices), data.xaxis.take(self._axis_indices)
         if order.alike:
             return LegPose(foot, jacobian, axes)
         return LegPose(foot, jacobian * order.present[:, None], axes * order.present[:, None])

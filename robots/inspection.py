@@ -29,7 +29,7 @@ class FootRow(NamedTuple):
     """One foot in the default pose."""
 
     name: str
-    place: np.ndarray  # (3,) m, base frame, middle of its geoms
+    position: np.ndarray  # (3,) m, base frame, middle of its geoms
     gap_m: float  # between its lowest point and the ground, which the lowest foot touches
     reach_m: tuple[float, float]  # smallest and largest distance from its leg's first joint
 

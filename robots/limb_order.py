@@ -17,9 +17,9 @@ class LimbOrder:
         self.alike = bool(self.present.all())  # whether all limbs have the same number of hinges
         # A missing hinge gets the index of the limb's first one; `present` is False.
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self.joints_of])
-        self._places = as_slice(self.joints.ravel())
+        self._flat_joints = as_slice(self.joints.ravel())
         # Whether the robot's joints are exactly the limbs' joints, one limb after another.
-        self._in_order = self.alike and self._places == slice(0, len(description.joints), 1)
+        self._in_order = self.alike and self._flat_joints == slice(0, len(description.joints), 1)
 
     def gather(self, joint_values: np.ndarray) -> np.ndarray:
         """Joint order (..., n) to limbs (..., legs, m); zero for missing hinges."""
@@ -32,7 +32,7 @@ class LimbOrder:
             return leg_values.reshape(others.shape)
         result = others.copy()
         if self.alike:
-            result[..., self._places] = leg_values.reshape(*leg_values.shape[:-2], -1)
+            result[..., self._flat_joints] = leg_values.reshape(*leg_values.shape[:-2], -1)
         else:
             result[..., self.joints[self.present]] = leg_values[..., self.present]
         return result

@@ -64,9 +64,9 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
     for foot in robot.description.feet:
         geoms = [model.geom(name).id for name in foot.geoms]
         end = last[int(model.geom_bodyid[geoms[0]])]
-        place = end.body_origin + model.geom_pos[geoms].mean(axis=0)
+        position = end.body_origin + model.geom_pos[geoms].mean(axis=0)
         name = SOLE.format(foot.name)
-        links.append(Link(name, end.name, f"{name}_joint", position=place))
+        links.append(Link(name, end.name, f"{name}_joint", position=position))
     return tuple(links)
 
 
@@ -89,9 +89,9 @@ def _links_of(model: mujoco.MjModel, body: int, above: Link) -> Iterator[Link]:
         joint_name = model.joint(joint).name or f"{name}_joint_{joint - start}"
         kind, axis = _kind(model, joint, joint_name), model.jnt_axis[joint].copy()
         anchor, zero = model.jnt_pos[joint], model.qpos0[model.jnt_qposadr[joint]]
-        place, own_turn = at + turn @ (origin + anchor), turn
+        position, own_turn = at + turn @ (origin + anchor), turn
         if kind == PRISMATIC:
-            place = place - turn @ axis * zero
+            position = position - turn @ axis * zero
         else:
             own_turn = turn @ _about(axis, -zero)
         yield Link(
@@ -99,7 +99,7 @@ def _links_of(model: mujoco.MjModel, body: int, above: Link) -> Iterator[Link]:
             parent,
             joint_name,
             kind,
-            place,
+            position,
             own_turn,
             axis,
             body if is_last else -1,

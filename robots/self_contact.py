@@ -97,8 +97,8 @@ def _filling(wide_m: float, thin_m: float) -> Iterator[tuple[float, float, float
     Large circles side by side, and small ones in the corners, so that edges stay sharp.
     """
     spread = wide_m - thin_m
-    for place in np.linspace(-spread, spread, 1 + math.ceil(spread / thin_m)):
-        yield RADIUS_SHARE * thin_m, float(place), 0.0
+    for offset in np.linspace(-spread, spread, 1 + math.ceil(spread / thin_m)):
+        yield RADIUS_SHARE * thin_m, float(offset), 0.0
     small = thin_m / EDGE_RATIO
     for sides in product((-1.0, 1.0), repeat=2):
         yield small, sides[0] * (wide_m - small), sides[1] * (thin_m - small)

@@ -79,11 +79,11 @@ def base_corners(description: Description, model: mujoco.MjModel) -> np.ndarray:
     return np.array(list(product(*sides)))
 
 
-def foot_places(description: Description, model: mujoco.MjModel) -> np.ndarray:
+def foot_positions(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """Middle of each foot's geoms in the default pose, m, base frame, (feet, 3)."""
     data = in_default_pose(model, description)
-    places = [[data.geom(name).xpos for name in foot.geoms] for foot in description.feet]
-    return np.array([np.mean(each, axis=0) for each in places])
+    positions = [[data.geom(name).xpos for name in foot.geoms] for foot in description.feet]
+    return np.array([np.mean(each, axis=0) for each in positions])
 
 
 def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:

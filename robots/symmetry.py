@@ -84,9 +84,9 @@ def _clock_sign(robot: Robot, partners: np.ndarray, phase: np.ndarray | None) ->
     raise UserError(f"the gait of robot '{robot.name}' has no mirror image; turn ppo.symmetry off")
 
 
-def _partners(places: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:
+def _partners(positions: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:
     """For each position (k, 3), the index of the one at its mirror image."""
-    distances = np.linalg.norm(places[:, None] * VECTOR - places[None], axis=-1)
+    distances = np.linalg.norm(positions[:, None] * VECTOR - positions[None], axis=-1)
     nearest = np.argmin(distances, axis=1)
     for name, distance in zip(names, distances.min(axis=1), strict=True):
         if distance > PLACE_TOLERANCE_M:

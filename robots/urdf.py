@@ -87,7 +87,7 @@ def _add_inertial(element: ElementTree.Element, model: mujoco.MjModel, link: Lin
     inertial = ElementTree.SubElement(element, "inertial")
     _add_origin(inertial, link.body_origin + model.body_ipos[link.body], np.eye(3))
     ElementTree.SubElement(inertial, "mass", value=_text(model.body_mass[link.body]))
-    moments = {name: _text(inertia[place]) for name, place in MOMENTS.items()}
+    moments = {name: _text(inertia[index]) for name, index in MOMENTS.items()}
     ElementTree.SubElement(inertial, "inertia", moments)
 
 

@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.common.hints import did_you_mean
 from footfall.common.terms import bind, parameters
 from footfall.terrain.ground import MAX_CELLS, Ground
-from footfall.terrain.shapes import RIM_M, SHAPES, Places
+from footfall.terrain.shapes import RIM_M, SHAPES, Positions
 
 NAMED = Path(__file__).parent / "grounds.yaml"
 
@@ -64,7 +64,7 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
     if shape.stepped:  # heights at cell centres; the last one is a copy that no point reads
         along = np.minimum(along, along[-2]) + 0.5 * config.cell_m
     x, y = np.meshgrid(along, along, indexing="ij")
-    made = heights(Places(x, y, half_m), np.random.default_rng(seed))
+    made = heights(Positions(x, y, half_m), np.random.default_rng(seed))
     return Ground(made[None], np.array([shape.stepped]), config.cell_m)
 
 

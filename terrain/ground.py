@@ -42,16 +42,16 @@ class Edge(NamedTuple):
     high: Array  # (...) m, height of the higher one; without an edge far below everything
 
 
-def height_at(ground: Ground, place: Array, piece: Array | int = 0) -> Array:
-    """Height of the ground at places (..., 2) or (..., 3), m; (...)."""
-    return tangent_at(ground, place, piece).height
+def height_at(ground: Ground, position: Array, piece: Array | int = 0) -> Array:
+    """Height of the ground at positions (..., 2) or (..., 3), m; (...)."""
+    return tangent_at(ground, position, piece).height
 
 
-def tangent_at(ground: Ground, place: Array, piece: Array | int = 0) -> Tangent:
-    """Height and slope of the ground at places (..., 2) or (..., 3), m, on a piece (one, or (...))."""
-    xp = place.__array_namespace__()
+def tangent_at(ground: Ground, position: Array, piece: Array | int = 0) -> Tangent:
+    """Height and slope of the ground at positions (..., 2) or (..., 3), m, on a piece (one, or (...))."""
+    xp = position.__array_namespace__()
     heights = ground.heights
-    row, column, share, inside = _cell(ground, place)
+    row, column, share, inside = _cell(ground, position)
     u, v = (xp.where(ground.stepped[piece], 0.0, share[..., axis]) for axis in (0, 1))
     low, high = heights[piece, row, column], heights[piece, row, column + 1]
     low_next, high_next = heights[piece, row + 1, column], heights[piece, row + 1, column + 1]
@@ -62,21 +62,21 @@ def tangent_at(ground: Ground, place: Array, piece: Array | int = 0) -> Tangent:
     return Tangent(here + u * (there - here), xp.where(sloped, slope, 0.0))
 
 
-def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2) -> Edge:
-    """The nearest edge along x or y from places (..., 2) or (..., 3), m; only a stepped piece has any.
+def edge_at(ground: Ground, position: Array, piece: Array | int = 0, reach: int = 2) -> Edge:
+    """The nearest edge along x or y from positions (..., 2) or (..., 3), m; only a stepped piece has any.
 
     Args:
         ground: the pieces.
-        place: the points.
+        position: the points.
         piece: index of the piece, one or (...).
         reach: largest distance of an edge, in cells.
     """
-    xp = place.__array_namespace__()
-    row, column, share, _ = _cell(ground, place)
+    xp = position.__array_namespace__()
+    row, column, share, _ = _cell(ground, position)
     last = ground.heights.shape[-1] - 2
     here = ground.heights[piece, row, column]
     nearest = xp.full_like(here, 1e3)  # m
-    away, other = xp.zeros_like(place[..., :2]), xp.full_like(here, UNREACHABLE_M)
+    away, other = xp.zeros_like(position[..., :2]), xp.full_like(here, UNREACHABLE_M)
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         for cells in range(1, reach + 1):
             at = [row, column]
@@ -91,8 +91,8 @@ def edge_at(ground: Ground, place: Array, piece: Array | int = 0, reach: int = 2
             away = xp.where(found[..., None], direction, away)
             other = xp.where(found, there, other)
     edge = (nearest < 1e3) & ground.stepped[piece]
-    from_here = xp.where(other > here, -nearest, nearest)  # along `away`, from the place to the edge
-    offset = (away * place[..., :2]).sum(axis=-1) + from_here
+    from_here = xp.where(other > here, -nearest, nearest)  # along `away`, from the position to the edge
+    offset = (away * position[..., :2]).sum(axis=-1) + from_here
     return Edge(
         away=away,
         offset=xp.where(edge, offset, UNREACHABLE_M),
@@ -105,10 +105,10 @@ def _unit(xp: Any, axis: int, like: Array) -> Array:
     return xp.asarray([1.0 - axis, float(axis)], dtype=like.dtype)
 
 
-def _cell(ground: Ground, place: Array) -> tuple[Array, Array, Array, Array]:
+def _cell(ground: Ground, position: Array) -> tuple[Array, Array, Array, Array]:
     """Row, column and position within the cell, 0 to 1, of points; which axes lie within the grid."""
-    xp = place.__array_namespace__()
-    along = (place[..., :2] + ground.half_m) / ground.cell_m
+    xp = position.__array_namespace__()
+    along = (position[..., :2] + ground.half_m) / ground.cell_m
     last = ground.heights.shape[-1] - 1
     inside = xp.clip(along, 0.0, last)
     first = xp.clip(xp.floor(inside), 0, last - 1)

@@ -20,7 +20,7 @@ Start = Annotated[float, Between(0.1, 10.0)]  # m, half the width of the level s
 Angle = Annotated[float, Between(-60.0, 60.0)]
 
 
-class Places(NamedTuple):
+class Positions(NamedTuple):
     """Positions at which a shape computes heights."""
 
     x: np.ndarray  # (n, n) m
@@ -41,19 +41,21 @@ class Places(NamedTuple):
         return (self.ring > start_m) & (self.ring < self.half_m - RIM_M)
 
 
-def level(places: Places, rng: np.random.Generator) -> np.ndarray:
+def level(positions: Positions, rng: np.random.Generator) -> np.ndarray:
     """Level ground."""
-    return np.zeros_like(places.x)
+    return np.zeros_like(positions.x)
 
 
-def slope(places: Places, rng: np.random.Generator, *, angle_deg: Angle, start_m: Start = 1.0) -> np.ndarray:
+def slope(
+    positions: Positions, rng: np.random.Generator, *, angle_deg: Angle, start_m: Start = 1.0
+) -> np.ndarray:
     """A slope on all sides of the start, upwards; downwards for a negative angle."""
-    along = np.clip(places.ring - start_m, 0.0, places.room_m(start_m))
+    along = np.clip(positions.ring - start_m, 0.0, positions.room_m(start_m))
     return math.tan(math.radians(angle_deg)) * along
 
 
 def stairs(
-    places: Places,
+    positions: Positions,
     rng: np.random.Generator,
     *,
     step_m: Height,
@@ -61,12 +63,12 @@ def stairs(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Stairs on all sides of the start, upwards; downwards for steps of negative height."""
-    steps = math.floor(places.room_m(start_m) / tread_m)
-    return step_m * np.clip(np.ceil((places.ring - start_m) / tread_m - 1e-9), 0, steps)
+    steps = math.floor(positions.room_m(start_m) / tread_m)
+    return step_m * np.clip(np.ceil((positions.ring - start_m) / tread_m - 1e-9), 0, steps)
 
 
 def rough(
-    places: Places,
+    positions: Positions,
     rng: np.random.Generator,
     *,
     roughness_m: Height,
@@ -74,18 +76,18 @@ def rough(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Random heights up to `roughness_m` above and below 0, `spacing_m` apart, interpolated linearly."""
-    points = math.ceil(2.0 * places.half_m / spacing_m) + 2
+    points = math.ceil(2.0 * positions.half_m / spacing_m) + 2
     drawn = roughness_m * rng.uniform(-1.0, 1.0, (points, points))
-    row, column = ((at + places.half_m) / spacing_m for at in (places.x, places.y))
+    row, column = ((at + positions.half_m) / spacing_m for at in (positions.x, positions.y))
     first_row, first_column = row.astype(int), column.astype(int)
     u, v = row - first_row, column - first_column
     near = drawn[first_row, first_column] * (1 - v) + drawn[first_row, first_column + 1] * v
     far = drawn[first_row + 1, first_column] * (1 - v) + drawn[first_row + 1, first_column + 1] * v
-    return np.where(places.between(start_m), near * (1 - u) + far * u, 0.0)
+    return np.where(positions.between(start_m), near * (1 - u) + far * u, 0.0)
 
 
 def blocks(
-    places: Places,
+    positions: Positions,
     rng: np.random.Generator,
     *,
     block_m: Height,
@@ -93,14 +95,14 @@ def blocks(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Square blocks of random heights between 0 and `block_m`."""
-    count = math.ceil(2.0 * places.half_m / side_m) + 1
+    count = math.ceil(2.0 * positions.half_m / side_m) + 1
     drawn = block_m * rng.random((count, count))
-    row, column = (((at + places.half_m) / side_m + 1e-9).astype(int) for at in (places.x, places.y))
-    return np.where(places.between(start_m), drawn[row, column], 0.0)
+    row, column = (((at + positions.half_m) / side_m + 1e-9).astype(int) for at in (positions.x, positions.y))
+    return np.where(positions.between(start_m), drawn[row, column], 0.0)
 
 
 def waves(
-    places: Places,
+    positions: Positions,
     rng: np.random.Generator,
     *,
     wave_m: Height,
@@ -109,12 +111,12 @@ def waves(
 ) -> np.ndarray:
     """Waves along both axes, from trough to crest at most `wave_m` high."""
     number = 2.0 * math.pi / wavelength_m
-    heights = 0.25 * wave_m * (np.sin(number * places.x) + np.sin(number * places.y))
-    return np.where(places.between(start_m), heights, 0.0)
+    heights = 0.25 * wave_m * (np.sin(number * positions.x) + np.sin(number * positions.y))
+    return np.where(positions.between(start_m), heights, 0.0)
 
 
 def gaps(
-    places: Places,
+    positions: Positions,
     rng: np.random.Generator,
     *,
     gap_m: Annotated[float, Between(0.0, 1.0)],
@@ -123,8 +125,8 @@ def gaps(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Trenches around the start, `gap_m` wide, with `apart_m` of level ground between them."""
-    through = (places.ring - start_m) % (gap_m + apart_m)
-    return np.where(places.between(start_m) & (through < gap_m - 1e-9), -depth_m, 0.0)
+    through = (positions.ring - start_m) % (gap_m + apart_m)
+    return np.where(positions.between(start_m) & (through < gap_m - 1e-9), -depth_m, 0.0)
 
 
 class Shape(NamedTuple):

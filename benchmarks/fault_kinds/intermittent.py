@@ -137,8 +137,8 @@ def imu_reordered(injector: FaultInjector) -> None:
 
 def _of_joint(injector: FaultInjector, frames: Frames) -> np.ndarray:
     """Mask of the frames that go to the faulty motor, (k,)."""
-    place = injector.wiring
-    mask: np.ndarray = (frames.channel == injector.channel) & (frames.id == place.motor_id[injector.joint])
+    wiring = injector.wiring
+    mask: np.ndarray = (frames.channel == injector.channel) & (frames.id == wiring.motor_id[injector.joint])
     return mask
 
 

@@ -70,12 +70,12 @@ def imu_turned(axis: int, degrees: float) -> Injection:
 
 
 def _rows(lying: bool) -> tuple[FaultKind, ...]:
-    place = "lying" if lying else "standing"
+    posture = "lying" if lying else "standing"
 
     def row(
         name: str, inject: Injection, within_s: float | None = FOUND_S, reason: str = ENDING
     ) -> FaultKind:
-        title = f"{name}, {place}"
+        title = f"{name}, {posture}"
         return FaultKind(title, inject, within_s, reason, main=True, starting=True, wiring=True, lying=lying)
 
     return (

@@ -78,10 +78,10 @@ def leg_windows(
     numbers, factors, parameters = [], [], []
     for free in FREE:
         if free.quantity in quantities:
-            for place, joint in enumerate(leg.joint_names):
-                first = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[place])
+            for index, joint in enumerate(leg.joint_names):
+                first = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[index])
                 numbers.append(Number(f"{free.quantity} {joint}", free.unit, first, *free[2:]))
-                factors.append(float(unit[free.quantity][place]) if free.quantity in unit else 1.0)
+                factors.append(float(unit[free.quantity][index]) if free.quantity in unit else 1.0)
                 parameters.append(Parameter(free.quantity, joint))
     numbers.append(Number(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
     joints = leg.joint_names if QUANTITIES["delay_s"].of == "joint" else (LEG,)

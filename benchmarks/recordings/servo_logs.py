@@ -135,7 +135,7 @@ def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
 def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate, window_s: float) -> Shooting:
     margin, steps = round(MARGIN_S / STEP_S), round(window_s / STEP_S)
     given, read_at, measured, starts, recording = [], [], [], [], []
-    for place, log in enumerate(found):
+    for index, log in enumerate(found):
         begin = log.time_s[0] + MARGIN_S / 2
         for window in range(int((log.time_s[-1] - begin) / window_s)):
             start_s = begin + window * window_s
@@ -149,7 +149,7 @@ def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate,
             near = slice(max(first - FIT_POINTS, 0), first + FIT_POINTS + 1)
             curve = np.polynomial.polynomial.polyfit(log.time_s[near] - start_s, log.position[near], 2)
             starts.append(curve[:2])
-            recording.append(place)
+            recording.append(index)
     inputs = Inputs(np.stack(given), margin, STEP_S, np.array(read_at))
     return Shooting(
         rollouts(law, inputs, numbers, ("delay", "delay")),
@@ -166,8 +166,8 @@ def folds(folder: str, servo: str) -> list[tuple[str, list[int]]]:
     """Names and recording indices of the parts that are held out together."""
     found = logs(folder, servo)
     if not SERVOS[servo].by_gain:
-        return [(log.name, [place]) for place, log in enumerate(found)]
+        return [(log.name, [index]) for index, log in enumerate(found)]
     gains = sorted({log.gain for log in found})
     return [
-        (f"kp {gain:g}", [place for place, log in enumerate(found) if log.gain == gain]) for gain in gains
+        (f"kp {gain:g}", [index for index, log in enumerate(found) if log.gain == gain]) for gain in gains
     ]

@@ -52,8 +52,8 @@ def plot_windows(
         chosen = chosen[:: max(1, len(chosen) // MAX_DRAWN)]
         for column, channel in enumerate(channels):
             axis = axes[row, column]
-            for place, window in enumerate(chosen):
-                at = place + np.arange(length) / length
+            for index, window in enumerate(chosen):
+                at = index + np.arange(length) / length
                 truth = measured[window, :, column]
                 axis.plot(at, truth, "k", linewidth=1.6)
                 axis.plot(at, truth + errors[window, :, column], "C1", linewidth=0.9)

@@ -99,7 +99,7 @@ def build(package: Package, prefix: Path, python: Path, folder: Path) -> None:
     (source / package.file).write_text(package.content)
     (source / "package.xml").write_text(MANIFEST.format(**package._asdict()))
     (source / "CMakeLists.txt").write_text(CMAKE.format(**package._asdict()))
-    places = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_INSTALL_PREFIX={prefix}"]
+    cmake_prefixes = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DCMAKE_INSTALL_PREFIX={prefix}"]
     run(
         "cmake",
         "-G",
@@ -109,7 +109,7 @@ def build(package: Package, prefix: Path, python: Path, folder: Path) -> None:
         "-B",
         source / "build",
         f"-DPython3_EXECUTABLE={python}",
-        *places,
+        *cmake_prefixes,
     )
     run("ninja", "-C", source / "build", "-j", "2", "install")
 

@@ -28,7 +28,7 @@ class Case(NamedTuple):
     """Input of a criterion."""
 
     robot: Robot
-    places: list[str]  # names of the joints with their motors, for sentences
+    labels: list[str]  # names of the joints with their motors, for sentences
     window: Window
     samples: Samples
     limits: BringUpLimits
@@ -45,21 +45,21 @@ def follow(case: Case) -> Iterator[str]:
     travel = np.abs(position).max(axis=0)
     others = [j for j in range(len(travel)) if j not in moving and travel[j] > case.limits.still_rad]
     for joint in moving:
-        place, asked = case.places[joint], target[:, joint]
+        label, asked = case.labels[joint], target[:, joint]
         share = float(position[:, joint] @ asked / (asked @ asked))
         if low <= share <= high:
             continue
         if others and abs(share) < low:
-            yield f"{place} should move, but {case.places[others[0]]} does: their ids or plugs are swapped"
+            yield f"{label} should move, but {case.labels[others[0]]} does: their ids or plugs are swapped"
             return
         if share < -low:
-            yield f"{place} turns in the wrong direction: its sign is wrong"
+            yield f"{label} turns in the wrong direction: its sign is wrong"
         elif share < low:
-            yield f"{place} covers {share:.0%} of its travel: it has no power, or is blocked"
+            yield f"{label} covers {share:.0%} of its travel: it has no power, or is blocked"
         else:
-            yield f"{place} covers {share:.0%} of its travel: its gear ratio is wrong"
+            yield f"{label} covers {share:.0%} of its travel: its gear ratio is wrong"
     for joint in others:
-        yield f"{case.places[joint]} moves by {travel[joint]:.2f} rad, but should not"
+        yield f"{case.labels[joint]} moves by {travel[joint]:.2f} rad, but should not"
 
 
 def calm(case: Case) -> Iterator[str]:
@@ -74,7 +74,7 @@ def calm(case: Case) -> Iterator[str]:
     shaking = np.sqrt((about**2).mean(axis=0))
     joint = int(shaking.argmax())
     if shaking[joint] > case.limits.shaking_rad_s:
-        yield f"{case.places[joint]} shakes with {shaking[joint]:.1f} rad/s: lower its gains"
+        yield f"{case.labels[joint]} shakes with {shaking[joint]:.1f} rad/s: lower its gains"
 
 
 def modest(case: Case) -> Iterator[str]:
@@ -82,7 +82,7 @@ def modest(case: Case) -> Iterator[str]:
     share = np.percentile(np.abs(case.samples.torque), 99, axis=0) / case.robot.motor.peak_torque
     joint = int(share.argmax())
     if share[joint] > case.limits.torque_share:
-        yield f"{case.places[joint]} needs {share[joint]:.0%} of its peak torque"
+        yield f"{case.labels[joint]} needs {share[joint]:.0%} of its peak torque"
 
 
 def cool(case: Case) -> Iterator[str]:
@@ -90,7 +90,7 @@ def cool(case: Case) -> Iterator[str]:
     hottest = np.nan_to_num(case.samples.temperature_c, nan=-np.inf).max(axis=0)
     joint = int(hottest.argmax())
     if hottest[joint] > case.limits.temperature_c:
-        yield f"{case.places[joint]} is at {hottest[joint]:.0f} degrees Celsius"
+        yield f"{case.labels[joint]} is at {hottest[joint]:.0f} degrees Celsius"
 
 
 def level(case: Case) -> Iterator[str]:

@@ -163,7 +163,7 @@ class _Judge:
 
     def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
         wiring = wire(setting.robot)
-        self._places = [wiring.place(joint) for joint in range(len(setting.robot.joint_names))]
+        self._labels = [wiring.label(joint) for joint in range(len(setting.robot.joint_names))]
         self._setting, self._step, self._waiting = setting, step, list(plan.windows)
         self._recording, self._ticks = Recording(), 0
         self.findings: list[str] = []
@@ -177,7 +177,7 @@ class _Judge:
         error = np.abs(loop.target - loop.sensed.joint_position)
         joint = int(error.argmax())
         if self._step.hangs and error[joint] > self._setting.config.limits.lost_rad:
-            self.findings.append(f"{self._places[joint]} is {error[joint]:.2f} rad away from its target")
+            self.findings.append(f"{self._labels[joint]} is {error[joint]:.2f} rad away from its target")
         while self._waiting and loop.walking_s >= self._waiting[0].end_s - 1e-9:
             self._judge(self._waiting.pop(0))
         if self.findings:
@@ -185,7 +185,7 @@ class _Judge:
 
     def _judge(self, window: Window) -> None:
         setting, samples = self._setting, self._recording.between(window.begin_s, window.end_s)
-        case = Case(setting.robot, self._places, window, samples, setting.config.limits)
+        case = Case(setting.robot, self._labels, window, samples, setting.config.limits)
         for criterion in self._step.criteria:
             self.findings += criterion(case)
 

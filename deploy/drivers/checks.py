@@ -19,29 +19,31 @@ DATA = ("maker", "models", "motor_end", "filters")  # members of a motor driver'
 IMU_DATA = ("filters", "identifiers", "imu_end")  # members of an IMU driver's class
 
 
-def motor_driver_at(place: str) -> type[MotorDriver]:
+def motor_driver_at(import_path: str) -> type[MotorDriver]:
     """Motor driver class at MODULE:NAME.
 
     Raises:
         UserError: there is no such class, or it lacks a member of `MotorDriver`.
     """
-    found: type[MotorDriver] = _class_at(place, "motor driver", (*DATA, *_methods(MotorDriver)), MOTOR_PAGE)
+    found: type[MotorDriver] = _class_at(
+        import_path, "motor driver", (*DATA, *_methods(MotorDriver)), MOTOR_PAGE
+    )
     return found
 
 
-def imu_driver_at(place: str) -> type[ImuDriver]:
+def imu_driver_at(import_path: str) -> type[ImuDriver]:
     """IMU driver class at MODULE:NAME.
 
     Raises:
         UserError: there is no such class, it cannot be built, or it lacks a member of `ImuDriver`.
     """
-    found: type[ImuDriver] = _class_at(place, "IMU driver", (*IMU_DATA, *_methods(ImuDriver)), IMU_PAGE)
-    driver = _tried(place, "__init__", lambda: found(0))
-    _require(driver, place, "IMU driver", _members(ImuDriver), IMU_PAGE)
-    _tried(place, "absorb", lambda: driver.absorb(no_frames(), 0))
-    lengths = [len(part) for part in _tried(place, "reading", lambda: Inertial(*driver.reading))]
+    found: type[ImuDriver] = _class_at(import_path, "IMU driver", (*IMU_DATA, *_methods(ImuDriver)), IMU_PAGE)
+    driver = _tried(import_path, "__init__", lambda: found(0))
+    _require(driver, import_path, "IMU driver", _members(ImuDriver), IMU_PAGE)
+    _tried(import_path, "absorb", lambda: driver.absorb(no_frames(), 0))
+    lengths = [len(part) for part in _tried(import_path, "reading", lambda: Inertial(*driver.reading))]
     if lengths != [3, 3, 4]:
-        _refuse(place, "reading", f"parts of lengths {lengths}, not [3, 3, 4]")
+        _refuse(import_path, "reading", f"parts of lengths {lengths}, not [3, 3, 4]")
     return found
 
 
@@ -51,44 +53,51 @@ def open_outside(driver: type[MotorDriver], wiring: Wiring) -> Driver:
     Raises:
         UserError: it cannot be built, lacks a member of `MotorDriver`, or returns wrong types or shapes.
     """
-    place, n = wiring.models[0], len(wiring.motor_id)
-    tried = _tried(place, "__init__", lambda: driver(wiring))
-    _require(tried, place, "motor driver", _members(MotorDriver), MOTOR_PAGE)
+    import_path, n = wiring.models[0], len(wiring.motor_id)
+    tried = _tried(import_path, "__init__", lambda: driver(wiring))
+    _require(tried, import_path, "motor driver", _members(MotorDriver), MOTOR_PAGE)
     for name, shape in (("lowest", (5, n)), ("highest", (5, n)), ("gain_rounding", (2, n))):
-        _check_shape(place, name, getattr(tried, name), shape)
-    _check_shape(place, "exchange_bits", tried.exchange_bits, (n,))
+        _check_shape(import_path, name, getattr(tried, name), shape)
+    _check_shape(import_path, "exchange_bits", tried.exchange_bits, (n,))
     for name in ("query_settings", "enable", "disable", "clear", "zero"):
-        _check_frames(place, name, _tried(place, name, getattr(tried, name)))
-    _check_frames(place, "command", _tried(place, "command", lambda: tried.command(np.zeros((5, n)))))
-    damping = _tried(place, "damping", lambda: tried.damping(np.zeros(n)))
-    if not isinstance(damping, tuple) or not damping:
-        _refuse(place, "damping", "not a tuple of batches")
-    for frames in damping:
-        _check_frames(place, "damping", frames)
-    for name in ("not_ready", "not_enabled"):
-        if not isinstance(_tried(place, name, getattr(tried, name)), str):
-            _refuse(place, name, "not a string")
-    _check_shape(
-        place, "not_confirmed_off", _tried(place, "not_confirmed_off", tried.not_confirmed_off), (n,)
+        _check_frames(import_path, name, _tried(import_path, name, getattr(tried, name)))
+    _check_frames(
+        import_path, "command", _tried(import_path, "command", lambda: tried.command(np.zeros((5, n))))
     )
-    replies = _tried(place, "replies", lambda: tried.replies(no_frames()))
+    damping = _tried(import_path, "damping", lambda: tried.damping(np.zeros(n)))
+    if not isinstance(damping, tuple) or not damping:
+        _refuse(import_path, "damping", "not a tuple of batches")
+    for frames in damping:
+        _check_frames(import_path, "damping", frames)
+    for name in ("not_ready", "not_enabled"):
+        if not isinstance(_tried(import_path, name, getattr(tried, name)), str):
+            _refuse(import_path, name, "not a string")
+    _check_shape(
+        import_path,
+        "not_confirmed_off",
+        _tried(import_path, "not_confirmed_off", tried.not_confirmed_off),
+        (n,),
+    )
+    replies = _tried(import_path, "replies", lambda: tried.replies(no_frames()))
     if not isinstance(replies, Replies):
-        _refuse(place, "replies", "not Replies")
-    _check_shape(place, "replies", replies.values, (3, 0))
+        _refuse(import_path, "replies", "not Replies")
+    _check_shape(import_path, "replies", replies.values, (3, 0))
     return driver(wiring)  # a new object, whose state the checks have not changed
 
 
-def _class_at(place: str, what: str, names: tuple[str, ...], page: str) -> Any:
-    found = find(place, what)
+def _class_at(import_path: str, what: str, names: tuple[str, ...], page: str) -> Any:
+    found = find(import_path, what)
     if not isinstance(found, type):
-        raise UserError(f"no {what} '{place}': it is not a class")
-    _require(found, place, what, names, page)
+        raise UserError(f"no {what} '{import_path}': it is not a class")
+    _require(found, import_path, what, names, page)
     return found
 
 
-def _require(found: Any, place: str, what: str, names: tuple[str, ...], page: str) -> None:
+def _require(found: Any, import_path: str, what: str, names: tuple[str, ...], page: str) -> None:
     if lacking := [name for name in names if not hasattr(found, name)]:
-        raise UserError(f"{place} cannot be used as {what}: it has no {', '.join(lacking)} (see {page})")
+        raise UserError(
+            f"{import_path} cannot be used as {what}: it has no {', '.join(lacking)} (see {page})"
+        )
 
 
 def _members(protocol: type) -> tuple[str, ...]:
@@ -107,29 +116,29 @@ def _methods(protocol: type) -> tuple[str, ...]:
     )
 
 
-def _tried(place: str, name: str, act: Callable[[], Any]) -> Any:
+def _tried(import_path: str, name: str, act: Callable[[], Any]) -> Any:
     try:
         return act()
     except UserError:
         raise
     except Exception as error:  # of any type, because the class is external
-        raise UserError(f"{place} fails at {name}: {one_line(error)}") from error
+        raise UserError(f"{import_path} fails at {name}: {one_line(error)}") from error
 
 
-def _check_frames(place: str, name: str, frames: Any) -> None:
+def _check_frames(import_path: str, name: str, frames: Any) -> None:
     if not isinstance(frames, Frames):
-        _refuse(place, name, f"{type(frames).__name__}, not Frames")
+        _refuse(import_path, name, f"{type(frames).__name__}, not Frames")
     k = len(frames.id)
     width = MAX_FD_BYTES if (frames.id & FD != 0).any() else 8
     for part, shape in (("channel", (k,)), ("id", (k,)), ("length", (k,)), ("data", (k, width))):
-        _check_shape(place, f"{name} ({part})", getattr(frames, part), shape)
+        _check_shape(import_path, f"{name} ({part})", getattr(frames, part), shape)
 
 
-def _check_shape(place: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
+def _check_shape(import_path: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
     if not isinstance(values, np.ndarray) or values.shape != shape:
         found = f"shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
-        _refuse(place, name, f"{found}, not an array of shape {shape}")
+        _refuse(import_path, name, f"{found}, not an array of shape {shape}")
 
 
-def _refuse(place: str, name: str, found: str) -> NoReturn:
-    raise UserError(f"{place} does not fit: {name} returns {found} (see deploy/drivers)")
+def _refuse(import_path: str, name: str, found: str) -> NoReturn:
+    raise UserError(f"{import_path} does not fit: {name} returns {found} (see deploy/drivers)")

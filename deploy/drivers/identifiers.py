@@ -26,12 +26,12 @@ def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu
             raise UserError(f"the IMU and a foot's force sensor would both use identifier {identifier:#05x}")
         taken[channel, identifier] = "a foot's force sensor"
     for joint, of_motor in enumerate(identifiers):
-        channel, place = int(wiring.channel[joint]), wiring.place(joint)
+        channel, label = int(wiring.channel[joint]), wiring.label(joint)
         own = of_motor(int(wiring.motor_id[joint]))
         for identifier in own:
             if (channel, identifier) in taken:
                 other = taken[channel, identifier]
                 raise UserError(
-                    f"{place} and {other} would both use identifier {identifier:#05x}: change its id"
+                    f"{label} and {other} would both use identifier {identifier:#05x}: change its id"
                 )
-        taken.update(dict.fromkeys(((channel, identifier) for identifier in own), place))
+        taken.update(dict.fromkeys(((channel, identifier) for identifier in own), label))

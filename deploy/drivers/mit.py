@@ -96,7 +96,7 @@ class _Fields(NamedTuple):
     Shifts are repeated for each motor, because broadcasting takes NumPy twice as long.
     """
 
-    place: np.ndarray  # (fields,) uint64, word for a code of 1
+    code: np.ndarray  # (fields,) uint64, word for a code of 1
     shift: np.ndarray  # uint64, bits
     mask: np.ndarray  # uint64, of a field after the shift
     lowest: np.ndarray
@@ -108,8 +108,8 @@ class _Fields(NamedTuple):
         """Fields of some motors (indices), or of all motors (a slice)."""
         if isinstance(motor, slice):
             return self
-        place, *rest = self
-        return _Fields(place, *(part[:, motor] for part in rest))
+        code, *rest = self
+        return _Fields(code, *(part[:, motor] for part in rest))
 
     def pack(self, values: np.ndarray) -> np.ndarray:
         """Words (k,) from values (fields, k), which are clamped to the range."""
@@ -118,7 +118,7 @@ class _Fields(NamedTuple):
         codes -= self.lowest
         codes *= self.codes_per_unit
         np.rint(codes, out=codes)
-        return self.place.dot(codes.astype(np.uint64))
+        return self.code.dot(codes.astype(np.uint64))
 
     def unpack(self, word: np.ndarray) -> np.ndarray:
         """Values (fields, k) from words (k,)."""
@@ -132,8 +132,8 @@ def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np
     """Fields at bits (fields, 1) of a word, with extreme codes for lowest and highest (fields, k)."""
     quantum = (highest - lowest) / (2.0**bits - 1)
     shifts, masks = (np.tile(part.astype(np.uint64), lowest.shape[1]) for part in (shift, 2**bits - 1))
-    place = np.uint64(1) << shift[:, 0].astype(np.uint64)
-    return _Fields(place, shifts, masks, lowest, highest, quantum, 1.0 / quantum)
+    code = np.uint64(1) << shift[:, 0].astype(np.uint64)
+    return _Fields(code, shifts, masks, lowest, highest, quantum, 1.0 / quantum)
 
 
 class Codec:

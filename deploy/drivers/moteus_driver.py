@@ -87,7 +87,7 @@ class MoteusDriver(PolledDriver):
     def not_enabled(self) -> str:
         off = self._mode != moteus.POSITION
         return (
-            f"motor {self._wiring.place(int(off.argmax()))} does not confirm that it is enabled"
+            f"motor {self._wiring.label(int(off.argmax()))} does not confirm that it is enabled"
             if off.any()
             else ""
         )
@@ -146,6 +146,6 @@ class MoteusDriver(PolledDriver):
 def _answers(frames: Frames) -> np.ndarray:
     """Frames of CAN FD that reply to `moteus.QUERY`, (k,) bool."""
     found = (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
-    for place, byte in moteus.REPLY_HEADS.items():
-        found &= frames.data[:, place] == byte
+    for index, byte in moteus.REPLY_HEADS.items():
+        found &= frames.data[:, index] == byte
     return np.asarray(found)

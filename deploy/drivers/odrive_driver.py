@@ -121,7 +121,7 @@ class OdriveDriver:
             (axes.state == 0, "sends no heartbeat (set heartbeat_msg_rate_ms)"),
         ):
             if missing.any():
-                return f"motor {self._wiring.place(int(missing.argmax()))} {what}"
+                return f"motor {self._wiring.label(int(missing.argmax()))} {what}"
         return self._watchdogs.problem() or self._limits.problem()
 
     def enable(self) -> Frames:
@@ -135,7 +135,7 @@ class OdriveDriver:
     def not_enabled(self) -> str:
         off = self._axes.state != odrive.CLOSED_LOOP
         return (
-            f"motor {self._wiring.place(int(off.argmax()))} does not confirm that it is enabled"
+            f"motor {self._wiring.label(int(off.argmax()))} does not confirm that it is enabled"
             if off.any()
             else ""
         )

@@ -38,7 +38,7 @@ class Watchdogs:
         ):
             if (wrong & given).any():
                 joint = int((wrong & given).argmax())
-                return f"motor {self._wiring.place(joint)} {what.format(waits_s[joint], longest_s[joint])}"
+                return f"motor {self._wiring.label(joint)} {what.format(waits_s[joint], longest_s[joint])}"
         return ""
 
 

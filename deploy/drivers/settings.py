@@ -107,7 +107,7 @@ class Settings:
             missing = next((name for number, name in names if number not in known), "")
             problem = f"has not reported its {missing}" if missing else self._check(known)
             if problem := problem or self._time_out_problem(motor) or self._limit_problem(motor):
-                return f"motor {self._wiring.place(motor)} {problem}"
+                return f"motor {self._wiring.label(motor)} {problem}"
         self._good = True
         return ""
 

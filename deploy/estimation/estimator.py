@@ -55,7 +55,7 @@ class BaseEstimator:
         if self._config.own_attitude:
             self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
         self._take(sensed)
-        self._height = -float((self._place @ self._up + self._radius).mean())
+        self._height = -float((self._position @ self._up + self._radius).mean())
         self._since_rest_s = 0.0
         self._height_deviation = 0.0  # m, standard deviation in addition to that above stance feet
         self.start()
@@ -70,13 +70,13 @@ class BaseEstimator:
     def stood_up(self, sensed: Sensed) -> None:
         """Start again at rest after a fall, with all feet in contact, at the position of the fall and the
         IMU's yaw."""
-        place = np.array(self.motion.place) - self._rotation @ self._imu
+        position = np.array(self.motion.position) - self._rotation @ self._imu
         kept = self._start_yaw, self._start_height, self._drift
         self._drift = Drift(self._config.odometry)  # because `reset` starts a new one
         self.reset(sensed)
         self._start_yaw, self._start_height, self._drift = kept
         self._drift.fell()
-        self.motion.begin_at((place + self._rotation @ self._imu).tolist())
+        self.motion.begin_at((position + self._rotation @ self._imu).tolist())
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
         """Update with one set of readings.
@@ -100,7 +100,7 @@ class BaseEstimator:
         if self._since_rest_s > self._config.contact.sensor_trial_s and len(sensed.foot_force):
             self._note_doubts(~self._contact.believed)
         # Velocity of the contact points relative to the IMU, body frame.
-        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(across)
+        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._position.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
         self.motion.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
         if self._attitude is not None:
@@ -114,7 +114,7 @@ class BaseEstimator:
 
     def pose(self) -> tuple[float, float, float]:
         """x m, y m and yaw rad of the base since the start, in the frame of `Odometry`."""
-        ahead, left, _ = (np.array(self.motion.place) - self._rotation @ self._imu).tolist()
+        ahead, left, _ = (np.array(self.motion.position) - self._rotation @ self._imu).tolist()
         cos, sin = math.cos(self._start_yaw), math.sin(self._start_yaw)
         turned = wrap_angle(self._yaw() - self._start_yaw)
         return cos * ahead + sin * left, cos * left - sin * ahead, turned
@@ -122,7 +122,7 @@ class BaseEstimator:
     def odometry(self) -> Odometry:
         """Complete estimate, with its covariance."""
         config, motion = self._config.odometry, self.motion
-        position = np.array(motion.place) - self._rotation @ self._imu
+        position = np.array(motion.position) - self._rotation @ self._imu
         covariance = np.zeros((7, 7))
         covariance[:4, :4] = self._drift.covariance(position)
         covariance[POSITION, POSITION] += motion.pp * np.eye(3)
@@ -163,7 +163,7 @@ class BaseEstimator:
         self._up = up = self._rotation[2]
         pose = self._legs.pose(sensed.joint_position)
         arms = self._points.arms(sensed.joint_position, up)
-        self._place = pose.foot + arms - self._imu
+        self._position = pose.foot + arms - self._imu
         if self._points.round:
             return pose.jacobian + self._legs.rolling_offset(pose.axes, up)
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
@@ -182,7 +182,7 @@ class BaseEstimator:
         self._height += self.motion.velocity[2] * dt_s
         total = sum(contact)
         if total > _SOME_CONTACT:
-            measured = -float((self._place.dot(self._up) + self._radius).dot(contact)) / total
+            measured = -float((self._position.dot(self._up) + self._radius).dot(contact)) / total
             share = 1.0 - math.exp(-dt_s / self._config.odometry.height_filter_s)
             self._height += share * (measured - self._height)
             self._height_deviation -= share * self._height_deviation

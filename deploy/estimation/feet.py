@@ -15,16 +15,16 @@ class ContactPoints:
     def __init__(self, legs: Legs, level_m: float) -> None:
         self._legs, self._level = legs, level_m
         self.round = all(  # whether each foot is one sphere around its tip
-            len(spheres.radius) == 1 and not spheres.place.any() for spheres in legs.spheres
+            len(spheres.radius) == 1 and not spheres.centre.any() for spheres in legs.spheres
         )
         self._radius = np.array([spheres.radius[:1] for spheres in legs.spheres])  # if all feet are spheres
         max_count = max(len(spheres.radius) for spheres in legs.spheres)
         # x, y, z, radius and 1 of each sphere: weighted sums give the mean. Padding has infinite height.
         self._spheres = np.zeros((legs.count, max_count, 5))
         self._floats = np.full((legs.count, max_count), np.inf)
-        for leg, (place, radius) in enumerate(legs.spheres):
+        for leg, (position, radius) in enumerate(legs.spheres):
             own = slice(len(radius))
-            self._spheres[leg, own] = np.column_stack([place, radius, np.ones_like(radius)])
+            self._spheres[leg, own] = np.column_stack([position, radius, np.ones_like(radius)])
             self._floats[leg, own] = -radius
 
     def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:

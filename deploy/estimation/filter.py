@@ -32,15 +32,15 @@ class MotionFilter:
 
     def reset(self) -> None:
         """Start at rest, at position zero."""
-        self.place = self.velocity = self.bias = [0.0, 0.0, 0.0]
+        self.position = self.velocity = self.bias = [0.0, 0.0, 0.0]
         self._surprise = [0.0, 0.0, 0.0]
         self._last: tuple[float, ...] | None = None  # last reading, and the acceleration from it in the world
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
 
-    def begin_at(self, place: Vector) -> None:
+    def begin_at(self, position: Vector) -> None:
         """Set the position, m, without uncertainty, and keep the estimated motion."""
-        self.place = place
+        self.position = position
         self.pp = self.pv = self.pb = 0.0
 
     def predict(self, force: Vector, rotation: Matrix, dt_s: float) -> None:
@@ -64,8 +64,8 @@ class MotionFilter:
         self._last = fx, fy, fz, ax, ay, az
         change = ((fx - last_fx) ** 2 + (fy - last_fy) ** 2 + (fz - last_fz) ** 2) / 3.0
         ax, ay, az = 0.5 * (ax + last_ax), 0.5 * (ay + last_ay), 0.5 * (az + last_az)
-        (px, py, pz), (vx, vy, vz), half = self.place, self.velocity, 0.5 * dt_s
-        self.place = [
+        (px, py, pz), (vx, vy, vz), half = self.position, self.velocity, 0.5 * dt_s
+        self.position = [
             px + dt_s * (vx + half * ax),
             py + dt_s * (vy + half * ay),
             pz + dt_s * (vz + half * az),
@@ -112,8 +112,8 @@ class MotionFilter:
         kp, kv, kb = self.pv / variance, self.vv / variance, self.vb / variance
         x, y, z = innovation
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
-        (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.place, self.velocity, self.bias
-        self.place = [px + kp * x, py + kp * y, pz + kp * z]
+        (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.position, self.velocity, self.bias
+        self.position = [px + kp * x, py + kp * y, pz + kp * z]
         self.velocity = [vx + kv * x, vy + kv * y, vz + kv * z]
         self.bias = [  # in body axes
             bx + kb * (xx * x + yx * y + zx * z),

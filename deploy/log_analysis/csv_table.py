@@ -31,8 +31,8 @@ class CsvTable(NamedTuple):
             UserError: a column is missing, or a cell is not a finite number.
         """
         values = np.empty((len(self.rows), len(columns)))
-        for place, column in enumerate(columns):
-            values[:, place] = self._named(column) if isinstance(column, str) else column
+        for index, column in enumerate(columns):
+            values[:, index] = self._named(column) if isinstance(column, str) else column
         return values
 
     def of(self, chosen: Mapping[str, Column], names: Sequence[str], what: str) -> np.ndarray:
@@ -56,16 +56,16 @@ class CsvTable(NamedTuple):
     def _named(self, name: str) -> list[float]:
         if name not in self.names:
             raise UserError(f"{self.path} has no column '{name}': it has {', '.join(self.names)}")
-        place = self.names.index(name)
-        return [self._number(line, row, place) for line, row in enumerate(self.rows)]
+        index = self.names.index(name)
+        return [self._number(line, row, index) for line, row in enumerate(self.rows)]
 
-    def _number(self, line: int, row: list[str], place: int) -> float:
+    def _number(self, line: int, row: list[str], index: int) -> float:
         try:
-            value = float(row[place])
+            value = float(row[index])
         except (ValueError, IndexError):
             value = np.nan
         if not np.isfinite(value):
-            raise UserError(f"{self.path}, line {line + 2}: no number in column '{self.names[place]}'")
+            raise UserError(f"{self.path}, line {line + 2}: no number in column '{self.names[index]}'")
         return value
 
 

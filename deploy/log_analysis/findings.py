@@ -74,11 +74,11 @@ class LogFindings:
         ]
         if self.robot is not None:
             names = [foot.name for foot in self.robot.description.feet]
-            for what, column, places in (
+            for what, column, positions in (
                 ("foot target", self.decided, self.decided_feet),
                 ("foot path", self.measured, self.measured_feet),
             ):
-                finding = continuity(column.time_s[: len(places)], places, FOOT_JUMP_M)
+                finding = continuity(column.time_s[: len(positions)], positions, FOOT_JUMP_M)
                 found.append((what, "m", names, finding))
         return [each for each in found if each[3].largest]
 

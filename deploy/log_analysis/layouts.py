@@ -19,8 +19,8 @@ def foxglove_layout(joints: Sequence[str]) -> str:
     }
     for quantity, unit in QUANTITIES.items():
         paths = [
-            _foxglove_series(f"/joint_states.{quantity}[{place}]", joint)
-            for place, joint in enumerate(joints)
+            _foxglove_series(f"/joint_states.{quantity}[{index}]", joint)
+            for index, joint in enumerate(joints)
         ]
         panels[f"Plot!{quantity}"] = _foxglove_plot(f"{quantity}, {unit}", paths)
     speed = [

@@ -1,7 +1,7 @@
 """Interface of a sensor check: one small class with its state, limit, message and consequence.
 
 To add one, write a class in a module of this folder and list it in `table.py`. The supervisor, the table of
-rules in `docs/safety.md` and the settings use these two places.
+rules in `docs/safety.md` and the settings use only these two.
 """
 
 from abc import ABC, abstractmethod

@@ -41,7 +41,7 @@ class SensorMonitor:
         `answering`: whether its motors reply to each frame, and send nothing else.
         """
         n = len(robot.joint_names)
-        self._places = [wiring.place(joint) for joint in range(n)]
+        self._labels = [wiring.label(joint) for joint in range(n)]
         self._windows = JointWindows(n, limits.period_s, tick_s)
         sample_s = self._windows.sample_s
         self._joint_checks = [check(robot, limits, sample_s) for check in joint_checks]
@@ -128,12 +128,12 @@ class SensorMonitor:
         found = None
         for check, limit in self._link_checks:
             value = check.measure(window)
-            worst, place = value, ""
+            worst, label = value, ""
             if isinstance(value, np.ndarray):
                 joint = int(value.argmax())
-                worst, place = value[joint], f"{self._places[joint]}: "
+                worst, label = value[joint], f"{self._labels[joint]}: "
             if found is None and not worst <= limit:
-                found = Implausible(place + check.message.format(worst), check.leads_to)
+                found = Implausible(label + check.message.format(worst), check.leads_to)
         return found
 
     def add(
@@ -194,7 +194,7 @@ class SensorMonitor:
             return None
         row, joint = np.argwhere(~passed)[0].tolist()
         message = checks[row].message.format(values[row, joint], window.joints[0, joint])
-        return Implausible(f"{self._places[joint]}: {message}", checks[row].leads_to)
+        return Implausible(f"{self._labels[joint]}: {message}", checks[row].leads_to)
 
     def _with_attitude(self, window: BodyWindow) -> BodyWindow:
         """The window with the base's attitude by the legs, for a robot that stands nearly at rest."""

@@ -15,20 +15,20 @@ class ReplayFinder:
     def reset(self) -> None:
         """Clear all readings."""
         self.replayed_s = 0.0  # how long readings have equalled those of a constant time before
-        self._places: dict[tuple[float, ...], int] = {}  # number of the latest reading with these values
+        self._index_of: dict[tuple[float, ...], int] = {}  # number of the latest reading with these values
         self._number, self._back, self._since_us = 0, 0, 0
 
     def look(self, now_us: int, inertial: Inertial) -> None:
         """Compare a reading that arrived at this time."""
         key = tuple(inertial.quaternion)  # the part with the finest resolution
-        number, places = self._number, self._places
+        number, index_of = self._number, self._index_of
         self._number = number + 1
-        before = places.pop(key, None)  # and insert it again, so that the oldest key stays first
-        places[key] = number
+        before = index_of.pop(key, None)  # and insert it again, so that the oldest key stays first
+        index_of[key] = number
         if before is None:
             self._back, self.replayed_s = 0, 0.0
-            if len(places) > HISTORY_READINGS:
-                places.pop(next(iter(places)))
+            if len(index_of) > HISTORY_READINGS:
+                index_of.pop(next(iter(index_of)))
             return
         back = number - before
         if back < MIN_BACK or back != self._back:

@@ -83,8 +83,8 @@ class Template:
     def fill(self, time_ns: int, *numbers: bytes) -> bytes:
         """The message with a time and numbers for the gaps in order, each of its gap's size."""
         content = self._bytes
-        for place in self._stamps:
-            struct.pack_into("<iI", content, place, *divmod(time_ns, 10**9))
+        for offset in self._stamps:
+            struct.pack_into("<iI", content, offset, *divmod(time_ns, 10**9))
         for gap, part in zip(self._gaps, numbers, strict=True):
             content[gap] = part
         return bytes(content)

@@ -89,8 +89,12 @@ class Scene:
                 markers.append(arrow("forces", foot, foot + self._metres_per_newton * force, RED, index))
         return markers
 
-    def _planned(self, places: np.ndarray) -> list[Marker]:
-        planned = [(index, place) for index, place in enumerate(places) if np.isfinite(place).all()]
-        markers = [disc("footholds", place, 0.06, GREEN, index) for index, place in planned]
-        paths = [(index, self._trails[index][-1], place) for index, place in planned if self._trails[index]]
-        return markers + [line("swings", [foot, place], GREEN, index) for index, foot, place in paths]
+    def _planned(self, positions: np.ndarray) -> list[Marker]:
+        planned = [
+            (index, position) for index, position in enumerate(positions) if np.isfinite(position).all()
+        ]
+        markers = [disc("footholds", position, 0.06, GREEN, index) for index, position in planned]
+        paths = [
+            (index, self._trails[index][-1], position) for index, position in planned if self._trails[index]
+        ]
+        return markers + [line("swings", [foot, position], GREEN, index) for index, foot, position in paths]

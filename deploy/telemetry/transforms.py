@@ -42,7 +42,7 @@ class Transforms:
         self._frames = ((ODOM, BASE), *((link["parent"], link["name"]) for link in self._moved))
         self._put = put
         self._next_ns = 0
-        self._place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._position: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._turned: Quaternion | None = None  # rotation from the IMU's heading to that of the odometry
         self._pose: bytes | None = None  # from odometry since the last readings
 
@@ -72,12 +72,12 @@ class Transforms:
         if self._pose is not None:
             pose, self._pose = self._pose, None
             x, y, z, *xyz, w = _PLACED.unpack(pose)
-            self._place = x, y, z
+            self._position = x, y, z
             self._turned = _heading(_times((w, *xyz), _inverse(sensed)))
             return pose
         if self._turned is None:
             self._turned = _inverse(_heading(sensed))
-        return _packed(self._place, _times(self._turned, sensed))
+        return _packed(self._position, _times(self._turned, sensed))
 
 
 def _joint_pose(link: dict[str, Any], angle: float) -> bytes:

@@ -55,7 +55,7 @@ def causes(wiring: Wiring, legs: Sequence[np.ndarray]) -> Iterator[Cause]:
     Legs are given by their joints, from the base outwards.
     """
     n = len(wiring.motor_id)
-    places = [wiring.place(joint) for joint in range(n)]
+    labels = [wiring.label(joint) for joint in range(n)]
     ones, order = np.ones(n), np.arange(n)
     used = sorted(set(wiring.channel.tolist()))
     for first, second in combinations(used, 2):
@@ -67,24 +67,24 @@ def causes(wiring: Wiring, legs: Sequence[np.ndarray]) -> Iterator[Cause]:
         if len(one) == len(other):
             joint = order.copy()
             joint[one], joint[other] = other, one
-            text = f"the leg of {places[one[0]]} and that of {places[other[0]]} are exchanged: swap all plugs"
+            text = f"the leg of {labels[one[0]]} and that of {labels[other[0]]} are exchanged: swap all plugs"
             yield Cause(text, joint, ones, (*one.tolist(), *other.tolist()))
     for first, second in combinations(range(n), 2):
         joint = order.copy()
         joint[[first, second]] = second, first
-        text = f"{places[first]} and {places[second]} are exchanged: swap their plugs or their ids"
+        text = f"{labels[first]} and {labels[second]} are exchanged: swap their plugs or their ids"
         yield Cause(text, joint, ones, (first, second))
     for moved in range(n):
         for ratio in (-1.0, *RATIOS):
             ratios = ones.copy()
             ratios[moved] = ratio
-            yield Cause(_about_gears(places[moved], ratio), order, ratios, (moved,))
+            yield Cause(_about_gears(labels[moved], ratio), order, ratios, (moved,))
 
 
-def _about_gears(place: str, ratio: float) -> str:
+def _about_gears(label: str, ratio: float) -> str:
     if ratio < 0.0:
-        return f"{place} turns in the opposite direction: {IN_MOTOR}"
-    return f"{place} turns {1.0 / ratio:.2g} times as far as it reports: its gear ratio is wrong: {IN_MOTOR}"
+        return f"{label} turns in the opposite direction: {IN_MOTOR}"
+    return f"{label} turns {1.0 / ratio:.2g} times as far as it reports: its gear ratio is wrong: {IN_MOTOR}"
 
 
 def _buses_exchanged(wiring: Wiring, first: int, second: int) -> np.ndarray | None:

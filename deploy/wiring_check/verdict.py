@@ -115,7 +115,7 @@ def judged(
             f"the IMU is askew by {askew:.2f} rad, or the ground is not level: align it with the base's axes"
         )
     if not fault and (strange or imu_error > config.unlike):
-        strangest = wiring.place(int(errors.argmax()))
+        strangest = wiring.label(int(errors.argmax()))
         fault = f"the robot's motions do not match its description, most of all with {strangest}"
     return verdict._replace(fault=fault)
 
@@ -177,8 +177,9 @@ class Search(NamedTuple):
     def twin(self, every: list[Cause], highest: np.ndarray, config: WiringCheckConfig) -> str:
         """The text of two exchanged motors that the right wiring resembles; empty if there are none.
 
-        If both have similar places, such as the hip yaws of a biped, an exchange hardly adds to the errors,
-        and the robot's swaying hides it. The torques of the two motors show it: swaying does not load them.
+        If both have similar positions, such as the hip yaws of a biped, an exchange hardly adds to the
+        errors, and the robot's swaying hides it. The torques of the two motors show it: swaying does not load
+        them.
         """
         for cause in every:
             rough = self.right._replace(torque=cause.responses(self.right.torque, highest))

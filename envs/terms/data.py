@@ -33,8 +33,8 @@ class Scene:
         self.peak_torque = single(robot.motor.peak_torque)
         qpos = np.array(model.qpos0, dtype=np.float32)
         qpos[positions] = robot.default_pose
-        place = self.base.position(qpos)
-        place[2] = ground_height(place) + self.standing_height
+        base_position = self.base.position(qpos)
+        base_position[2] = ground_height(base_position) + self.standing_height
         self.standing = qpos  # (nq,) in the default pose, feet on the ground
 
     @cached_property
@@ -65,9 +65,9 @@ class StepData(NamedTuple):
     foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a sphere
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if a termination term ended the episode
-    place: jax.Array  # (3,) m, of the base, world frame
+    base_position: jax.Array  # (3,) m, of the base, world frame
     forward: jax.Array  # (2,) horizontal unit vector along the base's heading, world frame
-    ground: Partial  # from places (..., 2) in the world to the ground's height, m, (...)
+    ground: Partial  # from positions (..., 2) in the world to the ground's height, m, (...)
 
     @property
     def period_s(self) -> float:
@@ -77,13 +77,13 @@ class StepData(NamedTuple):
     @property
     def depth(self) -> jax.Array:
         """How deep each point of `Scene.body` is in the ground, m, (points,); negative above it."""
-        places = self.scene.body.places(self.qpos)
-        return self.ground(places[:, :2]) + self.scene.body.radius - places[:, 2]
+        points = self.scene.body.points(self.qpos)
+        return self.ground(points[:, :2]) + self.scene.body.radius - points[:, 2]
 
 
-def level_ground(place: jax.Array) -> jax.Array:
-    """Height of level ground at places (..., 2), m, (...)."""
-    return jnp.zeros_like(place[..., 0])
+def level_ground(position: jax.Array) -> jax.Array:
+    """Height of level ground at positions (..., 2), m, (...)."""
+    return jnp.zeros_like(position[..., 0])
 
 
 def example_data(scene: Scene) -> StepData:
@@ -107,7 +107,7 @@ def example_data(scene: Scene) -> StepData:
         foot_tilt=jnp.zeros(feet),
         swing=jnp.zeros(feet),
         fell=jnp.float32(0.0),
-        place=jnp.array([0.0, 0.0, scene.standing_height]),
+        base_position=jnp.array([0.0, 0.0, scene.standing_height]),
         forward=jnp.array([1.0, 0.0]),
         ground=Partial(level_ground),
         **zeros,

@@ -54,10 +54,10 @@ def event_term(
     return lambda change: EventTerm(change, count, interval_s, heeds_due, generated_only)
 
 
-def placed(values: jax.Array, places: np.ndarray, vector: jax.Array) -> jax.Array:
-    """The vector with these values at these places: a gather, which a GPU fuses as it does not a scatter."""
+def scattered(values: jax.Array, indices: np.ndarray, vector: jax.Array) -> jax.Array:
+    """The vector with these values at these indices: a gather, which a GPU fuses as it does not a scatter."""
     source = np.full(vector.shape, len(values))
-    source[places] = np.arange(len(values))
+    source[indices] = np.arange(len(values))
     return jnp.where(source < len(values), jnp.append(values, 0.0)[source], vector)
 
 
@@ -85,9 +85,9 @@ def reset_pose(
         normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
     )
     qpos = scene.base.turned(state.qpos, quaternion)
-    qpos = qpos + placed(joint_rad * u[7 : 7 + n], scene.positions, jnp.zeros_like(qpos))
+    qpos = qpos + scattered(joint_rad * u[7 : 7 + n], scene.positions, jnp.zeros_like(qpos))
     qvel = scene.base.moving(state.qvel, velocity_m_s * u[3:5], yaw_rate_rad_s * u[5])
-    qvel = placed(joint_velocity_rad_s * u[7 + n :], scene.dofs, qvel)
+    qvel = scattered(joint_velocity_rad_s * u[7 + n :], scene.dofs, qvel)
     return state._replace(qpos=qpos, qvel=qvel)
 
 
@@ -113,14 +113,14 @@ def drop(
     n = len(scene.robot.joint_names)
     pose = scene.soft_lower + (scene.soft_upper - scene.soft_lower) * u[10 : 10 + n]
     qpos = scene.base.turned(state.qpos, random_rotation(u[:3]))
-    qpos = placed(pose, scene.positions, qpos)
+    qpos = scattered(pose, scene.positions, qpos)
     lift = (
-        lowest_m + (highest_m - lowest_m) * u[3] - jnp.min(scene.body.places(qpos)[:, 2] - scene.body.radius)
+        lowest_m + (highest_m - lowest_m) * u[3] - jnp.min(scene.body.points(qpos)[:, 2] - scene.body.radius)
     )
     qpos = scene.base.shifted(qpos, jnp.array([0.0, 0.0, 1.0]) * lift)
     half_widths = jnp.array([velocity_m_s] * 3 + [angular_rad_s] * 3)
     qvel = scene.base.pushed(state.qvel, half_widths * (2 * u[4:10] - 1))
-    qvel = placed(joint_velocity_rad_s * (2 * u[10 + n : 10 + 2 * n] - 1), scene.dofs, qvel)
+    qvel = scattered(joint_velocity_rad_s * (2 * u[10 + n : 10 + 2 * n] - 1), scene.dofs, qvel)
     goals = jnp.tile(pose, (len(state.goals), 1))
     limp_steps = jnp.int32(u[10 + 2 * n] * limp_s / scene.period_s) if limp_s else None
     return state._replace(qpos=qpos, qvel=qvel, target=pose, goals=goals, limp_steps=limp_steps)

@@ -23,7 +23,7 @@ AXES = (("forward velocity", "m/s"), ("leftward velocity", "m/s"), ("yaw rate", 
 class Walk(NamedTuple):
     """A policy's walk over the course."""
 
-    place: int  # index of the policy, which sets its colour
+    policy_index: int  # sets its colour
     policy: str
     trace: Trace
     period_ms: float  # between steps of the policy
@@ -36,7 +36,7 @@ def tracking(walks: Sequence[Walk], plan: EpisodePlan) -> Plot:
         f"True velocity over the test course, averaged over {SMOOTHED_S:g} s, and the command in steps."
         " Dotted: a push.",
         [_tracking_panel(axis, walks, plan) for axis in range(3)] if walks else [],
-        legend=[walk.place for walk in walks],
+        legend=[walk.policy_index for walk in walks],
     )
 
 
@@ -49,7 +49,7 @@ def _tracking_panel(axis: int, walks: Sequence[Walk], plan: EpisodePlan) -> Mark
         ax = panel.axes
         ax.plot(times, commands, color=INK, lw=1.0, drawstyle="steps-post")
         for walk, values in zip(walks, shown, strict=True):
-            ax.plot(walk.trace.time_s, values, **line(walk.place))
+            ax.plot(walk.trace.time_s, values, **line(walk.policy_index))
         for push in plan.pushes:
             ax.axvline(push.time_s, color=INK, lw=0.9, dashes=(1, 2))
         ax.set(xlabel="time, s", ylabel=unit, title=name, xlim=(0.0, plan.duration_s))
@@ -90,14 +90,14 @@ def steady_window(plan: EpisodePlan) -> tuple[float, float]:
 
 
 def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Markup:
-    place, policy, trace, _ = walk
+    policy_index, policy, trace, _ = walk
     feet = [foot.name for foot in robot.description.feet]
     seen = (trace.time_s >= window_s[0]) & (trace.time_s <= window_s[1])
     time_s, contact = trace.time_s[seen], trace.foot_contact[seen]
-    with Panel(f"gait-{place}", height=60.0 + 26.0 * len(feet)) as panel:
+    with Panel(f"gait-{policy_index}", height=60.0 + 26.0 * len(feet)) as panel:
         ax = panel.axes
         for row, foot in enumerate(contact.T):
-            ax.broken_barh(contact_bars(time_s, foot), (row - 0.36, 0.72), color=colour(place), lw=0)
+            ax.broken_barh(contact_bars(time_s, foot), (row - 0.36, 0.72), color=colour(policy_index), lw=0)
         ax.set_yticks(range(len(feet)), feet)
         ax.set(xlabel="time, s", xlim=window_s, ylim=(len(feet) - 0.5, -0.5))
         ax.grid(visible=False, axis="y")
@@ -140,7 +140,7 @@ def torque_speed(walks: Sequence[Walk], robot: Robot) -> Plot:
         "Torque and speed",
         "Each mark is one joint at one of 100 samples per second on the course. Lines: limits of the motor.",
         [
-            _torque_panel(f"torque-{row}-{walk.place}", walk, kind, robot, joints)
+            _torque_panel(f"torque-{row}-{walk.policy_index}", walk, kind, robot, joints)
             for row, (kind, joints) in enumerate(kinds.items())
             for walk in walks
         ],
@@ -148,7 +148,7 @@ def torque_speed(walks: Sequence[Walk], robot: Robot) -> Plot:
 
 
 def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: list[int]) -> Markup:
-    place, policy, trace, _ = walk
+    policy_index, policy, trace, _ = walk
     speed, torque = trace.joint_velocity[:, joints].ravel(), trace.motor_torque[:, joints].ravel()
     motor = type(robot.motor)(
         *(
@@ -158,7 +158,7 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
     )
     with Panel(identity) as panel:
         ax = panel.axes
-        ax.plot(speed, torque, ".", ms=2.4, mew=0, alpha=0.35, color=colour(place), rasterized=True)
+        ax.plot(speed, torque, ".", ms=2.4, mew=0, alpha=0.35, color=colour(policy_index), rasterized=True)
         grid = np.linspace(-1.05, 1.05, 43) * motor.no_load_speed
         limits = {}
         for sign in (1, -1):
@@ -193,16 +193,16 @@ def timing(walks: Sequence[Walk]) -> Plot:
 
 
 def _timing_panel(walk: Walk, bins: np.ndarray) -> Markup:
-    place, policy, trace, period_ms = walk
+    policy_index, policy, trace, period_ms = walk
     compute_ms = trace.compute_ms
     p50, p99 = np.percentile(compute_ms, [50, 99])
-    with Panel(f"timing-{place}", height=170.0) as panel:
+    with Panel(f"timing-{policy_index}", height=170.0) as panel:
         ax = panel.axes
         shares, _, _ = ax.hist(
             compute_ms,
             bins.tolist(),
             weights=np.full(len(compute_ms), 100.0 / len(compute_ms)),
-            color=colour(place),
+            color=colour(policy_index),
             alpha=0.8,
         )
         for time_ms, dashes in ((p50, (3, 2)), (p99, (3, 2)), (period_ms, (1, 0))):

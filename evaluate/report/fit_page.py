@@ -85,12 +85,12 @@ def _intervals(leg: LegPart) -> Plot:
     for quantity in dict.fromkeys(row.quantity for row in leg.estimates):
         rows = [row for row in leg.estimates if row.quantity == quantity]
         with Panel(f"interval-{leg.name}-{quantity}", height=60.0 + 28.0 * len(rows)) as panel:
-            ax, places = panel.axes, np.arange(len(rows))
-            for place, row in zip(places, rows, strict=True):
-                ax.plot([row.low, row.high], [place, place], **line(FITTED))
-                ax.plot(row.value, place, "o", color=line(FITTED)["color"], ms=5)
+            ax, at_rows = panel.axes, np.arange(len(rows))
+            for at, row in zip(at_rows, rows, strict=True):
+                ax.plot([row.low, row.high], [at, at], **line(FITTED))
+                ax.plot(row.value, at, "o", color=line(FITTED)["color"], ms=5)
             ax.axvline(rows[0].nominal, color=INK, lw=0.8, dashes=(4, 3))
-            ax.set_yticks(places, [row.owner for row in rows])
+            ax.set_yticks(at_rows, [row.owner for row in rows])
             ax.set(title=f"{quantity}, {rows[0].unit}", ylim=(len(rows) - 0.5, -0.5))
             panels.append(panel.svg(f"{quantity} of each joint or body with its interval"))
     caption = "Blue: estimate and interval of 95 %. Dashed: the nominal value."
@@ -104,8 +104,8 @@ def _motion(leg: LegPart) -> Plot:
         error = ((joint.fitted_rad - joint.read_rad) ** 2).mean(axis=1)
         worst = np.sort(np.argsort(-error, kind="stable")[:MAX_WINDOWS])
         with Panel(f"motion-{joint.name}") as panel:
-            for place, window in enumerate(worst):
-                time_s = joint.time_s[window] + 1.1 * place
+            for at, window in enumerate(worst):
+                time_s = joint.time_s[window] + 1.1 * at
                 panel.axes.plot(time_s, joint.read_rad[window], color=INK, lw=2.4, alpha=0.35)
                 panel.axes.plot(time_s, joint.nominal_rad[window], **line(NOMINAL))
                 panel.axes.plot(time_s, joint.fitted_rad[window], **line(FITTED))
@@ -123,9 +123,9 @@ def _residuals(leg: LegPart) -> Plot:
     panels = []
     for joint in leg.joints:
         with Panel(f"residual-{joint.name}", height=190.0) as panel:
-            for place, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
+            for at, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
                 error = 1e3 * np.sqrt(((predicted - joint.read_rad) ** 2).mean(axis=1))
-                panel.axes.plot(np.arange(len(error)), error, marker=".", **line(place))
+                panel.axes.plot(np.arange(len(error)), error, marker=".", **line(at))
             panel.axes.axhline(1e3 * joint.noise_rad, color=INK, lw=0.8, dashes=(4, 3))
             panel.axes.set(title=joint.name, xlabel="window", ylabel="rms error, mrad", yscale="log")
             panel.axes.yaxis.set_major_formatter("{x:g}")

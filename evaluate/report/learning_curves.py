@@ -33,7 +33,7 @@ def learning_curves(specs: Mapping[str, str]) -> Plot:
         curves = {name: curve(rows, metric) for name, rows in metrics.items()}
         if any(len(points) > 1 for points in curves.values()):
             panels.append(_panel(number, label, curves))
-    learned = [place for place, rows in enumerate(metrics.values()) if rows]
+    learned = [index for index, rows in enumerate(metrics.values()) if rows]
     return Plot("Learning", "From the run folders, over environment steps, smoothed.", panels, learned)
 
 
@@ -70,8 +70,8 @@ def curve(rows: list[dict[str, float]], metric: str) -> Points:
 def _panel(number: int, label: str, curves: Mapping[str, Points]) -> Markup:
     with Panel(f"learning-{number}") as panel:
         readings = []
-        for place, (policy, points) in enumerate(curves.items()):
-            panel.axes.plot(points[:, 0] / 1e6, points[:, 1], **line(place))
+        for index, (policy, points) in enumerate(curves.items()):
+            panel.axes.plot(points[:, 0] / 1e6, points[:, 1], **line(index))
             readings += [
                 Reading(step / 1e6, value, f"{policy}: {value:.3g}\nafter {step / 1e6:.3g} million steps")
                 for step, value in points[:: max(1, len(points) // 80)].tolist()

@@ -89,8 +89,8 @@ def _by_limb(
     panels = []
     for number, (name, members) in enumerate(_limbs(found)):
         with Panel(f"{what}-{number}") as panel:
-            for place, joint in enumerate(members):
-                draw(panel.axes, joint, color=colour(place), label=found.columns.joints[joint])
+            for index, joint in enumerate(members):
+                draw(panel.axes, joint, color=colour(index), label=found.columns.joints[joint])
             panel.axes.set(xlabel="time, s", ylabel=unit, title=name)
             if len(members) > 1:
                 panel.axes.legend(fontsize=9, frameon=False, loc="best")
@@ -198,8 +198,8 @@ def _text(found: LogFindings, values: Column, members: Sequence[int], unit: str,
     return "\n".join([f"{values.time_s[row]:.2f} s", *lines])
 
 
-def _window(time_s: np.ndarray, places: np.ndarray, start_s: float) -> np.ndarray:
-    return places[(time_s >= start_s) & (time_s <= start_s + PATH_SHOWN_S)]
+def _window(time_s: np.ndarray, positions: np.ndarray, start_s: float) -> np.ndarray:
+    return positions[(time_s >= start_s) & (time_s <= start_s + PATH_SHOWN_S)]
 
 
 def _thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -94,8 +94,8 @@ def plots(comparison: Comparison) -> list[svg.Plot]:
     """All plots in the order of the page; plots without data have no panels."""
     file, chosen, policies = comparison.file, comparison.config.scenarios, comparison.policies
     walks = [
-        course_plots.Walk(place, policy.name, policy.course.trace, policy.period_ms)
-        for place, policy in enumerate(policies)
+        course_plots.Walk(index, policy.name, policy.course.trace, policy.period_ms)
+        for index, policy in enumerate(policies)
         if policy.course.trace is not None and len(policy.course.trace.time_s)
     ]
     plan = policies[0].course.plan
@@ -122,16 +122,16 @@ def columns(pictures: int) -> int:
     return next((count for count in (3, 2) if pictures % count == 0), min(pictures, 3))
 
 
-def swatch(place: int) -> Markup:
+def swatch(index: int) -> Markup:
     """The line and marker of a policy, drawn so that it shows in print as well."""
-    dashes = svg.DASHES[place % len(svg.DASHES)] or ()
+    dashes = svg.DASHES[index % len(svg.DASHES)] or ()
     return Markup(
         '<svg class="swatch" viewBox="0 0 26 12" aria-hidden="true"><g stroke="{0}" fill="{0}">'
         '<path d="M0 6H26" stroke-width="2.4" stroke-dasharray="{1}"/><path d="{2}" stroke="none"/></g></svg>'
     ).format(
-        svg.colour(place),
+        svg.colour(index),
         " ".join(f"{1.6 * length:g}" for length in dashes),
-        svg.MARKER_PATHS[svg.marker(place)],
+        svg.MARKER_PATHS[svg.marker(index)],
     )
 
 

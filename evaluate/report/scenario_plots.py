@@ -30,14 +30,14 @@ FEW_EPISODES = 4  # per size of push; a fit to fewer is a guess
 
 def survival(summaries: Summaries) -> Plot:
     """Share of robots that stay up against the size of a push, a panel for each policy."""
-    shown = [(place, *item) for place, item in enumerate(summaries.items()) if item[1].get("rows")]
+    shown = [(index, *item) for index, item in enumerate(summaries.items()) if item[1].get("rows")]
     strongest = max((summary["strongest_push"] for _, _, summary in shown), default=1.0)
     return Plot(
         "Pushes",
         "Share of episodes that stayed up against the size of the push. Small marks: measured, with 95 %"
         " Wilson intervals. Line: logistic fit. Large mark and bar: median survivable push with its 95 %"
         f" bootstrap interval.{_warning(shown)}",
-        [_survival_panel(place, policy, summary, strongest) for place, policy, summary in shown],
+        [_survival_panel(index, policy, summary, strongest) for index, policy, summary in shown],
     )
 
 
@@ -51,27 +51,27 @@ def _warning(shown: list[tuple[int, str, Summary]]) -> str:
     return f" With {fewest} episode{'s' * (fewest != 1)} at a size, fit and interval are a guess."
 
 
-def _survival_panel(place: int, policy: str, summary: Summary, strongest: float) -> Markup:
+def _survival_panel(index: int, policy: str, summary: Summary, strongest: float) -> Markup:
     half = figures()["dv50"]
     rows = summary["rows"]
     stood = np.array([1 - row["falls"] / row["episodes"] for row in rows])
     low, high = (1 - np.array([row["fall_rate_interval"] for row in rows]).T)[::-1]
     x = np.array([row["push_m_s"] for row in rows])
-    with Panel(f"survival-{place}") as panel:
+    with Panel(f"survival-{index}") as panel:
         ax = panel.axes
         ax.axhline(0.5, color=INK, lw=0.7, dashes=(1, 3))
         ax.errorbar(
-            x, stood, [np.maximum(stood - low, 0), np.maximum(high - stood, 0)], fmt=marker(place),
-            color=colour(place), ms=4.5, lw=0.8, alpha=0.7,
+            x, stood, [np.maximum(stood - low, 0), np.maximum(high - stood, 0)], fmt=marker(index),
+            color=colour(index), ms=4.5, lw=0.8, alpha=0.7,
         )  # fmt: skip
         if summary["dv50"] is not None:
             grid = np.linspace(0.0, strongest, 120)
             fit = Survival(summary["dv50"], summary["dv50_width"], (0, 0))
-            ax.plot(grid, fit.chance(grid), color=colour(place))
+            ax.plot(grid, fit.chance(grid), color=colour(index))
             # An edge beyond the strongest push tried is beyond the plot.
             edges = [1.05 * strongest if edge is None else edge for edge in summary["dv50_interval"]]
-            ax.plot(edges, [0.5, 0.5], color=colour(place), lw=4, alpha=0.6, solid_capstyle="butt")
-            ax.plot([summary["dv50"]], [0.5], marker(place), ms=10, mfc=PAPER, mec=colour(place), mew=2)
+            ax.plot(edges, [0.5, 0.5], color=colour(index), lw=4, alpha=0.6, solid_capstyle="butt")
+            ax.plot([summary["dv50"]], [0.5], marker(index), ms=10, mfc=PAPER, mec=colour(index), mew=2)
         ax.set(
             xlabel="push, m/s", ylabel="share that stayed up", xlim=(0, strongest * 1.04), ylim=(-0.04, 1.04)
         )
@@ -156,14 +156,14 @@ def _condition_panel(
     with Panel(identity) as panel:
         ax = panel.axes
         lines: dict[float, list[str]] = {}
-        for place, (policy, each) in enumerate(rows.items()):
+        for index, (policy, each) in enumerate(rows.items()):
             x, y = [row[level] for row in each], [figure.measure(row) for row in each]
-            ax.plot(x, y, **line(place), marker=marker(place), ms=4.5)
+            ax.plot(x, y, **line(index), marker=marker(index), ms=4.5)
             for at, number, row in zip(x, y, each, strict=True):
                 within = ""
                 if figure.interval:
                     low, high = (100.0 * edge for edge in row[figure.interval])
-                    ax.vlines(at, low, high, color=colour(place), lw=0.8, alpha=0.7)
+                    ax.vlines(at, low, high, color=colour(index), lw=0.8, alpha=0.7)
                     within = f" ({low:.0f} to {high:.0f})"
                 lines.setdefault(at, []).append(f"{policy} {number:.3g}{within}")
         ax.set(xlabel=label, ylabel=figure.unit, title=figure.name)

@@ -25,7 +25,7 @@ class Heading:
 
     label: str
     small: str = ""
-    place: int | None = None  # index of the policy, which sets its colour
+    index: int | None = None  # index of the policy, which sets its colour
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def headline_table(comparison: Comparison) -> Table:
     ]
     headings.append(Heading("Time per step", "ms p50 / p99, alone"))
     rows = [
-        (Heading(policy.name, policy.origin, place), [column[place] for column in columns])
-        for place, policy in enumerate(comparison.policies)
+        (Heading(policy.name, policy.origin, index), [column[index] for column in columns])
+        for index, policy in enumerate(comparison.policies)
     ]
     return Table("Policy", headings, rows)
 
@@ -70,15 +70,15 @@ def falls_table(comparison: Comparison) -> Table:
     scenarios = comparison.config.scenarios
     columns = [_of_policies(falls, list(comparison.summaries(name).values())) for name in scenarios]
     rows = [
-        (Heading(policy.name, place=place), [column[place] for column in columns])
-        for place, policy in enumerate(comparison.policies)
+        (Heading(policy.name, index=index), [column[index] for column in columns])
+        for index, policy in enumerate(comparison.policies)
     ]
     return Table("Policy", [Heading(name) for name in scenarios], rows)
 
 
 def scenario_parts(comparison: Comparison) -> list[ScenarioPart]:
     """A table for each scenario: figures in rows, policies in columns."""
-    columns = [Heading(policy.name, place=place) for place, policy in enumerate(comparison.policies)]
+    columns = [Heading(policy.name, index=index) for index, policy in enumerate(comparison.policies)]
     parts = []
     for scenario in comparison.config.scenarios:
         by_name = comparison.summaries(scenario)
@@ -112,8 +112,8 @@ def _of_policies(figure: Figure, summaries: Sequence[Summary]) -> list[Cell]:
     """Cells with one figure, for each policy."""
     winner = best(figure, summaries)
     return [
-        Cell(text(figure, summary), interval_text(figure, summary), place == winner)
-        for place, summary in enumerate(summaries)
+        Cell(text(figure, summary), interval_text(figure, summary), index == winner)
+        for index, summary in enumerate(summaries)
     ]
 
 

@@ -91,7 +91,7 @@ class Surface:
     def _plane(
         self, at_x: float, at_y: float, x: float, y: float, z: float
     ) -> tuple[float, float, float, float]:
-        """Unit normal of the tangent at a place, and the distance of a point from the tangent."""
+        """Unit normal of the tangent at a position, and the distance of a point from the tangent."""
         height, along, across = self._tangent(at_x, at_y)
         c = 1.0 / math.sqrt(1.0 + along * along + across * across)
         a, b = -along * c, -across * c

@@ -38,8 +38,8 @@ class MoteusMotorEnd(PolledMotorEnd):
         self._lookup, self._identifier = motor_lookup(wiring), moteus.from_motor(wiring.motor_id)
         self._gains = wiring.drive_gains.T / TURN
         self._data, length = moteus.padded(bytes(moteus.REPLY_BYTES), n)
-        for place, byte in moteus.REPLY_HEADS.items():
-            self._data[:, place] = byte
+        for index, byte in moteus.REPLY_HEADS.items():
+            self._data[:, index] = byte
         self._length = np.full(n, length)
         self._timeout_s = np.full(n, 0.1)
         self.torque_limit = np.full(n, np.nan)

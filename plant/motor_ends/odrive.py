@@ -127,8 +127,8 @@ class OdriveMotorEnd:
             self._frames(odrive.ENCODER, half, odrive.float_bytes(*estimates)),
             self._frames(odrive.TORQUES, half, odrive.float_bytes(at_rotor, at_rotor)),
         ]
-        for place, message in enumerate(_SLOW):
-            phase_us = (now_us - self._stagger_us - place * 33_000) % SLOW_US
+        for index, message in enumerate(_SLOW):
+            phase_us = (now_us - self._stagger_us - index * 33_000) % SLOW_US
             if (due := np.flatnonzero(speaking & (phase_us < 1000))).size:
                 batches.append(self._frames(message, due, self._slow(message, report)))
         return joined(batches)

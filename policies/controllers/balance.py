@@ -104,13 +104,13 @@ class Balance:
     def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
         """Wanted acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
-        place = dynamics.centre - dynamics.middle
+        centre = dynamics.centre - dynamics.middle
         rate = pendulum_rate(self.com_height_m)
-        capture = place + dynamics.centre_velocity / rate
+        capture = centre + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture
         ahead = math.hypot(pressure[0], pressure[1])
         pressure *= min(1.0, config.most_lead_m / max(ahead, 1e-9))
-        acceleration = rate**2 * (place - pressure)
-        deviation = np.array([place[2] - height])
+        acceleration = rate**2 * (centre - pressure)
+        deviation = np.array([centre[2] - height])
         acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]
         return acceleration

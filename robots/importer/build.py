@@ -105,7 +105,7 @@ def _imu(model: mujoco.MjModel, base: int) -> tuple[np.ndarray, str]:
     sites = [
         ("site", model.site(s).name, data.site_xpos[s], model.site_bodyid[s]) for s in range(model.nsite)
     ]
-    for kind, name, place, body in (*sites, *bodies):
+    for kind, name, position, body in (*sites, *bodies):
         if "imu" in name.lower() and model.body_weldid[body] == base:
-            return rotation.T @ (place - origin), f"IMU: at {kind} {name}, along the axes of the base"
+            return rotation.T @ (position - origin), f"IMU: at {kind} {name}, along the axes of the base"
     return np.zeros(3), f"IMU: at the origin of '{model.body(base).name}', along its axes"

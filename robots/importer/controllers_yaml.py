@@ -116,9 +116,9 @@ def size_of(model: mujoco.MjModel, data: mujoco.MjData, legs: Sequence[Limb]) ->
         legs: each with a foot of spheres and ellipsoids.
     """
     feet = [leg.geoms for leg in legs]
-    places = [np.array([data.geom(name).xpos for name in geoms]) for geoms in feet]
-    middles = np.array([points.mean(axis=0) for points in places])
-    extent = np.mean([np.ptp(points, axis=0) for points in places], axis=0)
+    positions = [np.array([data.geom(name).xpos for name in geoms]) for geoms in feet]
+    middles = np.array([points.mean(axis=0) for points in positions])
+    extent = np.mean([np.ptp(points, axis=0) for points in positions], axis=0)
     lowest = min(lowest_height(model, data, model.geom(name).id) for geoms in feet for name in geoms)
     height = float(data.xpos[1][2] - lowest)
     out_of_plane = [max(np.hypot(*data.joint(name).xaxis[::2]) for name in leg.joints) for leg in legs]

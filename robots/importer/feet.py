@@ -117,8 +117,8 @@ def _ends(geom: Geom) -> list[Geom]:
 
 def _outline(spheres: list[Geom], up: np.ndarray) -> list[Geom]:
     """The spheres, four at most, that are farthest towards the corners of the area that all spheres cover."""
-    places = np.array([sphere.shape.position for sphere in spheres])
-    level = places - np.outer(places @ up, up)
+    positions = np.array([sphere.shape.position for sphere in spheres])
+    level = positions - np.outer(positions @ up, up)
     level -= (level.max(axis=0) + level.min(axis=0)) / 2
     _, sizes, axes = np.linalg.svd(level, full_matrices=False)
     along = level @ axes[:2].T / np.maximum(sizes[:2], 1e-9)
@@ -141,9 +141,9 @@ def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:
             corner[vertical] = -np.sign(along[vertical]) * (shape.size[vertical] - radius)
             corner[ahead] = front * (shape.size[ahead] - radius)
             corner[aside] = left * (shape.size[aside] - radius)
-            place = shape.position + axes @ corner
+            centre = shape.position + axes @ corner
             size = np.array([radius, 0.0, 0.0])
-            sphere = Shape(Kind.mjGEOM_SPHERE, size, place, np.array([1.0, 0.0, 0.0, 0.0]))
+            sphere = Shape(Kind.mjGEOM_SPHERE, size, centre, np.array([1.0, 0.0, 0.0, 0.0]))
             found.append(replace(sole, shape=sphere))
     return found
 

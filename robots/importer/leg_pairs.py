@@ -76,16 +76,16 @@ def _capsules_of(
 ) -> Iterator[tuple[int, Geom]]:
     """The capsules of a leg, each with its link's index: of the shank, and of a foot behind an ankle."""
     spheres = data.geom_xpos[[model.geom(name).id for name in leg.geoms]]
-    places = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], spheres.mean(axis=0)])
-    length = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
-    away = np.linalg.norm(places[:-1] - places[-1], axis=1)
+    positions = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], spheres.mean(axis=0)])
+    length = np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()
+    away = np.linalg.norm(positions[:-1] - positions[-1], axis=1)
     last = int(np.flatnonzero(away >= min(SHANK_SHARE * length, away.max()))[-1])
     shank = next(
         index
         for index, link in enumerate(machine.links)
         if leg.joints[last] in [hinge.name for hinge in link.hinges]
     )
-    parts = {shank: ("shank", places[last + 1] - places[last])}
+    parts = {shank: ("shank", positions[last + 1] - positions[last])}
     if shank != leg.link:
         _, extent, axes = np.linalg.svd(spheres - spheres.mean(axis=0))
         parts[leg.link] = ("sole", extent[0] * axes[0])

@@ -190,8 +190,8 @@ def geom_shape(source: Source, geom: int) -> Shape | None:
     kind = Kind(model.geom_type[geom])
     if kind not in PRIMITIVES:
         return None
-    size, place, turn = model.geom_size[geom], model.geom_pos[geom], model.geom_quat[geom]
-    return Shape(kind, size.copy(), place.copy(), turn.copy())
+    size, position, turn = model.geom_size[geom], model.geom_pos[geom], model.geom_quat[geom]
+    return Shape(kind, size.copy(), position.copy(), turn.copy())
 
 
 def _link(
@@ -258,20 +258,20 @@ def _geoms(
             continue
         body = int(model.geom_bodyid[geom])
         turn = rotation.T @ data.xmat[body].reshape(3, 3)
-        place = rotation.T @ (data.xpos[body] - origin)
+        link_position = rotation.T @ (data.xpos[body] - origin)
         points = source.meshes.get(model.geom(geom).name)
         found.append(
             Geom(
                 name=model.geom(geom).name,
                 shape=shape._replace(
-                    position=turn @ shape.position + place,
+                    position=turn @ shape.position + link_position,
                     quaternion=quaternion_of(turn @ rotation_of(shape.quaternion)),
                 ),
                 friction=float(model.geom_friction[geom, 0]),
                 contype=int(model.geom_contype[geom]) if source.self_collisions else 1,
                 conaffinity=int(model.geom_conaffinity[geom]) if source.self_collisions else 1,
                 of_body=model.body(body).name,
-                points=None if points is None else points @ turn.T + place,
+                points=None if points is None else points @ turn.T + link_position,
             )
         )
     return found

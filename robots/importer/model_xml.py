@@ -72,9 +72,9 @@ def model_xml(
 def _link(machine: Machine, index: int, height_m: float, feet: set[str]) -> Iterator[str]:
     link = machine.links[index]
     is_base = index == 0
-    place = f"0 0 {height_m:.6g}" if is_base else _numbers(link.position)
+    position = f"0 0 {height_m:.6g}" if is_base else _numbers(link.position)
     turn = "" if is_base else _turn(link.quaternion)
-    yield f'<body name={quoteattr(link.name)} pos="{place}"{turn}>'
+    yield f'<body name={quoteattr(link.name)} pos="{position}"{turn}>'
     if is_base:
         yield '  <freejoint name="floating_base"/>'
     yield f"  {_inertial(link)}"
@@ -122,8 +122,8 @@ def _geom(geom: Geom, is_foot: bool, of_base: bool) -> str:
         attributes = f'name={quoteattr(geom.name)} class="leg"'
     elif (geom.contype, geom.conaffinity) != (1, 1):
         touch = f' contype="{geom.contype}" conaffinity="{geom.conaffinity}"'
-    place = f'pos="{_numbers(geom.shape.position)}"{_turn(geom.shape.quaternion)}'
-    return f'<geom {attributes} type="{kind}" size="{size}" {place}{touch}/>'
+    pose = f'pos="{_numbers(geom.shape.position)}"{_turn(geom.shape.quaternion)}'
+    return f'<geom {attributes} type="{kind}" size="{size}" {pose}{touch}/>'
 
 
 def _touches_by_pair(geom: Geom) -> bool:

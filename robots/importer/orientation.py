@@ -64,8 +64,10 @@ def guessed_forward(source: Source, limbs: Limbs) -> str:
     model = source.model
     data = pose_of(model, frozen_pose(model, set()))
     sides = side_letters(model.body(limb.bodies[0]).name for limb in limbs.legs)
-    places = np.array([data.xanchor[model.joint(limb.joints[0]).id] for limb in limbs.legs])
-    of_side = [[place for place, this in zip(places, sides, strict=True) if this == side] for side in "lr"]
+    positions = np.array([data.xanchor[model.joint(limb.joints[0]).id] for limb in limbs.legs])
+    of_side = [
+        [position for position, this in zip(positions, sides, strict=True) if this == side] for side in "lr"
+    ]
     if not all(of_side):
         return "x"
     left, right = (np.mean(each, axis=0) for each in of_side)
@@ -84,5 +86,5 @@ def side_letters(names: Iterable[str]) -> list[str]:
     codes = [
         next((part for part in words if len(part) == 2 and set(part) & {"l", "r"}), "") for words in parts
     ]
-    places = [place for place in (0, 1) if all(code and code[place] in "lr" for code in codes)]
-    return [code[places[0]] for code in codes] if len(places) == 1 else [""] * len(parts)
+    letters = [index for index in (0, 1) if all(code and code[index] in "lr" for code in codes)]
+    return [code[letters[0]] for code in codes] if len(letters) == 1 else [""] * len(parts)

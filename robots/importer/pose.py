@@ -23,7 +23,7 @@ STARTS = 5
 STEPS = 40
 WORTH_A_STEP = 1e-3  # smallest reduction of the cost, as a share, to continue
 DAMPING = 1e-3
-WEIGHTS = {"place": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
+WEIGHTS = {"position": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
 STANDS = 0.3  # smallest share of a leg's reach at which a given pose counts as standing
 EQUAL_COST = 0.002  # costs that differ by less count as equal
 SAME_COST = 1e-4  # if costs differ by less, the pose is kept
@@ -91,7 +91,7 @@ class _Search:
         data, legs = self._data, self._legs
         share = UPRIGHT if len(legs) == 2 else CROUCHED
         ground = max(leg.hip[2] - share * far for leg, far in zip(legs, reach, strict=True))
-        targets = [np.array([*leg.natural_place(), ground]) for leg in legs]
+        targets = [np.array([*leg.natural_position(), ground]) for leg in legs]
         for _ in range(BALANCING_ROUNDS):
             solved: list[_Solved] = []
             for leg, target in zip(legs, targets, strict=True):
@@ -180,7 +180,7 @@ class _Search:
         mujoco.mj_kinematics(self._model, data)
         away = (leg.foot(data) - target) / leg.length
         parts = [
-            WEIGHTS["place"] * away[:2],
+            WEIGHTS["position"] * away[:2],
             WEIGHTS["height"] * away[2:],
             WEIGHTS["posture"] * (joints - leg.near_zero),
         ]
@@ -248,7 +248,7 @@ class LegSearch:
         away = anchors - self.hip - share[:, None] * along
         return float(away[int(np.linalg.norm(away, axis=1).argmax())][0])
 
-    def natural_place(self) -> np.ndarray:
+    def natural_position(self) -> np.ndarray:
         """Desired position of the foot on the ground, (2,) m: as at zero, or nearer if the leg is spread."""
         outward = self._place_at_zero - self.hip
         spread = -outward[2] < SPREAD_SHARE * self.length
@@ -273,5 +273,5 @@ def lowest_height(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> floa
 
 def _is_sole(data: mujoco.MjData, geoms: list[int]) -> bool:
     """Whether a foot has three or more contact points that are not in a line."""
-    places = data.geom_xpos[geoms][:, :2]
-    return len(geoms) > 2 and float(np.linalg.svd(places - places.mean(axis=0))[1][1]) > 0.01
+    positions = data.geom_xpos[geoms][:, :2]
+    return len(geoms) > 2 and float(np.linalg.svd(positions - positions.mean(axis=0))[1][1]) > 0.01

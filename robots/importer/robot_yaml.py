@@ -167,7 +167,7 @@ def _foot(leg: Leg) -> str:
 def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
     """Bus and id of each joint, in joint order. Each leg has its own buses, and so have the other joints."""
     leg_of = {joint: leg.name for leg in machine.legs for joint in leg.joints}
-    places: dict[str, tuple[str, int]] = {}
+    can_ids: dict[str, tuple[str, int]] = {}
     filling: dict[str | None, tuple[int, int]] = {}  # bus and number of motors on it
     buses = 0
     for hinge in machine.hinges:
@@ -176,8 +176,8 @@ def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
         if count == MOTORS_PER_BUS:
             bus, count, buses = buses, 0, buses + 1
         filling[leg] = (bus, count + 1)
-        places[hinge.name] = (f"can{bus}", count + 1)
-    return places
+        can_ids[hinge.name] = (f"can{bus}", count + 1)
+    return can_ids
 
 
 def command_range(machine: Machine, pose: Pose) -> CommandRange:

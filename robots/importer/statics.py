@@ -46,9 +46,11 @@ def statics(
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     points = [_lowest(model, data, name) for leg in legs for name in leg.geoms]
-    places = np.array([place for _, place in points])
-    force = _ground_forces(places, data.subtree_com[1], float(model.body_mass.sum() * GRAVITY_M_S2))
-    local = [(body, data.xmat[body].reshape(3, 3).T @ (place - data.xpos[body])) for body, place in points]
+    positions = np.array([position for _, position in points])
+    force = _ground_forces(positions, data.subtree_com[1], float(model.body_mass.sum() * GRAVITY_M_S2))
+    local = [
+        (body, data.xmat[body].reshape(3, 3).T @ (position - data.xpos[body])) for body, position in points
+    ]
     unbalanced = _unbalanced(model, qpos, local, force)
     jacobian = np.concatenate([_jacobian(model, data, body, at) for body, at in local])
     _, values, rows = np.linalg.svd(jacobian)
@@ -69,17 +71,17 @@ def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geom: str) -> tuple[int,
     return int(model.geom_bodyid[index]), data.geom_xpos[index] - below
 
 
-def _ground_forces(places: np.ndarray, centre: np.ndarray, weight_n: float) -> np.ndarray:
+def _ground_forces(positions: np.ndarray, centre: np.ndarray, weight_n: float) -> np.ndarray:
     """Upward forces at points (k, 3) that carry the weight and balance about the centre of mass, N, (k,)."""
-    rows = np.stack([np.ones(len(places)), places[:, 0] - centre[0], places[:, 1] - centre[1]])
+    rows = np.stack([np.ones(len(positions)), positions[:, 0] - centre[0], positions[:, 1] - centre[1]])
     return np.linalg.pinv(rows, rcond=1e-6) @ np.array([weight_n, 0.0, 0.0])
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.ndarray) -> np.ndarray:
     """Jacobian of a point of a body, (3, nv)."""
     jacobian = np.zeros((3, model.nv))
-    place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
-    mujoco.mj_jac(model, data, jacobian, None, place, body)
+    position = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
+    mujoco.mj_jac(model, data, jacobian, None, position, body)
     return jacobian
 
 

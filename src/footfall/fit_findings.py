@@ -9,12 +9,12 @@ from footfall.identify.fit import MISFIT_RATIO, LegFit
 def verdicts(fit: LegFit) -> list[str]:
     """One line for each joint, and the effect that best explains a misfit."""
     lines = []
-    for place, joint in enumerate(fit.leg.joint_names):
-        ratio = fit.misfit[place]
+    for index, joint in enumerate(fit.leg.joint_names):
+        ratio = fit.misfit[index]
         verdict = f"MISFIT: residual {ratio:.1f} times the noise" if ratio > MISFIT_RATIO else "fits"
         lines.append(
-            f"{joint}: held out {1e3 * fit.held_out_rad[place]:.2f} mrad rms,"
-            f" nominal {1e3 * fit.nominal_rad[place]:.2f}: {verdict}"
+            f"{joint}: held out {1e3 * fit.held_out_rad[index]:.2f} mrad rms,"
+            f" nominal {1e3 * fit.nominal_rad[index]:.2f}: {verdict}"
         )
     found = fit.explanation
     if found is not None and found.best is not None:

@@ -42,14 +42,14 @@ def _part(fit: LegFit) -> "LegPart":
     joints = [
         JointTrack(
             name,
-            track.time_s[:, :, place],
-            track.read_rad[:, :, place],
-            track.fitted_rad[:, :, place],
-            track.nominal_rad[:, :, place],
-            float(fit.noise_rad[place]),
-            float(fit.misfit[place]),
+            track.time_s[:, :, index],
+            track.read_rad[:, :, index],
+            track.fitted_rad[:, :, index],
+            track.nominal_rad[:, :, index],
+            float(fit.noise_rad[index]),
+            float(fit.misfit[index]),
         )
-        for place, name in enumerate(fit.leg.joint_names)
+        for index, name in enumerate(fit.leg.joint_names)
     ]
     rows = [
         EstimateRow(

@@ -46,13 +46,15 @@ def show_feet(inspection: "Inspection") -> None:
     rows = [
         [
             foot.name,
-            " ".join(f"{value:.3f}" for value in foot.place),
+            " ".join(f"{value:.3f}" for value in foot.position),
             f"{1e3 * foot.gap_m:.1f}",
             f"{foot.reach_m[0]:.3f} to {foot.reach_m[1]:.3f}",
         ]
         for foot in inspection.feet
     ]
-    print_table(["foot", "place in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows)
+    print_table(
+        ["foot", "position in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows
+    )
     side = "inside" if inspection.margin_m >= 0.0 else "outside"
     print(f"the centre of mass is {1e3 * abs(inspection.margin_m):.0f} mm {side} the feet\n")
 

@@ -124,7 +124,7 @@ class TestBench:
         stand = OnStand(go1)
         stand.body.faults.motors.silent[7], stand.body.faults.motors.error[3] = True, 4
         bench = stand.bench()
-        assert bench.enable() == f"no answer from {stand.wiring.place(7)}"
+        assert bench.enable() == f"no answer from {stand.wiring.label(7)}"
         bench.watch(0.1, lambda: None)
         assert [math.isinf(state.age_s) for state in bench.states()] == [joint == 7 for joint in range(12)]
         assert [state.error for state in bench.states()] == [""] * 3 + ["under-voltage"] + [""] * 8

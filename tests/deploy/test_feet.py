@@ -85,13 +85,13 @@ class TestContactPoints:
         )
         tip = np.array([0.1, 0.0, 0.0])
         sphere, ends, corners = (foot_spheres(model, np.array([geom]), tip) for geom in range(3))
-        np.testing.assert_allclose(sphere.place, [[0.0, 0.0, 0.0]])
+        np.testing.assert_allclose(sphere.centre, [[0.0, 0.0, 0.0]])
         assert sphere.radius.tolist() == [0.02]
-        np.testing.assert_allclose(sorted(ends.place.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
+        np.testing.assert_allclose(sorted(ends.centre.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
         assert ends.radius.tolist() == [0.01, 0.01]
         turn = Rotation.from_euler("XYZ", [20, 0, 50], degrees=True)
         edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
-        np.testing.assert_allclose(sorted(corners.place.tolist()), sorted(edges.tolist()), atol=1e-12)
+        np.testing.assert_allclose(sorted(corners.centre.tolist()), sorted(edges.tolist()), atol=1e-12)
         assert not corners.radius.any()
         together = foot_spheres(model, np.arange(3), tip)
         assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
@@ -104,7 +104,7 @@ class TestContactPoints:
             </body></worldbody></mujoco>"""
         )
         turn = Rotation.from_quat(model.geom_quat[0], scalar_first=True)
-        corners = foot_spheres(model, np.array([0]), np.zeros(3)).place - model.geom_pos[0]
+        corners = foot_spheres(model, np.array([0]), np.zeros(3)).centre - model.geom_pos[0]
         across = turn.inv().apply(corners)
         np.testing.assert_allclose(across.min(axis=0), model.mesh_vert.min(axis=0), atol=1e-7)
         np.testing.assert_allclose(across.max(axis=0), model.mesh_vert.max(axis=0), atol=1e-7)

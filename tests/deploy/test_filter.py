@@ -35,7 +35,7 @@ def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
     root = 0.02 * rng.standard_normal((3, 3))
     cov = root @ root.T + 1e-5 * np.eye(3)
     motion.pp, motion.pv, motion.pb, motion.vv, motion.vb, motion.bb = cov[np.triu_indices(3)].tolist()
-    motion.place, motion.velocity, motion.bias = rng.standard_normal((3, 3)).tolist()
+    motion.position, motion.velocity, motion.bias = rng.standard_normal((3, 3)).tolist()
     return motion
 
 
@@ -44,7 +44,7 @@ class TestFilter:
         """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
         config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
         motion = coupled()
-        place, velocity, bias = (np.array(x) for x in (motion.place, motion.velocity, motion.bias))
+        place, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
         forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
         motion.predict(forces[0].tolist(), turn.tolist(), 0.0)
         before = matrix(motion)
@@ -52,7 +52,7 @@ class TestFilter:
 
         acceleration = turn @ (forces.mean(axis=0) - bias) - 9.81 * UP
         np.testing.assert_allclose(motion.velocity, velocity + dt_s * acceleration)
-        np.testing.assert_allclose(motion.place, place + dt_s * velocity + dt_s**2 / 2 * acceleration)
+        np.testing.assert_allclose(motion.position, place + dt_s * velocity + dt_s**2 / 2 * acceleration)
         transition = np.array([[1.0, dt_s, 0.0], [0.0, 1.0, -dt_s], [0.0, 0.0, 1.0]])
         change = (0.5**2 + 0.5**2 + 1.0**2) / 3
         noise = config.acceleration_noise**2 + config.acceleration_change**2 * change
@@ -62,7 +62,7 @@ class TestFilter:
     def test_correction_is_the_textbooks(self) -> None:
         """Each leg measures v, with a noise that grows as its contact falls."""
         config, motion = TRUSTING, coupled()
-        state = np.array([motion.place, motion.velocity, motion.bias])
+        state = np.array([motion.position, motion.velocity, motion.bias])
         covariance = matrix(motion)
         velocities = np.random.default_rng(5).standard_normal((4, 3))
         contact = np.array([1.0, 0.6, 0.0, 0.3])
@@ -74,7 +74,7 @@ class TestFilter:
         noise = np.diag((config.leg_velocity_noise * factor) ** 2)
         gain = covariance @ measures.T @ np.linalg.inv(measures @ covariance @ measures.T + noise)
         expected = state + gain @ (velocities - measures @ state)
-        np.testing.assert_allclose([motion.place, motion.velocity, motion.bias], expected, rtol=1e-9)
+        np.testing.assert_allclose([motion.position, motion.velocity, motion.bias], expected, rtol=1e-9)
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_bias_is_the_bodys(self) -> None:

@@ -159,7 +159,7 @@ class TestRobots:
                 body.reboot(np.array([joint]))
 
         trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
-        assert trace.faults == (f"motor {wire(robot).place(joint)} reports that it is disabled",)
+        assert trace.faults == (f"motor {wire(robot).label(joint)} reports that it is disabled",)
         assert maker == "ODrive" or trace.walked_s < 0.12  # an axis says so with its next heartbeat
 
 

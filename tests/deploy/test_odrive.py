@@ -374,7 +374,7 @@ class TestRobots:
             if loop.walking and loop.walking_s > 0.05:
                 body.faults.motors.silent[4] = True
 
-        assert self.faults(robot, watch) == (f"no reply from {wire(robot).place(4)} for 50 ms",)
+        assert self.faults(robot, watch) == (f"no reply from {wire(robot).label(4)} for 50 ms",)
 
     def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
         """Every axis sends a position every other millisecond, on or off. One is deaf to switching off."""
@@ -392,7 +392,7 @@ class TestRobots:
         session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
         outcome = run_session(robot, Hold(robot), bus, session)
         (note,) = outcome.notes
-        assert f"still on at the end, though switched off: {wiring.place(deaf)}" in note
+        assert f"still on at the end, though switched off: {wiring.label(deaf)}" in note
         assert np.flatnonzero(simulated.body.motors_on).tolist() == [deaf]
 
     def test_axes_damp_by_themselves_when_the_host_receives_nothing(self, go1: Robot) -> None:

@@ -33,7 +33,7 @@ def test_an_impossible_position_prevents_stiffness(go1: Robot, joint: int, turns
     loop, body = loop_of(go1, Hold(go1))
     body.readings[0, joint] += math.copysign(math.tau, float(turns.split(maxsplit=1)[0]))
     (fault,) = refused(loop, body)
-    assert fault.startswith(body.wiring.place(joint))
+    assert fault.startswith(body.wiring.label(joint))
     assert turns in fault
 
 

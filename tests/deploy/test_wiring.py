@@ -10,7 +10,7 @@ def test_an_imu_may_have_its_own_bus(go1: Robot) -> None:
     wiring = wire(go1)
     assert wiring.buses == tuple(dict.fromkeys([*(f"can{k}" for k in range(4)), go1.description.imu_bus]))
     assert wiring.buses[wiring.imu_channel] == go1.description.imu_bus
-    assert wiring.place(5) == "FL_calf_joint (can1, id 3)"
+    assert wiring.label(5) == "FL_calf_joint (can1, id 3)"
     assert wiring.models == ("AK70-10", "AK70-10", "AK10-9") * 4
 
 

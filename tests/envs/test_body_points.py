@@ -41,7 +41,7 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     data.qpos += np.random.default_rng(3).normal(0.0, 0.4, model.nq)
     mujoco.mj_normalizeQuat(model, data.qpos)
     mujoco.mj_kinematics(model, data)
-    places = np.asarray(jax.jit(points.places)(data.qpos.astype(np.float32)))
+    places = np.asarray(jax.jit(points.points)(data.qpos.astype(np.float32)))
     feet = {geom for foot in robot.description.feet for geom in foot.geoms}
     shapes = [
         geom
@@ -73,7 +73,7 @@ def test_points_of_a_round_link_reach_as_far_as_it_does(own_folder: Path, shape:
         .at[:7]
         .set(jnp.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     )
-    top = float(jnp.max(points.places(qpos)[:, 2] + points.radius))
+    top = float(jnp.max(points.points(qpos)[:, 2] + points.radius))
     assert top == pytest.approx(2.25 if shape == "cylinder" else 2.3, abs=1e-5)
 
 

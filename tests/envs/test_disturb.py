@@ -222,7 +222,7 @@ class TestDrop:
             pose = np.asarray(state.qpos)[7:]
             assert np.all((lower - 1e-5 <= pose) & (pose <= upper + 1e-5))
             np.testing.assert_array_equal(np.asarray(state.goals), np.tile(pose, (3, 1)))
-            places = np.asarray(scene.body.places(state.qpos))
+            places = np.asarray(scene.body.points(state.qpos))
             heights.append((places[:, 2] - scene.body.radius).min())
             tilts.append(Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).as_matrix()[2, 2])
         assert 0.1 - 1e-5 <= min(heights) < 0.13

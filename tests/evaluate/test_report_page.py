@@ -101,7 +101,7 @@ def test_a_walk_keeps_its_place_after_others(go1: Robot, monkeypatch: pytest.Mon
     traces = {"a": None, "b": walked(2.0), "c": walked(1.0)}
     of = comparison(go1, *(result(name, name, 0.1, 0, 2.0, trace) for name, trace in traces.items()))
     page_module.plots(of)
-    assert [(walk.place, walk.policy) for walk in given] == [(1, "b"), (2, "c")] * 4
+    assert [(walk.policy_index, walk.policy) for walk in given] == [(1, "b"), (2, "c")] * 4
     assert [walk.trace for walk in given[:2]] == [traces["b"], traces["c"]]
 
 

@@ -53,7 +53,7 @@ class TestTables:
     def test_falls_stand_by_scenario(self, two: Comparison) -> None:
         table = tables.falls_table(two)
         assert table.columns == [Heading("nominal"), Heading("push")]
-        shown = [(row.label, row.place, [cell.text for cell in cells]) for row, cells in table.rows]
+        shown = [(row.label, row.index, [cell.text for cell in cells]) for row, cells in table.rows]
         assert shown == [
             ("mine", 0, ["0 of 24", "11 of 24"]), ("trot", 1, ["12 of 24", "11 of 24"]),
         ]  # fmt: skip
@@ -62,7 +62,7 @@ class TestTables:
         nominal, push = tables.scenario_parts(two)
         assert (nominal.name, push.name) == ("nominal", "push")
         assert (nominal.about, push.about) == (FILE.scenarios["nominal"].about, FILE.scenarios["push"].about)
-        assert nominal.table.columns == [Heading("mine", place=0), Heading("trot", place=1)]
+        assert nominal.table.columns == [Heading("mine", index=0), Heading("trot", index=1)]
         assert [heading for heading, _ in nominal.table.rows] == [
             Heading("Falls"),
             Heading("Velocity error", "m/s"),

@@ -128,7 +128,7 @@ class TestMpc:
     def test_the_reference_is_the_commanded_motion_step_by_step(self, mpc: Mpc) -> None:
         base = base_of()
         mpc.command.value = np.array([0.6, -0.25, 0.8])
-        mpc.reference.place, mpc.reference.yaw, mpc.reference.height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
+        mpc.reference.xy, mpc.reference.yaw, mpc.reference.height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
         reference = mpc.reference.over_horizon(base, mpc.command.value)
         to_heading = Rotation.from_euler("z", -base.yaw)
         place = to_heading.apply([0.03, 0.05, 0.0])
@@ -167,29 +167,29 @@ class TestMpc:
         moved = TILTED.apply(velocity)
         for k in (1, 2):
             base = mpc.follower.follow(seen, 0.004)
-            assert base.place == pytest.approx(in_plane(moved) * 0.004 * k)
+            assert base.xy == pytest.approx(in_plane(moved) * 0.004 * k)
         np.testing.assert_allclose(base.velocity, moved, atol=1e-12)
         assert base.height == pytest.approx(0.24 + LEGS.foot_radius.mean())
         assert (base.yaw, base.pitch, base.roll) == pytest.approx((1.1, -0.15, 0.1))
         assert base.gyro.tolist() == [1.0, 2.0, 3.0]
-        np.testing.assert_allclose(base.position, [base.place.real, base.place.imag, base.height])
+        np.testing.assert_allclose(base.position, [base.xy.real, base.xy.imag, base.height])
 
     def test_the_reference_leads_by_no_more_than_it_may(self, mpc: Mpc) -> None:
         stance = CONFIG.stance
         base = base_of()
         mpc.command.value = np.array([0.5, -0.2, 0.6])
-        mpc.reference.place, mpc.reference.yaw, mpc.reference.height = base.place, base.yaw, 0.2
+        mpc.reference.xy, mpc.reference.yaw, mpc.reference.height = base.xy, base.yaw, 0.2
         mpc.reference.advance(base, mpc.command.value, 0.01)
         forward = in_plane(Rotation.from_euler("z", base.yaw).apply([0.5, -0.2, 0.0]))
         assert mpc.reference.velocity == pytest.approx(forward)
-        assert mpc.reference.place == pytest.approx(base.place + 0.01 * forward)
+        assert mpc.reference.xy == pytest.approx(base.xy + 0.01 * forward)
         assert mpc.reference.yaw == pytest.approx(base.yaw + 0.006)
         climbed = 0.2 + 0.01 / CONFIG.settle_s * (stance.height_m - 0.2)
         assert mpc.reference.height == pytest.approx(climbed)
         for sign in (1.0, -1.0):
             mpc.command.value = sign * np.array([0.5, -0.2, 0.6])
             mpc.reference.advance(base, mpc.command.value, 5.0)
-            ahead = mpc.reference.place - base.place
+            ahead = mpc.reference.xy - base.xy
             assert abs(ahead) == pytest.approx(stance.most_position_lead_m)
             assert ahead / abs(ahead) == pytest.approx(sign * forward / abs(forward))
             assert wrap_angle(mpc.reference.yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
@@ -239,9 +239,9 @@ class TestMpc:
 
         def seen(dt: float) -> np.ndarray:
             turn = Rotation.from_rotvec(spin * dt) * TILTED
-            place = base.place + dt * in_plane(base.velocity)
+            xy = base.xy + dt * in_plane(base.velocity)
             moved = base._replace(
-                place=place, height=base.height + dt * base.velocity[2], rotation=turn.as_matrix()
+                xy=xy, height=base.height + dt * base.velocity[2], rotation=turn.as_matrix()
             )
             return mpc.swing_feet.motion([1, 3], [share + dt / swing_s for share in progress], moved, swing_s)
 
@@ -263,7 +263,7 @@ class TestMpc:
         mpc.swing_feet.aim(2, 0.3, base, pose, mpc.wrenches, 0.25 + 0.1j, -0.6, timing)
         expected = foothold(
             in_plane(nominal_feet(LEGS, *PLACES)[2]),
-            base.place,
+            base.xy,
             base.height,
             in_plane(base.velocity),
             0.25 + 0.1j,

@@ -228,7 +228,7 @@ class TestShift:
         footwork.command.value = VELOCITY
         dynamics = moment(feet=((0.03, 0.12), (-0.03, -0.12)))
         step = nominal(1 - bears, VELOCITY[:2])
-        left = (step.place + step.offset)[1] * math.exp(-0.5 * footwork.fall_rate)
+        left = (step.foothold + step.offset)[1] * math.exp(-0.5 * footwork.fall_rate)
         left += 0.12 if bears == LEFT else -0.12
         np.testing.assert_allclose(footwork.shifted(dynamics), MIDDLE[:2] + world(0.0, left), atol=1e-12)
 
@@ -282,7 +282,7 @@ class TestLift:
         assert (footwork.phase, footwork.steps, footwork.swing) == (Phase.STEP, 1, None)
         assert (footwork.elapsed_s, footwork.lands_after_s) == (elapsed_s, 0.6)
         assert footwork.yaw == pytest.approx(HEADING)
-        place = nominal(LEFT, VELOCITY[:2]).place
+        place = nominal(LEFT, VELOCITY[:2]).foothold
         np.testing.assert_allclose(place, [0.18, 0.06 + 0.2])
         np.testing.assert_allclose(footwork.next_foothold, world(*place, heading=HEADING + 0.12))
 
@@ -376,8 +376,8 @@ class TestStep:
         np.testing.assert_allclose(ahead, there)
         np.testing.assert_allclose(until_landing, [0.01, 0.02])
         assert (after_s, side, rate) == (0.1, -1.0, stepping.fall_rate)
-        np.testing.assert_allclose(wanted.place, nominal(RIGHT, VELOCITY[:2]).place)
-        assert way_m == pytest.approx(np.linalg.norm(wanted.place - back))
+        np.testing.assert_allclose(wanted.foothold, nominal(RIGHT, VELOCITY[:2]).foothold)
+        assert way_m == pytest.approx(np.linalg.norm(wanted.foothold - back))
         assert (limits, weights) == (CONFIG.gait.limits, CONFIG.gait.weights)
         np.testing.assert_allclose(stepping.next_foothold, world(0.1, -0.3, HEADING + 0.12))
         assert stepping.lands_after_s == pytest.approx(0.1 + 0.25)
@@ -387,7 +387,7 @@ class TestSteer:
     def test_a_pressure_held_until_the_landing_makes_the_difference_good(self, footwork: Footwork) -> None:
         """Within the sole; now it is (1 + 2) times what the capture point misses."""
         step, rate = nominal(RIGHT), footwork.fall_rate
-        end = step.place + step.offset
+        end = step.foothold + step.offset
         capture = end * math.exp(-0.3 * rate) + np.array([0.004, -0.003])
         now, held = footwork.steer(capture, step, 0.3)
         np.testing.assert_allclose(now, [0.012, -0.009])
@@ -396,7 +396,7 @@ class TestSteer:
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_it_stays_under_the_sole(self, footwork: Footwork, sign: float) -> None:
         step = nominal(RIGHT)
-        capture = (step.place + step.offset) * math.exp(-0.3 * footwork.fall_rate) + sign * np.array(
+        capture = (step.foothold + step.offset) * math.exp(-0.3 * footwork.fall_rate) + sign * np.array(
             [0.3, 0.2]
         )
         for found in footwork.steer(capture, step, 0.3):

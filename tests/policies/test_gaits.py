@@ -20,7 +20,7 @@ def standing_at(go1: Robot, places: dict[str, tuple[float, float]]) -> Robot:
     feet = tuple(replace(foot, name=name) for name in places)
     height = {name: (*place, -0.2) for name, place in places.items()}
     return replace(
-        go1, description=replace(go1.description, feet=feet), foot_places=np.array(list(height.values()))
+        go1, description=replace(go1.description, feet=feet), foot_positions=np.array(list(height.values()))
     )
 
 

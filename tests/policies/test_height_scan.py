@@ -35,7 +35,7 @@ def test_points_lie_from_back_to_front_and_from_right_to_left() -> None:
 
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.1, 3.1))
 def test_places_turn_with_the_heading(x: float, y: float, yaw: float) -> None:
-    places = SCAN.places(np.array([x, y, 0.3]), np.float64(yaw))
+    places = SCAN.positions(np.array([x, y, 0.3]), np.float64(yaw))
     ahead = places[-3] - places[-8]  # the middle of the first row, less that of the second
     np.testing.assert_allclose(ahead, 0.1 * np.array([np.cos(yaw), np.sin(yaw)]), atol=1e-9)
     leftward = places[-1] - places[-2]

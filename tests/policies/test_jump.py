@@ -58,7 +58,7 @@ def test_the_plans_velocity_is_the_derivative_of_its_position() -> None:
         np.testing.assert_allclose(np.diff(place, axis=0) / step_s, velocity[:-1], atol=0.01)
         np.testing.assert_allclose(np.diff(velocity, axis=0) / step_s, acceleration[:-1], rtol=0.02, atol=0.5)
     leaving, later = (plan.base(plan.take_off_s + late_s, stance_m) for late_s in (0.0, 0.1))
-    np.testing.assert_array_equal(later.place, leaving.place)
+    np.testing.assert_array_equal(later.position, leaving.position)
     np.testing.assert_array_equal(later.velocity, leaving.velocity)
 
 

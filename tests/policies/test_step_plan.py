@@ -44,10 +44,10 @@ class TestNominalStep:
             nominal_step(np.array(velocity), side, 0.22, STEP_S, BOTH_S, RATE) for side in (1.0, -1.0)
         )
         # The right foot has landed, and the left one will; then the right one again.
-        end = pendulum(right.offset, right.place, STEP_S)
-        np.testing.assert_allclose(end, left.place + left.offset, atol=1e-6)
-        end = pendulum(left.offset, left.place, STEP_S)
-        np.testing.assert_allclose(end, right.place + right.offset, atol=1e-6)
+        end = pendulum(right.offset, right.foothold, STEP_S)
+        np.testing.assert_allclose(end, left.foothold + left.offset, atol=1e-6)
+        end = pendulum(left.offset, left.foothold, STEP_S)
+        np.testing.assert_allclose(end, right.foothold + right.offset, atol=1e-6)
 
 
 def test_the_capture_point_under_a_moving_pressure() -> None:
@@ -72,12 +72,12 @@ class TestNextStep:
 
     def steady(self, elapsed_s: float) -> np.ndarray:
         """Where the capture point is in the steady gait, the pressure under the middle of the foot."""
-        end = self.nominal.place + self.nominal.offset
+        end = self.nominal.foothold + self.nominal.offset
         return end * math.exp(-RATE * (STEP_S - elapsed_s))
 
     def test_an_undisturbed_step_is_the_nominal_one(self) -> None:
         step = self.decide(self.steady(0.2), pressure=(0.0, 0.0))
-        np.testing.assert_allclose(step.place, self.nominal.place, atol=1e-6)
+        np.testing.assert_allclose(step.foothold, self.nominal.foothold, atol=1e-6)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2, abs=1e-6)
 
     @pytest.mark.parametrize("push", [(0.03, 0.0), (-0.04, 0.01), (0.0, -0.02), (0.02, 0.015)])
@@ -91,29 +91,29 @@ class TestNextStep:
             offset = np.array([0.01, 0.0]) + away * x[2] - x[:2]
             # The step after it begins with the pressure's way from the one foot to the other.
             begins = pendulum(offset, x[:2], BOTH_S) - pendulum(
-                self.nominal.offset, self.nominal.place, BOTH_S
+                self.nominal.offset, self.nominal.foothold, BOTH_S
             )
             missed = begins * math.exp(-RATE * BOTH_S)
             return float(
-                np.sum((x[:2] - self.nominal.place) ** 2)
+                np.sum((x[:2] - self.nominal.foothold) ** 2)
                 + 0.02 * (x[2] - growth) ** 2
                 + 300.0 * np.sum(missed**2)
             )
 
         bounds = [(-0.3, 0.4), (-0.35, -0.14), (math.exp(RATE * 0.2), math.exp(RATE * 0.7))]
-        best = minimize(cost, [*self.nominal.place, growth], bounds=bounds, tol=1e-14).x
-        np.testing.assert_allclose(step.place, best[:2], atol=2e-4)
+        best = minimize(cost, [*self.nominal.foothold, growth], bounds=bounds, tol=1e-14).x
+        np.testing.assert_allclose(step.foothold, best[:2], atol=2e-4)
         assert step.remaining_s == pytest.approx(math.log(best[2]) / RATE, abs=1e-3)
 
     def test_feet_do_not_land_on_each_other_nor_too_late(self) -> None:
         step = self.decide(self.steady(0.2) + np.array([-0.3, 0.2]))
-        assert step.place[0] >= -0.3 - 1e-9
-        assert -0.35 - 1e-9 <= step.place[1] <= -0.14 + 1e-9
+        assert step.foothold[0] >= -0.3 - 1e-9
+        assert -0.35 - 1e-9 <= step.foothold[1] <= -0.14 + 1e-9
         assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
 
     @pytest.mark.parametrize(("push", "left"), [(-0.3, -0.35), (0.3, -0.14)])
     def test_the_right_foot_lands_as_far_out_or_in_as_it_can(self, push: float, left: float) -> None:
-        assert self.decide(self.steady(0.2) + np.array([0.0, push])).place[1] == pytest.approx(left)
+        assert self.decide(self.steady(0.2) + np.array([0.0, push])).foothold[1] == pytest.approx(left)
 
     def test_a_foot_far_from_its_foothold_takes_longer(self) -> None:
         hurried = self.steady(0.2) + np.array([0.25, 0.0])
@@ -124,7 +124,7 @@ class TestNextStep:
     def test_nan_leaves_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))
         assert isinstance(self.nominal, NominalStep)
-        np.testing.assert_array_equal(step.place, self.nominal.place)
+        np.testing.assert_array_equal(step.foothold, self.nominal.foothold)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2)
         assert self.decide(np.array([np.nan, 0.0]), elapsed_s=0.8).remaining_s == pytest.approx(0.1 / 1.5)
 

@@ -41,7 +41,7 @@ class Jump:
         self._plan = LeapPlan(config)
         self._inertia = nominal_body(robot).inertia
         stance, body = config.plan.stance, self._control.body
-        self._places = nominal_feet(self._legs, 0.0, stance.outward_m, stance.shift_m)
+        self._feet_at_rest = nominal_feet(self._legs, 0.0, stance.outward_m, stance.shift_m)
         self._most_force = np.full(body.points, config.push.most_force_n)
         self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         self._begin()
@@ -108,10 +108,10 @@ class Jump:
         rotation = rotation_matrix(sensed.quaternion)
         ahead = heading_matrix(self._yaw)
         aim = self._plan.base(time_s, self._height)
-        place, velocity = -dynamics.middle.dot(ahead), rotation.dot(inputs.base_velocity).dot(ahead)
-        place[0] += self._config.plan.stance.shift_m
-        deviation, rate = place.copy(), velocity.copy()
-        deviation[[0, 2]] -= aim.place
+        base, velocity = -dynamics.middle.dot(ahead), rotation.dot(inputs.base_velocity).dot(ahead)
+        base[0] += self._config.plan.stance.shift_m
+        deviation, rate = base.copy(), velocity.copy()
+        deviation[[0, 2]] -= aim.position
         rate[[0, 2]] -= aim.velocity
         wanted = config.centre(deviation, rate)
         wanted[[0, 2]] += aim.acceleration
@@ -134,7 +134,7 @@ class Jump:
         legs, sensed = self._legs, inputs.sensed
         way, velocity = self._plan.feet(flown_s)
         level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level
-        angles = legs.solve((self._places + way).dot(level))
+        angles = legs.solve((self._feet_at_rest + way).dot(level))
         motion = np.tile(velocity.dot(level), (legs.count, 1))[:, :, None]
         position = legs.scatter(angles, self._robot.default_pose)
         pose = legs.pose(position)

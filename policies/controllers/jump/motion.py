@@ -13,7 +13,7 @@ from footfall.policies.controllers.jump.config import JumpConfig
 class Aim(NamedTuple):
     """Target of the base: each (2,), forward from its position in stance and above the ground."""
 
-    place: np.ndarray  # m
+    position: np.ndarray  # m
     velocity: np.ndarray  # m/s
     acceleration: np.ndarray  # m/s^2
 
@@ -65,6 +65,6 @@ class LeapPlan:
         share = min(max(flown_s / self.flight_s, 0.0), 1.0)
         curve, way = swing_curve(share), self._touch_down - self._lift_off
         up = np.array([0.0, 0.0, self._tuck_m])
-        place = self._lift_off + curve.along.value * way + curve.height.value * up
+        position = self._lift_off + curve.along.value * way + curve.height.value * up
         velocity = (curve.along.slope * way + curve.height.slope * up) / self.flight_s
-        return place, velocity
+        return position, velocity

@@ -15,7 +15,7 @@ from footfall.policies.policy import PolicyInput
 class Base(NamedTuple):
     """State of the base. World frame: origin where the base was at reset, z = 0 on the ground."""
 
-    place: complex  # m, position of the base's origin: x + i y
+    xy: complex  # m, position of the base's origin: x + i y
     height: float  # m
     velocity: np.ndarray  # (3,) m/s, world
     rotation: np.ndarray  # (3, 3) body to world
@@ -33,7 +33,7 @@ class Base(NamedTuple):
     @property
     def position(self) -> np.ndarray:
         """Position of the base's origin, (3,) m, world."""
-        return np.array([self.place.real, self.place.imag, self.height])
+        return np.array([self.xy.real, self.xy.imag, self.height])
 
 
 class BaseFollower:
@@ -45,11 +45,11 @@ class BaseFollower:
 
     def __init__(self, foot_radius: float) -> None:
         self._radius = foot_radius
-        self.place = 0j  # m, x + i y
+        self.xy = 0j  # m, x + i y
 
     def reset(self) -> None:
         """Move the origin of the world below the base."""
-        self.place = 0j
+        self.xy = 0j
 
     def height(self, inputs: PolicyInput) -> float:
         """Height of the base's origin above the ground, m."""
@@ -60,10 +60,10 @@ class BaseFollower:
         rotation = rotation_matrix(inputs.sensed.quaternion)
         velocity = rotation.dot(inputs.base_velocity)
         x, y, _ = velocity.tolist()
-        self.place += complex(x, y) * dt_s
+        self.xy += complex(x, y) * dt_s
         roll, pitch, yaw = roll_pitch_yaw(rotation)
         height = self.height(inputs)
-        return Base(self.place, height, velocity, rotation, inputs.sensed.gyro, roll, pitch, yaw)
+        return Base(self.xy, height, velocity, rotation, inputs.sensed.gyro, roll, pitch, yaw)
 
 
 class Disturbance:

@@ -55,9 +55,9 @@ def catching_foothold(
     nominal = nominal_step(
         np.array([speed.real, speed.imag]), side, config.apart_m, step_s, max(double_support_s, 1e-3), rate
     )
-    place, offset = complex(*nominal.place.tolist()), complex(*nominal.offset.tolist())
-    step = (pressed + away * math.exp(rate * left_s) - offset - nominal.lag * place) / (1.0 - nominal.lag)
+    foothold, offset = complex(*nominal.foothold.tolist()), complex(*nominal.offset.tolist())
+    step = (pressed + away * math.exp(rate * left_s) - offset - nominal.lag * foothold) / (1.0 - nominal.lag)
     ahead = min(max(step.real, config.ahead_m[0]), config.ahead_m[1])
     sideways = side * min(max(side * step.imag, config.sideways_m[0]), config.sideways_m[1])
     turned = cmath.rect(1.0, base.yaw + 0.5 * yaw_rate * left_s)
-    return base.place + complex(*foot.tolist()) + complex(ahead, sideways) * turned
+    return base.xy + complex(*foot.tolist()) + complex(ahead, sideways) * turned

@@ -76,13 +76,13 @@ class Mpc:
         self.clock = config.gait.clock(robot)
         self.command = ShapedCommand(config.command)
         stance = config.stance
-        places = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
+        positions = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
         self._leg_control = LegControl(robot, self._legs, self._body, config)
         self.slope = Slope(config.slope)
         self.follower = BaseFollower(float(self._legs.foot_radius.mean()))
         self._disturbance = Disturbance(config.restart)
         self.reference = Reference(config, self._body.centre)
-        self.swing_feet = SwingFeet(config, places, self._legs.foot_radius, self._body.centre)
+        self.swing_feet = SwingFeet(config, positions, self._legs.foot_radius, self._body.centre)
         self._live = LiveMpc(robot, config)
         self.gaits, self.live_settings = config.gaits, self._live.spans
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
@@ -256,7 +256,7 @@ class Mpc:
         current, targets = points @ to_heading
         centre = self.reference.path(state, reference)
         arms = contact_points(
-            contacts, current, targets, self.swing_feet.shifted_places, centre, reference.pose[:, 2]
+            contacts, current, targets, self.swing_feet.shifted_positions, centre, reference.pose[:, 2]
         )
         before = self.force.dot(to_heading)
         gravity = self.slope.gravity.dot(to_heading)

@@ -10,7 +10,7 @@ from footfall.policies.controllers.mpc.config import FootholdConfig
 
 
 def foothold(
-    place: complex,
+    position: complex,
     base: complex,
     height_m: float,
     velocity: complex,
@@ -30,7 +30,7 @@ def foothold(
     The feedback gain k is the same for both axes. It is a time and does not depend on the control period.
 
     Args:
-        place: m, position of the foot in the nominal stance relative to the base, heading frame.
+        position: m, position of the foot in the nominal stance relative to the base, heading frame.
         base: m, position of the base's origin, world.
         height_m: z, height of the base above the ground.
         velocity: v, m/s, velocity of the base, world.
@@ -41,7 +41,7 @@ def foothold(
         stance_s: duration of the next stance.
         config: gain, and largest distance of a foothold from the nominal position under the body.
     """
-    arm = place * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
+    arm = position * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
     step += config.capture_gain_s * (velocity - wanted_velocity)
     step += 0.5 * (height_m / GRAVITY_M_S2) * (-1j * yaw_rate * velocity)
@@ -53,7 +53,7 @@ def contact_points(
     contacts: np.ndarray,
     feet: np.ndarray,
     targets: np.ndarray,
-    places: np.ndarray,
+    positions: np.ndarray,
     centre: np.ndarray,
     yaw: np.ndarray,
 ) -> np.ndarray:
@@ -66,7 +66,7 @@ def contact_points(
         contacts: (steps, legs) boolean; the first step is the current one.
         feet: (legs, 3) current contact points, heading frame.
         targets: (legs, 3) touch-down points, heading frame.
-        places: (legs, 3) nominal positions of the feet relative to the base, heading frame.
+        positions: (legs, 3) nominal positions of the feet relative to the base, heading frame.
         centre: (steps, 3) path of the centre of mass, heading frame, z above the ground.
         yaw: (steps,) heading along the path, rad.
 
@@ -76,7 +76,7 @@ def contact_points(
     first = np.where(contacts[0][:, None], feet, targets)
     points = first - centre[:, None]
     later = _later(contacts.tobytes(), len(feet))
-    turned = np.exp(1j * yaw)[:, None] * (places[:, 0] + 1j * places[:, 1])
+    turned = np.exp(1j * yaw)[:, None] * (positions[:, 0] + 1j * positions[:, 1])
     np.copyto(points[:, :, 0], turned.real, where=later)
     np.copyto(points[:, :, 1], turned.imag, where=later)
     np.copyto(points[:, :, 2], -centre[:, 2:], where=later)

@@ -33,7 +33,7 @@ class Reference:
 
     def begin(self, yaw: float, height: float) -> None:
         """Start at the origin of the world, at rest."""
-        self.place = self.velocity = 0j  # m and m/s, world, x + i y
+        self.xy = self.velocity = 0j  # m and m/s, world, x + i y
         self.yaw, self.height = yaw, height  # rad, m
         self.wanted_height = self._stance.height_m
         self.attitude = np.zeros(2)  # roll and pitch, rad
@@ -43,9 +43,9 @@ class Reference:
         stance = self._stance
         forward, leftward, yaw_rate = command.tolist()
         self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
-        ahead = self.place + self.velocity * dt_s - base.place
+        ahead = self.xy + self.velocity * dt_s - base.xy
         limit = stance.most_position_lead_m
-        self.place = base.place + (ahead if abs(ahead) <= limit else ahead * (limit / abs(ahead)))
+        self.xy = base.xy + (ahead if abs(ahead) <= limit else ahead * (limit / abs(ahead)))
         turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
         limit = stance.most_yaw_lead_rad
         self.yaw = base.yaw + min(limit, max(-limit, turned))
@@ -59,14 +59,14 @@ class Reference:
         yaw = wrap_angle(self.yaw - base.yaw) + yaw_rate * later
         heading = np.exp(1j * yaw)
         velocity = heading * complex(forward, leftward)
-        ahead = (self.place - base.place) * cmath.rect(1.0, -base.yaw)
+        ahead = (self.xy - base.xy) * cmath.rect(1.0, -base.yaw)
         centre_x, centre_y, centre_z = self._centre.tolist()
-        place = ahead + velocity.cumsum() * self._step_s
-        place += heading * complex(centre_x, centre_y)
+        xy = ahead + velocity.cumsum() * self._step_s
+        xy += heading * complex(centre_x, centre_y)
         pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
         pose[:, :2] = self.attitude
         pose[:, 2], rate[:, 2] = yaw, yaw_rate
-        pose[:, 3], pose[:, 4] = place.real, place.imag
+        pose[:, 3], pose[:, 4] = xy.real, xy.imag
         rate[:, 3], rate[:, 4] = velocity.real, velocity.imag
         pose[:, 5] = self.height + centre_z
         return BodyState(pose, rate)

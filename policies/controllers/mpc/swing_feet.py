@@ -22,18 +22,18 @@ class SwingFeet:
 
     Args:
         config: settings of the controller.
-        places: (feet, 3) m, nominal positions of the feet, base frame.
+        positions: (feet, 3) m, nominal positions of the feet, base frame.
         foot_radius: (feet,) m.
         centre: (3,) m, centre of mass in the base's frame.
     """
 
     def __init__(
-        self, config: MpcConfig, places: np.ndarray, foot_radius: np.ndarray, centre: np.ndarray
+        self, config: MpcConfig, positions: np.ndarray, foot_radius: np.ndarray, centre: np.ndarray
     ) -> None:
         self._swing, self._foothold, self._catch = config.swing, config.foothold, config.foothold.catch
-        self.places, self._centre = places, centre
-        self._ahead = (places[:, 0] + 1j * places[:, 1]).tolist()
-        self._touch_down = np.zeros((len(places), 3))  # centre of each foot above the ground at touch-down
+        self.positions, self._centre = positions, centre
+        self._ahead = (positions[:, 0] + 1j * positions[:, 1]).tolist()
+        self._touch_down = np.zeros((len(positions), 3))  # centre of each foot above the ground at touch-down
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
         self.height_m = config.swing.height_m
         self.shift = 0j  # m, shift of all nominal positions, heading frame, x + i y
@@ -41,15 +41,15 @@ class SwingFeet:
 
     def reset(self) -> None:
         """Start a new episode."""
-        count = len(self.places)
+        count = len(self.positions)
         self.lift_off = np.zeros((count, 3))  # m, world
         self.target = np.zeros((count, 3))  # m, world, on the ground
         self._seen_from: tuple[list[int], Base | None] = [], None  # feet in swing, and the base
 
     @property
-    def shifted_places(self) -> np.ndarray:
+    def shifted_positions(self) -> np.ndarray:
         """Positions of the feet in a steady stance, (feet, 3) m, heading frame."""
-        return self.places + np.array([self.shift.real, self.shift.imag, 0.0])
+        return self.positions + np.array([self.shift.real, self.shift.imag, 0.0])
 
     def aim(
         self,
@@ -78,7 +78,7 @@ class SwingFeet:
         if self._catch is None:
             target = foothold(
                 self._ahead[leg] + self.shift,
-                base.place,
+                base.xy,
                 base.height,
                 base.speed,
                 wanted,
@@ -94,7 +94,7 @@ class SwingFeet:
                 self._centre,
                 pose.foot[1 - leg],
                 wrenches.pressure(1 - leg),
-                math.copysign(1.0, self.places[leg, 1]),
+                math.copysign(1.0, self.positions[leg, 1]),
                 wanted,
                 yaw_rate,
                 left_s,
@@ -109,12 +109,12 @@ class SwingFeet:
         Args:
             axes: (3, 3) rotation to the world from the frame in which the feet are followed.
         """
-        places = np.full_like(self.target, np.nan)
+        positions = np.full_like(self.target, np.nan)
         swinging, base = self._seen_from
         if base is not None:
             yaw = roll_pitch_yaw(axes @ base.rotation)[2]
-            places[swinging] = (self.target[swinging] - base.position) @ axes.T @ heading_matrix(yaw)
-        return places
+            positions[swinging] = (self.target[swinging] - base.position) @ axes.T @ heading_matrix(yaw)
+        return positions
 
     def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:
         """Motion of swing feet relative to the moving base, (k, 3, 3): see `LegControl.command`."""
@@ -128,7 +128,7 @@ class SwingFeet:
                 for leg in swinging
             ]
         )
-        position = [base.place.real, base.place.imag, base.height]
+        position = [base.xy.real, base.xy.imag, base.height]
         motion -= np.array([position, base.velocity.tolist(), [0.0, 0.0, 0.0]])
         motion = motion.reshape(-1, 3).dot(base.rotation).reshape(-1, 3, 3)
         motion[:, 1] -= cross(base.gyro, motion[:, 0])

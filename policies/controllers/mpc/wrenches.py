@@ -46,6 +46,6 @@ def sole_levers(robot: Robot, share: float) -> np.ndarray:
     """
     levers = []
     for turn, spheres in zip(robot.legs.turn(robot.default_pose), robot.legs.spheres, strict=True):
-        along, across, _ = np.abs(spheres.place @ turn.T).mean(axis=0)
+        along, across, _ = np.abs(spheres.centre @ turn.T).mean(axis=0)
         levers.append([across, along, np.hypot(along, across)])
     return share * np.array(levers)

@@ -61,10 +61,10 @@ class Step:
         return self.footwork.load.copy()
 
     def footholds(self) -> np.ndarray:
-        places, foothold = np.full((2, 3), np.nan), self.footwork.foothold
+        positions, foothold = np.full((2, 3), np.nan), self.footwork.foothold
         if foothold is not None:
-            places[self.footwork.swing_foot] = foothold @ heading_matrix(self._yaw)
-        return places
+            positions[self.footwork.swing_foot] = foothold @ heading_matrix(self._yaw)
+        return positions
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, sensed = self._config, inputs.sensed

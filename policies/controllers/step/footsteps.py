@@ -49,7 +49,7 @@ class StepWeights:
 class NominalStep(NamedTuple):
     """A step of a steady gait."""
 
-    place: np.ndarray  # (2,) position of touch-down
+    foothold: np.ndarray  # (2,) position of touch-down
     time_s: float
     offset: np.ndarray  # (2,) offset of the capture point from the touch-down
     lag: float  # increase of the offset due to double support, per length of the step (see `nominal_step`)
@@ -58,7 +58,7 @@ class NominalStep(NamedTuple):
 class NextStep(NamedTuple):
     """Position and time of the next touch-down."""
 
-    place: np.ndarray  # (2,)
+    foothold: np.ndarray  # (2,)
     remaining_s: float  # until touch-down
 
 
@@ -120,8 +120,8 @@ def next_step(
     # afterwards depend on offset + lag * position: a long step needs a smaller offset.
     away, held = capture - pressure, 1.0 - nominal.lag
     missed = np.array([[-held, 0.0, away[0]], [0.0, -held, away[1]]])
-    aim = nominal.offset + nominal.lag * nominal.place - pressure
-    goal = np.array([nominal.place[0], nominal.place[1], growth])
+    aim = nominal.offset + nominal.lag * nominal.foothold - pressure
+    goal = np.array([nominal.foothold[0], nominal.foothold[1], growth])
     diagonal = np.array([weights.place, weights.place, weights.time])
     hessian = weights.offset * (missed.T @ missed)
     hessian.flat[::4] += diagonal
@@ -133,7 +133,7 @@ def next_step(
         np.array([limits.ahead_m[0], apart[0], math.exp(rate * soonest)]),
     )
     if status <= 0 or not np.all(np.isfinite(solution)):
-        return NextStep(nominal.place, max(nominal.time_s - elapsed_s, soonest))
+        return NextStep(nominal.foothold, max(nominal.time_s - elapsed_s, soonest))
     return NextStep(np.array(solution[:2]), math.log(solution[2]) / rate)
 
 

@@ -117,7 +117,7 @@ class Footwork:
         gait, nominal = self._config.gait, self.nominal(self.side[self.swing_foot])
         begins = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
         to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2]
-        goal = dynamics.foot[self.stance_foot, :2] + to_world @ (begins * (nominal.place + nominal.offset))
+        goal = dynamics.foot[self.stance_foot, :2] + to_world @ (begins * (nominal.foothold + nominal.offset))
         goal_along = to_world.T @ (goal - dynamics.middle[:2])
         goal_along[0] = 0.0
         return dynamics.middle[:2] + to_world @ goal_along
@@ -140,7 +140,7 @@ class Footwork:
         self.lands_after_s = self._config.gait.step_s
         self.yaw = yaw_of(dynamics.foot_rotation[self.stance_foot])
         # Foothold of the swing foot relative to the stance foot, in world axes.
-        self.next_foothold = self.to_world() @ self.nominal(self.side[self.swing_foot]).place
+        self.next_foothold = self.to_world() @ self.nominal(self.side[self.swing_foot]).foothold
         self.steps += 1
 
     def land(self, dynamics: Dynamics, walk: bool) -> None:
@@ -197,7 +197,7 @@ class Footwork:
             step = next_step(
                 ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights
             )
-            self.next_foothold, self.lands_after_s = to_world @ step.place, after_s + step.remaining_s
+            self.next_foothold, self.lands_after_s = to_world @ step.foothold, after_s + step.remaining_s
         remaining_s = self.lands_after_s - after_s
         pressure = pressure + steer
         foot = np.zeros(6)
@@ -215,7 +215,7 @@ class Footwork:
         config = self._config.pressure
         most = np.array([config.half_length_m, config.half_width_m])
         growth = math.exp(self.fall_rate * max(remaining_s, self.dt_s))
-        missing = capture - (nominal.place + nominal.offset) / growth
+        missing = capture - (nominal.foothold + nominal.offset) / growth
         now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
         return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
 

@@ -15,16 +15,18 @@ class Swing:
     anew at each tick, so that a change of the goal needs no new plan.
 
     Args:
-        place: (2,) m, position of the foot.
+        position: (2,) m, position of the foot.
         height: m, height above the stance foot.
         yaw: rad.
         lift_m: largest height above the ground.
         depth_m: depth below the ground at the end of the swing, for a reliable contact.
     """
 
-    def __init__(self, place: np.ndarray, height: float, yaw: float, lift_m: float, depth_m: float) -> None:
+    def __init__(
+        self, position: np.ndarray, height: float, yaw: float, lift_m: float, depth_m: float
+    ) -> None:
         self._motion = np.zeros((3, 3))  # value, rate and acceleration of x, y, yaw
-        self._motion[0] = *place, yaw
+        self._motion[0] = *position, yaw
         self._height, self._lift_m, self._depth_m = height, lift_m, depth_m
         self.progress = 0.0
 

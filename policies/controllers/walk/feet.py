@@ -26,7 +26,7 @@ class FootCycle:
 
     def __init__(self, footing: Footing, timing: GaitTiming, offsets: np.ndarray) -> None:
         self.each_foot = [
-            Foot(*each) for each in zip(footing.places.tolist(), footing.rolling.tolist(), strict=True)
+            Foot(*each) for each in zip(footing.positions.tolist(), footing.rolling.tolist(), strict=True)
         ]
         self.begin(timing, offsets)
         self.reset()
@@ -169,10 +169,10 @@ def steady_cycle(
     footing: Footing, timing: GaitTiming, velocity: np.ndarray, step_height_m: float, progress: np.ndarray
 ) -> np.ndarray:
     """Feet (k, feet, 3) of a steady walk at k progress values in [0, 1] of each foot's own swing."""
-    passing = footing.passing(velocity, footing.places[:, :2])
+    passing = footing.passing(velocity, footing.positions[:, :2])
     share, along = blend(progress)[:, None, None], progress[:, None, None]
     whole = timing.stance_s + timing.swing_s
-    feet = np.tile(footing.places, (len(progress), 1, 1))
+    feet = np.tile(footing.positions, (len(progress), 1, 1))
     feet[:, :, :2] += passing * (share * whole - along * timing.swing_s - 0.5 * timing.stance_s)
     feet[:, :, 2] = step_height_m * np.array([[lift(s)] for s in progress.tolist()])
     return feet
@@ -182,12 +182,12 @@ def stances(
     footing: Footing, timing: GaitTiming, offsets: np.ndarray, velocity: np.ndarray, clocks: np.ndarray
 ) -> list[list[tuple[float, float]]]:
     """Positions of the stance feet of a steady walk at each of k phases of the gait's clock."""
-    places = footing.places[:, :2]
-    passing = footing.passing(velocity, places)
+    positions = footing.positions[:, :2]
+    passing = footing.passing(velocity, positions)
     found = []
     for clock in clocks.tolist():
         phases = leg_phases(clock, offsets)
         stands = phases < timing.duty
-        feet = places + (0.5 - phases / timing.duty)[:, None] * timing.stance_s * passing
+        feet = positions + (0.5 - phases / timing.duty)[:, None] * timing.stance_s * passing
         found.append([(x, y) for x, y in feet[stands].tolist()])
     return found

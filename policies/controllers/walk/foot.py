@@ -44,7 +44,7 @@ class Footing(NamedTuple):
     relative to the body. `rolling` maps the body's velocity over a foot to the tip's.
     """
 
-    places: np.ndarray  # (feet, 3) m, positions at mid-stance, z = 0 on the ground
+    positions: np.ndarray  # (feet, 3) m, positions at mid-stance, z = 0 on the ground
     rolling: np.ndarray  # (feet, 2, 2)
 
     def passing(self, velocity: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -77,12 +77,12 @@ class Foot:
     """One foot, in Python floats, which take a fraction of NumPy's time for so few numbers.
 
     Args:
-        place: (x, y) m, position of the tip at mid-stance.
+        position: (x, y) m, position of the tip at mid-stance.
         rolling: matrix (2, 2) of `Footing`.
     """
 
-    def __init__(self, place: list[float], rolling: list[list[float]]) -> None:
-        self.place_x, self.place_y, *_ = place
+    def __init__(self, position: list[float], rolling: list[list[float]]) -> None:
+        self.place_x, self.place_y, *_ = position
         self._rolling = rolling
         self.reset()
 

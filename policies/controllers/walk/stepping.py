@@ -33,7 +33,7 @@ class Stepping:
         self._config, self._settings, self._centre = config, settings, centre
         self._radius = robot.legs.foot_radius
         self.footing = footing_of(robot, config)
-        farthest_m = float(np.hypot(*self.footing.places[:, :2].T).max())
+        farthest_m = float(np.hypot(*self.footing.positions[:, :2].T).max())
         self._pacing = Pacing(WalkLimits(robot, centre[:2], config.limits), farthest_m)
         clock = config.gait.clock(robot)
         self._own = clock.timing, clock.offsets
@@ -61,7 +61,7 @@ class Stepping:
 
     def stance(self) -> np.ndarray:
         """Trust in each foot's contact, (feet,)."""
-        return self.cycle.stance() if self.active else np.ones(len(self.footing.places))
+        return self.cycle.stance() if self.active else np.ones(len(self.footing.positions))
 
     def footholds(self) -> np.ndarray:
         """Footholds of swing feet, (feet, 3) m, relative to the base; NaN for the others."""
@@ -166,12 +166,12 @@ class Stepping:
     def _plan_sway(self) -> SwayPlan:
         """Sway of the current gait."""
         cycle, height_m = self.cycle, self._settings.step.body_height_m + float(self._centre[2])
-        places, share = self.footing.places[:, :2], self._config.stance.sway
-        return plan_sway(places, cycle.timing, cycle.offsets, height_m, share)
+        positions, share = self.footing.positions[:, :2], self._config.stance.sway
+        return plan_sway(positions, cycle.timing, cycle.offsets, height_m, share)
 
 
 def footing_of(robot: Robot, config: WalkConfig) -> Footing:
     """Positions of a robot's feet in a walk."""
     legs, stance = robot.legs, config.stance
-    places = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)
-    return Footing(places * [1.0, 1.0, 0.0], rolling_of(legs, places, robot.default_pose))
+    positions = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)
+    return Footing(positions * [1.0, 1.0, 0.0], rolling_of(legs, positions, robot.default_pose))

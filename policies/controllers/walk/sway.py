@@ -35,7 +35,7 @@ def sine_at(sine: np.ndarray, clock: np.ndarray | float) -> np.ndarray:
 
 
 def plan_sway(
-    places: np.ndarray, timing: GaitTiming, offsets: np.ndarray, height_m: float, share: float
+    positions: np.ndarray, timing: GaitTiming, offsets: np.ndarray, height_m: float, share: float
 ) -> SwayPlan:
     """Sway that moves the centre of pressure towards the middle of the stance feet.
 
@@ -46,13 +46,13 @@ def plan_sway(
     above p, in a fast gait it hardly moves.
 
     Args:
-        places: (feet, 2) m, positions at mid-stance.
+        positions: (feet, 2) m, positions at mid-stance.
         timing, offsets: timing and phase offsets of the gait.
         height_m: height of the centre of mass above the ground.
         share: factor of that sine.
     """
     stands = in_stance(leg_phases(_CLOCKS[:, None], offsets), timing.duty)
-    middle = stands @ places / np.maximum(stands.sum(axis=1, keepdims=True), 1)
+    middle = stands @ positions / np.maximum(stands.sum(axis=1, keepdims=True), 1)
     pressure = 2.0 * share * (np.exp(-2j * math.pi * _CLOCKS) @ middle) / len(_CLOCKS)
     rate = 2.0 * math.pi / timing.period_s
     return SwayPlan(pressure / (1.0 + rate**2 * height_m / GRAVITY_M_S2), pressure)

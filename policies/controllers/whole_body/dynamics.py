@@ -70,7 +70,7 @@ class Soles:
         share[self.foot_of_point, np.arange(len(self.geoms))] = 1.0
         self._middle = share / share.sum(axis=1, keepdims=True)
 
-    def places(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    def positions(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
         """Positions of the points, (points, 3) m, and the middle of each foot's points, (feet, 3) m."""
         points = data.geom_xpos.take(self.geoms, axis=0) + self._below
         return points, self._middle.dot(points)
@@ -144,12 +144,12 @@ class WholeBody:
         mujoco.mj_rne(model, data, 0, written.bias)
         mujoco.mj_fullM(model, data, written.mass)
 
-        points, foot = soles.places(data)
-        for place, body, rows, rates in zip(
+        points, foot = soles.positions(data)
+        for position, body, rows, rates in zip(
             foot, soles.bodies, written.jacobian, written.jacobian_rate, strict=True
         ):
-            mujoco.mj_jac(model, data, rows[:3], rows[3:], place, body)
-            mujoco.mj_jacDot(model, data, rates[:3], rates[3:], place, body)
+            mujoco.mj_jac(model, data, rows[:3], rows[3:], position, body)
+            mujoco.mj_jacDot(model, data, rates[:3], rates[3:], position, body)
         jacobian = written.jacobian[:, :, order].copy()
         drift = written.jacobian_rate[:, :, order].dot(velocity)
         spin = jacobian[:, 3:].dot(velocity)

@@ -74,10 +74,10 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
             print(f"{step.name}: skipped, since {why}", flush=True)
             continue
         if options.bus != SIMULATED:
-            place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
+            where = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
             if step.uneven:
-                place += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
-            confirm(f"{step.name}: {step.about}. {place}?", options.yes)
+                where += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
+            confirm(f"{step.name}: {step.about}. {where}?", options.yes)
         verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
         print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)

@@ -32,7 +32,7 @@ LOOK_S = 0.5  # time in which every motor reports its errors: heartbeats come te
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Place:
+class Target:
     """Motors and interface."""
 
     robot: RobotName = DEFAULT_ROBOT
@@ -41,14 +41,14 @@ class Place:
 
 
 @can.command
-def scan(*, place: Place = Place()) -> int:
+def scan(*, where: Target = Target()) -> int:
     """Find motors by id and maker, and compare them with robot.yaml; exit 1 if they differ."""
     from footfall.deploy.scan import everything
     from footfall.deploy.scan import expected as expected_motors
     from footfall.deploy.scan import scan as scan_buses
 
-    robot, wiring = _wired(place)
-    with interface_bus(robot, wiring, place.bus, everything(wiring)) as bus:
+    robot, wiring = _wired(where)
+    with interface_bus(robot, wiring, where.bus, everything(wiring)) as bus:
         found = scan_buses(bus, wiring)
     expected = expected_motors(wiring)
     rows: list[tuple[str, ...]] = []
@@ -61,7 +61,7 @@ def scan(*, place: Place = Place()) -> int:
 
 
 @can.command
-def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeconds = None) -> int:
+def monitor(*, where: Target = Target(), joint: Names = (), duration: OptionalSeconds = None) -> int:
     """Show the reports of disabled motors, until Ctrl-C.
 
     Parameters
@@ -71,7 +71,7 @@ def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeco
     duration
         Time until the end, s.
     """
-    with _bench(place, joint) as bench:
+    with _bench(where, joint) as bench:
         problem = bench.query_settings()
         with _live(bench) as show, suppress(KeyboardInterrupt):
             bench.watch(math.inf if duration is None else duration, show)
@@ -79,7 +79,7 @@ def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeco
 
 
 @can.command
-def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0, yes: Yes = False) -> int:
+def enable(*, where: Target = Target(), joint: Names = (), duration: Seconds = 3.0, yes: Yes = False) -> int:
     """Enable motors for a moment, without torque, and disable them again.
 
     Parameters
@@ -90,7 +90,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
         Time for which they are enabled, s.
     """
     confirm("enable the motors, without torque? The robot must hang or lie: its joints are limp", yes)
-    with _bench(place, joint) as bench:
+    with _bench(where, joint) as bench:
         problem = bench.query_settings() or bench.enable()
         if not problem:
             with _live(bench) as show:
@@ -100,7 +100,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
 
 
 @can.command
-def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
+def zero(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> int:
     """Set the zero position of disabled motors at rest to their current position.
 
     Parameters
@@ -110,7 +110,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
     """
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"set the zero of {which} to the current position? The old zero is lost", yes)
-    with _bench(place, joint) as bench:
+    with _bench(where, joint) as bench:
         problem = bench.query_settings() or bench.settle()
         if not problem:
             problem = bench.zero() or bench.missing()
@@ -119,7 +119,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
 
 
 @can.command
-def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
+def clear(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> int:
     """Clear latched errors of disabled motors; exit 1 if a motor still reports an error.
 
     Parameters
@@ -129,7 +129,7 @@ def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int
     """
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"clear the errors of {which}? Motors that were kept disabled by them can be enabled then", yes)
-    with _bench(place, joint) as bench:
+    with _bench(where, joint) as bench:
         bench.watch(LOOK_S, lambda: None)
         before = bench.states()
         problem = bench.clear() or bench.missing()
@@ -140,31 +140,31 @@ def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int
         return _verdict(bench, problem)
 
 
-def _wired(place: Place) -> "tuple[Robot, Wiring]":
+def _wired(where: Target) -> "tuple[Robot, Wiring]":
     from footfall.deploy.drivers.choice import by_driver
     from footfall.deploy.wiring import wire
     from footfall.robots.description import load_robot
 
-    robot = load_robot(place.robot)
+    robot = load_robot(where.robot)
     wiring = wire(robot)
     by_driver(wiring)  # raises UserError for motors without a driver
     return robot, wiring
 
 
 @contextmanager
-def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
+def _bench(where: Target, joints: tuple[str, ...]) -> "Iterator[Bench]":
     """All motors of a robot, or of some joints; they are disabled at the end of the context."""
     import numpy as np
 
     from footfall.deploy.bench import Bench, switched_off_afterwards
     from footfall.deploy.drivers.choice import open_driver
 
-    robot, wiring = _wired(place)
+    robot, wiring = _wired(where)
     for name in joints:
         if name not in robot.joint_names:
             raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
     some = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
-    with interface_bus(robot, wiring, place.bus, open_driver(some).filters) as bus:
+    with interface_bus(robot, wiring, where.bus, open_driver(some).filters) as bus:
         bench = Bench(some, bus)
         with switched_off_afterwards(bench):
             yield bench

@@ -223,8 +223,8 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
         )
     how = FitConfig(explain=False)
     fits = [fit_leg(leg, given.recordings, given.held_out, how) for leg in given.legs]
-    with TemporaryDirectory() as place:
-        folder = Path(place) / "robot"
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "robot"
         compared = learn(given.robot, fits, given.recordings, given.held_out, folder, config)
         _show_errors(compared)
         write_json(options.json, [each.figures() for each in compared])

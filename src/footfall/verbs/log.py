@@ -73,14 +73,14 @@ def compare(file: Path, /, *, robot: RobotOfLog = None, json: JsonFile = None) -
     recording, figures, good = read_recording(file, model), {}, True
     for leg in fixed_legs(model):
         gap = compare_leg(leg, recording)
-        for place, joint in enumerate(leg.joint_names):
-            error, noise = 1e3 * gap.error_rad[place], 1e3 * gap.noise_rad[place]
+        for index, joint in enumerate(leg.joint_names):
+            error, noise = 1e3 * gap.error_rad[index], 1e3 * gap.noise_rad[index]
             good &= error < 2.0 * noise
             print(
-                f"{joint}: {error:.2f} mrad rms, noise {noise:.2f}: {gap.verdict(place)}",
+                f"{joint}: {error:.2f} mrad rms, noise {noise:.2f}: {gap.verdict(index)}",
                 flush=True,
             )
-            figures[joint] = {"error_mrad": error, "noise_mrad": noise, "explains": gap.explains[place]}
+            figures[joint] = {"error_mrad": error, "noise_mrad": noise, "explains": gap.explains[index]}
     write_json(json, figures)
     return 0 if good else 1
 

@@ -77,7 +77,7 @@ class TestWhatIsKept:
 class TestWhatIsMade:
     def test_feet_that_touch_together_within_the_soft_limits(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
-        assert np.ptp(robot.foot_places[:, 2]) < 2e-3
+        assert np.ptp(robot.foot_positions[:, 2]) < 2e-3
         low, high = robot.soft_limits
         assert (low < robot.default_pose).all()
         assert (robot.default_pose < high).all()

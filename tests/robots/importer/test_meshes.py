@@ -24,7 +24,7 @@ class TestMeshes:
         text = quadruped(foot=mesh + "</geometry></collision>")
         robot, _ = make(tmp_path, text, packages=(tmp_path / "elsewhere",))
         assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
-        assert -robot.foot_places[0, 2] > 0.3
+        assert -robot.foot_positions[0, 2] > 0.3
 
     def test_collada_through_its_scene(self, tmp_path: Path) -> None:
         """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""

@@ -16,7 +16,7 @@ from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 
 def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, float, float]] = ()) -> str:
     """Legs of two links of 0.2 m with spheres of 0.02 m, hips at the height of the base's origin."""
-    places = legs or (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
+    positions = legs or (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
     limbs = "".join(
         f"""<body name="{name}_thigh" pos="{x} {y} 0">
           <joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>
@@ -24,7 +24,7 @@ def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, f
           <geom type="capsule" fromto="0 0 -.03 0 0 -.15" size="0.01" mass="0.2"/>
           <body name="{name}_shank" pos="0 0 -0.2"><joint name="{name}_knee" axis="0 1 0" range="{knee}"/>
             <geom name="{name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
-        for name, x, y in places
+        for name, x, y in positions
     )
     return on_base(limbs, more)
 
@@ -136,12 +136,12 @@ class TestPose:
 
         _, _, legs = self.searches(tmp_path, on_base(spread("a", 0.1, 0.1), spread("b", -0.1, 0.2)))
         aside = np.sqrt(0.16 - 0.1**2)
-        np.testing.assert_allclose(legs[0].natural_place(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
-        np.testing.assert_allclose(legs[1].natural_place(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
+        np.testing.assert_allclose(legs[0].natural_position(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
+        np.testing.assert_allclose(legs[1].natural_position(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
 
     def test_three_spheres_off_a_line_are_a_sole(self, tmp_path: Path) -> None:
-        def feet(*places: tuple[float, float]) -> str:
-            return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in places)
+        def feet(*positions: tuple[float, float]) -> str:
+            return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in positions)
 
         limbs = [
             hanging("a_foot", 0.3, 0.01, feet((0.1, 0.0), (-0.1, 0.03), (-0.1, -0.03))),
