@@ -32,7 +32,7 @@ def test_row_expected_if_all_are(within_s: float | None, changes: dict[str, Any]
     assert fault_clock.as_expected(kind(within_s), [good, {**RUN, **changes}]) is expected
 
 
-def test_a_row_says_how_soon_and_how_it_ended() -> None:
+def test_a_row_has_reaction_time_and_outcome() -> None:
     slow = {**RUN, "seconds": 0.14}
     line = "| a pause | 2/2 | 130, 140 (150) | ESTOP 2 | 0 | it ran late | a guard |"
     assert fault_clock.row(kind(0.15), [RUN, slow]) == line

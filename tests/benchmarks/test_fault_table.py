@@ -34,7 +34,7 @@ def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
         ("one encoder off by a turn (at the start)", "ESTOP", "1 turn of the joint", 0.02),
     ],
 )
-def test_a_run_tells_what_was_noticed_when_and_what_went_out(
+def test_a_run_reports_faults_their_times_and_sent_commands(
     title: str, final_state: str, says: str, longest_s: float
 ) -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 5))
@@ -126,7 +126,7 @@ def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(ti
     assert run["seconds"] < 0.5
 
 
-def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
+def test_an_undetectable_fault_ends_in_order() -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", "foreign frames on the bus", 5))
     assert not run["detected"]
     assert run["seconds"] is None
@@ -173,7 +173,7 @@ class TestAHealthyRun:
         assert 0.3 < run["fell_s"] < 1.0
 
 
-def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:
+def test_rows_have_the_share_in_time_and_the_failures() -> None:
     run = {"robot": "go1", "policy": "go1-flat", "kind": "IMU silent", "seed": 0, "fault": "x"}
     run |= {"detected": True, "seconds": 0.05, "final_state": "ESTOP", "fell": False}
     run |= {"torque_over": 0.0, "outside_rad": 0.0, "rate_share": 0.5, "stiff": True}

@@ -70,7 +70,7 @@ def test_the_short_way_of_a_known_driver(monkeypatch: pytest.MonkeyPatch, model:
     assert ways[False] > 10
 
 
-def test_motors_that_never_answer_are_told(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motors_that_never_answer_are_reported(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fuzz_frames, "INTRODUCED_S", 0.01)
     monkeypatch.setattr(DamiaoDriver, "_note_registers", lambda _, data, motor: None)
     with pytest.raises(

@@ -127,7 +127,7 @@ def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None
         servo_logs.read(Path(__file__), servo_logs.SERVOS["xl330"])
 
 
-def test_slow_motion_in_the_air_does_not_tell_delay_from_armature() -> None:
+def test_slow_motion_in_the_air_does_not_separate_delay_and_armature() -> None:
     """Go1's leg in place of a Go2's: 1 Hz, no torques."""
     robot = load_robot("go1")
     time_s = 0.005 * np.arange(160)

@@ -24,7 +24,7 @@ def test_results_come_in_the_tasks_order_and_a_failure_is_named(tmp_path: Path) 
     assert errors == ["('b', 2): ValueError: no b today"]
 
 
-def test_what_stands_in_the_file_is_not_run_again_but_a_line_cut_off_is(tmp_path: Path) -> None:
+def test_finished_rows_are_kept_and_a_truncated_row_is_run_again(tmp_path: Path) -> None:
     out = tmp_path / "runs.jsonl"
     out.write_text('{"task": ["a", 1], "result": {"kept": true}}\n{"task": ["c", 3], "resu')
     assert list(read_runs(out)) == ['["a", 1]']
@@ -35,7 +35,7 @@ def test_what_stands_in_the_file_is_not_run_again_but_a_line_cut_off_is(tmp_path
     assert list(read_runs(out)) == ['["a", 1]', '["c", 3]']
 
 
-def test_after_the_time_limit_nothing_begins_and_what_is_left_is_said(tmp_path: Path) -> None:
+def test_after_the_time_limit_nothing_starts_and_the_rest_is_listed(tmp_path: Path) -> None:
     results, errors = run_resumable(_never, TASKS, tmp_path / "runs.jsonl", workers=1, time_limit_s=0.0)
     assert results == []
     assert errors == ["3 of 3 runs are left for another call"]

@@ -17,7 +17,7 @@ from footfall.common.arrays import as_slice
         ([2, 2], None),
     ],
 )
-def test_places_evenly_apart_are_read_without_a_copy(indices: list[int], expected: slice | None) -> None:
+def test_evenly_spaced_indices_are_read_without_a_copy(indices: list[int], expected: slice | None) -> None:
     found = as_slice(np.array(indices))
     np.testing.assert_array_equal(np.arange(9)[found], indices)
     assert expected is None or found == expected

@@ -191,7 +191,7 @@ def test_own_keys_override_merged_keys(tmp_path: Path) -> None:
     }
 
 
-def test_a_file_reads_as_what_was_dumped(tmp_path: Path) -> None:
+def test_a_file_loads_as_it_was_dumped(tmp_path: Path) -> None:
     cart = Cart("yes", Wheel(2.5, 3, ("b", "a"), True))
     path = tmp_path / "a.yaml"
     path.write_text(dump(cart))

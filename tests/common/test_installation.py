@@ -188,7 +188,7 @@ class TestRequirements:
         known = SimpleNamespace(requires=list(self.LINES), metadata=metadata)
         monkeypatch.setattr(installation, "distribution", lambda name: known)
 
-    def test_an_extra_is_made_of_what_it_adds_and_includes(self) -> None:
+    def test_an_extra_has_its_own_and_included_requirements(self) -> None:
         def names(*extra: str) -> list[str]:
             return [str(package) for package in installation.requirements(*extra)]
 

@@ -126,7 +126,7 @@ class TestAgainstTheTruth:
         assert follower.poses[-1].yaw == pytest.approx(yaw, abs=0.03)
 
     @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_errors_are_as_large_as_the_covariance_says(self, walks: dict[str, Follower], kind: str) -> None:
+    def test_errors_match_the_covariance(self, walks: dict[str, Follower], kind: str) -> None:
         """Nearly all within three standard deviations; their normalised squares neither large nor tiny."""
         follower = walks[kind]
         for rows, columns in ((POSITION, slice(0, 3)), (VELOCITY, slice(3, 6))):

@@ -35,7 +35,7 @@ def follow(estimator: GyroBias, rate: np.ndarray, seconds: float, noise: float =
 
 
 @pytest.mark.parametrize("rate", [np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([2.0, -1.0, 0.5])])
-def test_the_bias_is_what_the_orientation_does_not_turn(rate: np.ndarray) -> None:
+def test_the_bias_does_not_rotate_with_the_orientation(rate: np.ndarray) -> None:
     estimator = GyroBias(GyroConfig())
     assert follow(estimator, rate, 10.0) == pytest.approx(rate.tolist(), abs=1e-3)
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=1e-3)

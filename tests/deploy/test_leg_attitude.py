@@ -93,7 +93,7 @@ def test_a_sway_by_the_legs_must_show_in_the_imu(stander: Stander, roll: float, 
     [np.zeros(4), np.array([1.0, 0.0, 0.0, 1.0]), np.array([2.0, 2.0, 0.1, 0.1])],
     ids=["it hangs", "a diagonal", "two bear a tenth"],
 )
-def test_fewer_than_three_loaded_feet_say_nothing(stander: Stander, loads: np.ndarray) -> None:
+def test_fewer_than_three_loaded_feet_give_no_estimate(stander: Stander, loads: np.ndarray) -> None:
     attitude = stander.looks(nose_up(0.5), None, loads)
     stander.look(nose_up(0.9), None, loads)
     assert (attitude.slope, attitude.turn) == (0.0, 0.0)
@@ -108,7 +108,7 @@ def test_three_other_feet_start_a_new_comparison(stander: Stander) -> None:
     assert stander.attitude.turn == pytest.approx(0.2, rel=1e-2)
 
 
-def test_three_feet_in_a_row_and_two_soles_say_nothing() -> None:
+def test_three_collinear_feet_and_two_soles_give_no_estimate() -> None:
     """Of six feet those of one side; soles of a biped may tip over their edges."""
     robot = load_robot("hexapod")
     left = np.array([foot.name.startswith("L") for foot in robot.description.feet])

@@ -301,7 +301,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             process.stdout.close()
 
     @pytest.mark.parametrize("with_its_writer", [False, True])
-    def test_a_killed_run_keeps_what_was_logged(
+    def test_a_killed_run_keeps_its_log(
         self, run: subprocess.Popen[bytes], tmp_path: Path, with_its_writer: bool
     ) -> None:
         """Readings reach the file while the run goes on, even if it does not live to write its end."""

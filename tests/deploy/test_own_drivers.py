@@ -128,7 +128,7 @@ def assert_refused(wiring: Any, place: str, part: str) -> None:
 
 
 @pytest.mark.parametrize("part", MISFITS)
-def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(
+def test_an_unsuitable_motor_driver_is_refused_with_the_reason(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
     monkeypatch.setattr(own_drivers, "Misfit", MISFITS[part], raising=False)

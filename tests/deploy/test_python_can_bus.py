@@ -221,7 +221,9 @@ class TestPythonCanBus:
             (0x020, b"\0\x30", ""),  # byte 1 is the controller's alone
         ],
     )
-    def test_error_frames_tell_the_state(self, can: FakeCan, identifier: int, data: bytes, says: str) -> None:
+    def test_error_frames_report_the_bus_state(
+        self, can: FakeCan, identifier: int, data: bytes, says: str
+    ) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
         can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
         assert bus.receive(0) == []

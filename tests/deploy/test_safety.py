@@ -86,7 +86,7 @@ STARTED = {"now_s": 0.5}  # before `start_timeout_s`
 
 class TestTable:
     @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to", "latched"), ROWS_AND_MODES)
-    def test_a_signal_leads_where_the_table_says(
+    def test_a_signal_leads_to_the_mode_in_the_table(
         self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
     ) -> None:
         """A robot that can lie down does so after a fault of its policy, and is damped after all others."""

@@ -176,7 +176,7 @@ class TestTorqueStuck:
         assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
         assert added_up[1] < LIMITS.torque_stuck < added_up[2]
 
-    def test_is_less_by_what_stiffness_makes_of_a_readings_noise(self, go1: Robot) -> None:
+    def test_is_reduced_by_stiffness_times_reading_noise(self, go1: Robot) -> None:
         """2 mrad at 500 N m/rad are 1 N m, of 23.7."""
         noise = 1.0 / 23.7
         expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)

@@ -111,7 +111,7 @@ class TestImu:
         assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 9)) is None
         assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 5)) is not None
 
-    def test_a_slow_imu_is_measured_by_what_it_sent_in_first_rest(self, go1: Robot) -> None:
+    def test_the_rate_of_a_slow_imu_is_measured_at_first_rest(self, go1: Robot) -> None:
         link = Link(go1, links.ImuLost)
         slow = lambda look: look % 2 == 0  # noqa: E731
         for _ in range(20):

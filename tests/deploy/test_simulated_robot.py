@@ -100,7 +100,7 @@ class TestMotors:
         assert truth.foot_force.sum() == pytest.approx(weight, rel=0.05)
 
     @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
-    def test_motors_time_out_as_robot_yaml_or_the_option_says(
+    def test_motor_timeouts_come_from_robot_yaml_or_the_option(
         self, go1: Robot, told: float | None, knees: float, others: float
     ) -> None:
         motors = go1.description.motors

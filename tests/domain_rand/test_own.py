@@ -28,7 +28,7 @@ def randomised_plan(robot: Robot) -> EpisodePlan:
     return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
 
 
-def test_it_replaces_the_quantities_that_it_names(own_folder: Path) -> None:
+def test_it_replaces_only_its_own_quantities(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     payload, offset = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
     assert randomisation_of(robot) == replace(load_randomisation(), payload_kg=payload, com_offset_m=offset)
@@ -65,7 +65,9 @@ def test_a_malformed_file_is_refused_in_one_line(own_folder: Path, text: str, wa
 
 
 @pytest.mark.parametrize("text", [None, OWN])
-def test_the_scenario_draws_from_it_with_the_same_numbers(own_folder: Path, text: str | None) -> None:
+def test_the_scenario_draws_from_its_ranges_with_the_same_random_numbers(
+    own_folder: Path, text: str | None
+) -> None:
     """Numbers 0 to 14 are of the friction, 13 bodies' masses and the payload."""
     robot = load_robot(own_folder) if text is None else own_robot(own_folder, text)
     plan = randomised_plan(robot)
@@ -104,6 +106,6 @@ def test_a_robots_training_yaml_has_the_last_word(own_folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "zoo"), [("go1", "go1-flat"), ("hexapod", "hexapod-flat"), ("g1", "g1-flat")]
 )
-def test_the_gpu_preset_trains_on_what_the_zoos_policy_was_trained_on(name: str, zoo: str) -> None:
+def test_the_gpu_preset_has_the_randomisation_of_the_zoos_policy(name: str, zoo: str) -> None:
     kept = load_preset(str(Path(__file__).parents[2] / "policies" / "zoo" / zoo / "config.yaml"))
     assert load_preset("gpu", load_robot(name)).env.randomisation == kept.env.randomisation

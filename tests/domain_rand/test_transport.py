@@ -64,7 +64,7 @@ class TestTraining:
             goals, readings = drawn(sample, 0)
             assert goals.size == readings.size == 0
 
-    def test_jitter_is_one_number_for_all_motors_anew_at_each_step(self) -> None:
+    def test_jitter_is_drawn_once_a_step_for_all_motors(self) -> None:
         sample = {"action_delay_s": 0.004, "action_jitter_s": 0.01}
         delays = np.array([drawn(sample, k)[0][0] for k in range(40)])
         assert (np.ptp(delays, axis=1) == 0.0).all()

@@ -25,7 +25,7 @@ MODEL = training_model(ROBOT, CONFIG.timestep_s)
 QUATERNION = Rotation.from_euler("xyz", [0.3, -0.4, 2.0]).as_quat()[[3, 0, 1, 2]]
 
 
-def test_a_base_that_is_tilted_about_all_axes_moves_as_mujoco_says() -> None:
+def test_a_base_tilted_about_all_axes_moves_as_in_mujoco() -> None:
     data = mujoco.MjData(MODEL)
     data.qpos[:7] = [1.0, 2.0, 0.4, *QUATERNION]
     data.qvel[:6] = [0.7, -0.3, 0.5, 0.2, -0.6, 0.9]
@@ -40,7 +40,7 @@ def test_a_base_that_is_tilted_about_all_axes_moves_as_mujoco_says() -> None:
     np.testing.assert_allclose(base.position(qpos), [1.0, 2.0, 0.4])
 
 
-def test_what_is_changed_of_it_is_that_alone() -> None:
+def test_only_the_given_part_changes() -> None:
     base, qpos, qvel = Base(MODEL, ROBOT), jnp.arange(19.0), jnp.arange(18.0)
     turned = np.asarray(base.turned(qpos, jnp.array([0.1, 0.2, 0.3, 0.4])))
     np.testing.assert_allclose(turned, [0, 1, 2, 0.1, 0.2, 0.3, 0.4, *range(7, 19)], rtol=1e-6)

@@ -54,7 +54,7 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused(make: Callable[[], object]) -> None:
+def test_impossible_settings_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(ValueError, match=r"must be|shorter than"):
         make()
 
@@ -67,7 +67,7 @@ def test_what_cannot_be_is_refused(make: Callable[[], object]) -> None:
         {"commands": CommandConfig(RANGES, standing_probability=1.0, single_axis_probability=0.0)},
     ],
 )  # fmt: skip
-def test_what_just_can_be_is_taken(change: dict[str, Any]) -> None:
+def test_settings_at_their_limits_are_accepted(change: dict[str, Any]) -> None:
     assert isinstance(replace(CONFIG, **change), EnvConfig)
 
 
@@ -118,7 +118,7 @@ def test_settings_of_older_runs_become_lists_of_terms() -> None:
     assert with_lists(with_terms(NEW)) == NEW
 
 
-def test_what_a_robot_changes_in_the_old_form_reaches_the_terms_of_a_preset() -> None:
+def test_a_robots_changes_in_the_old_form_reach_the_terms_of_a_preset() -> None:
     changes = {
         "rewards": {"pose": -0.7, "torque": -1.0},
         "reward_scales": {"linear_sigma_m2_s2": 0.01, "swing_height_m": 0.03},

@@ -71,7 +71,7 @@ class TestCommands:
         assert np.flatnonzero(command).tolist() == [axis]
         assert np.all(self.drawn(1, 1, 1, u, 0.31, 1, single_axis_probability=0.3))
 
-    def test_some_ask_to_stand(self) -> None:
+    def test_some_commands_are_zero(self) -> None:
         assert not self.drawn(1, 1, 1, 0, 1, 0.09, standing_probability=0.1).any()
         assert self.drawn(1, 1, 1, 0, 1, 0.11, standing_probability=0.1).any()
 
@@ -138,7 +138,7 @@ class TestDisturbances:
         np.testing.assert_allclose(half.qvel - due.qvel, 0.5 * (full.qvel - due.qvel), atol=1e-6)
 
 
-def test_what_is_due_at_once_leaves_what_is_not_alone(begun: State) -> None:
+def test_only_due_commands_and_events_change(begun: State) -> None:
     made = TestDisturbances().make()
     u = jnp.linspace(0.05, 0.95, made.step_numbers)
     for hold, shove in ((0, 5), (5, 0), (-1, -1)):

@@ -49,7 +49,7 @@ def test_insertions_are_those_of_jax(size: int, where: int) -> None:
     np.testing.assert_array_equal(insert(array, 0, jnp.ones(2)), jnp.insert(array, 0, jnp.ones(2)))
 
 
-def test_what_is_not_known_while_tracing_is_left_to_jax() -> None:
+def test_values_unknown_while_tracing_are_left_to_jax() -> None:
     data, ids = jnp.ones((3, 2)), jnp.array([0, 2, 2])
     np.testing.assert_array_equal(jax.jit(lambda i: segment_sum(data, i, 3))(ids), [[1, 1], [0, 0], [2, 2]])
     np.testing.assert_array_equal(segment_sum(data, np.array([0, 0, 1])), [[2, 2], [1, 1]])
@@ -99,7 +99,7 @@ def test_advantages_are_the_same_without_a_loop() -> None:
 
 
 @pytest.mark.usefixtures("on_a_gpu")
-def test_afterwards_jax_is_what_it_was() -> None:
+def test_afterwards_jax_is_restored() -> None:
     scan, sums, insertion = jax.lax.scan, jax.ops.segment_sum, jnp.insert
     with suppress(KeyError), fewer_kernels():
         assert jax.lax.scan is not scan

@@ -40,7 +40,7 @@ extern "C" void all(int blocks, int threads, float** a) {
 
 
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
-def test_the_kernel_computes_what_the_processors_program_does(tmp_path: Path) -> None:
+def test_the_kernel_computes_the_same_as_the_program_for_processors(tmp_path: Path) -> None:
     robot = load_robot("go1")
     model = training_model(robot)
     given = random_arguments(robot, model, ROBOTS, load_preset("gpu", robot).env.randomisation)

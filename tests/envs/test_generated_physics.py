@@ -250,7 +250,7 @@ class TestRefusals:
             ('<body name="two"', '<body name="two" gravcomp="1"', "gravity compensation"),
         ],
     )
-    def test_what_is_not_generated_is_named(self, old: str, new: str, said: str) -> None:
+    def test_features_that_are_not_generated_are_named(self, old: str, new: str, said: str) -> None:
         assert old in CHIMERA
         model = mujoco.MjModel.from_xml_string(CHIMERA.replace(old, new))
         assert said in "; ".join([*refusals(model), *contact_refusals(model)])

@@ -116,7 +116,7 @@ class TestOne:
             ({"physics": "bullet"}, "no physics 'bullet'"),
         ],
     )
-    def test_what_there_is_not_is_refused_by_name(self, options: dict[str, str], message: str) -> None:
+    def test_unknown_names_are_refused(self, options: dict[str, str], message: str) -> None:
         with pytest.raises(UserError, match=message):
             gymnasium.make(ID, **({"preset": "smoke"} | options))
 
@@ -169,7 +169,7 @@ class TestMany:
         with pytest.raises(ValueError, match=f"{count} seeds for {MANY} environments"):
             many.reset(seed=list(range(count)))
 
-    def test_an_episode_that_ends_begins_anew_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
+    def test_an_ended_episode_is_reset_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
         assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
         many.reset(seed=6)
         observations, ended, info = thrash(many)
@@ -220,7 +220,7 @@ class TestMany:
         assert np.array_equal(info["_episode"], ended)
         assert np.array_equal(info["episode"]["l"] > 0, ended)
 
-    def test_one_and_many_learn_what_the_robots_own_files_say(self, own_folder: Path) -> None:
+    def test_one_and_many_environments_use_the_robots_own_files(self, own_folder: Path) -> None:
         (own_folder / "training.yaml").write_text("env: {episode_s: 7.0}")
         for made in (
             footfall.gym.make_single(own_folder, "smoke"),
@@ -279,7 +279,9 @@ def test_it_can_be_seen() -> None:
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
 
 
-def test_without_rendering_it_says_what_to_set(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_rendering_the_error_names_the_variable_to_set(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def no_screen(*_: Any) -> None:
         raise mujoco.FatalError("an OpenGL platform library has not been loaded")
 

@@ -44,7 +44,7 @@ def nominal() -> tuple[State, np.ndarray]:
     return walked(CONFIG)
 
 
-def test_lost_replies_change_what_is_seen_and_nothing_else(nominal: tuple[State, np.ndarray]) -> None:
+def test_lost_replies_change_only_the_observation(nominal: tuple[State, np.ndarray]) -> None:
     """A motor's position and velocity stay what they were together, at 0.4 of the times."""
     (before, seen), (after, fewer) = nominal, walked(CONFIG, lost_replies=0.4)
     for name in ("qpos", "goals", "command", "key"):
@@ -73,7 +73,7 @@ def test_late_commands_change_the_motion_and_no_other_draw(nominal: tuple[State,
         ("observation_jitter_s", 0.03, "at most 0.02"),
     ],
 )
-def test_what_the_buffers_do_not_hold_is_refused(name: str, high: float, complaint: str) -> None:
+def test_delays_beyond_the_buffers_are_refused(name: str, high: float, complaint: str) -> None:
     randomisation = Randomisation(**{name: Distribution(0.0, high)})
     with pytest.raises(UserError, match=complaint):
         LocomotionEnv(ROBOT, replace(CONFIG, randomisation=randomisation))

@@ -146,7 +146,7 @@ class TestStep:
         np.testing.assert_allclose(after.qacc_warmstart[:N], targets[-1], atol=1e-6)
         np.testing.assert_array_equal(after.target, after.qacc_warmstart[:N])
 
-    def test_the_actor_sees_what_was_a_delay_ago(self, step, begun: State) -> None:
+    def test_the_actor_observes_delayed_readings(self, step, begun: State) -> None:
         """10 ms are 1.6 physics steps: between the second and the third of the four."""
         after, result = step(begun, ACTION)
         before = np.asarray(begun.qvel[3:6])
@@ -229,7 +229,7 @@ class TestStep:
         stiffness = [float(state.qacc_warmstart[N]) for state in (limp, awake)]
         assert stiffness == pytest.approx([0.0, ROBOT.kp.sum()])
 
-    def test_a_divergence_earns_a_fall_and_tells_nothing(self, step, begun: State) -> None:
+    def test_a_divergence_counts_as_a_fall_with_a_zero_observation(self, step, begun: State) -> None:
         _, result = step(begun._replace(qvel=begun.qvel.at[7].set(jnp.inf)), ACTION)
         assert float(result.reward) == pytest.approx(-7.0 / 40.0)
         assert (float(result.terminated), float(result.truncated)) == (1.0, 0.0)
@@ -342,7 +342,7 @@ class TestReset:
             told[4 : 4 + 4 + 4 + N], np.zeros(4 + 4 + N)
         )  # feet and torques: not yet
 
-    def test_keys_draw_apart_what_they_draw(self, reset) -> None:
+    def test_episodes_draw_independent_numbers(self, reset) -> None:
         states = [reset(key)[0] for key in range(60)]
         assert len({tuple(np.asarray(state.key).tolist()) for state in states}) == 60
         phases = np.sort([float(state.phase[0]) for state in states])
@@ -365,7 +365,7 @@ class TestReset:
         assert all(a is b for a, b in zip(moved._replace(level=0), batch._replace(level=0), strict=True))
 
 
-def test_the_contract_says_what_was_configured() -> None:
+def test_the_contract_has_the_configured_values() -> None:
     config = replace(
         CONFIG,
         commands=replace(

@@ -288,7 +288,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 
 @IN_C
-def test_ended_episodes_begin_anew(env: LocomotionEnv, begun: State, step) -> None:
+def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> None:
     """21 end, more than begin at once."""
     ends = np.arange(len(begun.steps)) % 3 > 0
     assert ends.sum() > RESTARTED_AT_ONCE

@@ -113,7 +113,7 @@ def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
     assert make.made == 2
 
 
-def test_writing_a_program_blocks_nobody(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_writing_a_program_does_not_block(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     asked_for = threading.Event()
 
     def slow(program: Any) -> Any:
@@ -224,7 +224,7 @@ def test_the_least_used_makes_room(cache: Path, make: Maker, monkeypatch: pytest
     assert make.made == 4
 
 
-def test_what_computes_besides_the_libraries_makes_another_program(
+def test_another_driver_or_precision_makes_another_program(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept(make)
@@ -256,7 +256,7 @@ def test_a_damaged_file_is_replaced(cache: Path, make: Maker, content: bytes) ->
     assert make.made == 2
 
 
-def test_what_cannot_be_written_is_not_kept(cache: Path, make: Maker) -> None:
+def test_an_unwritable_program_is_not_kept(cache: Path, make: Maker) -> None:
     (cache / "programs").write_text("a file where the folder should be")
     assert float(kept(make)(STATE)[1]["total"]) == 6.0
 
@@ -279,7 +279,7 @@ def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:
     assert list(cache.iterdir()) == []
 
 
-def test_fingerprints_tell_apart_what_only_joins_to_the_same() -> None:
+def test_fingerprints_differ_where_only_the_joined_text_is_equal() -> None:
     assert len({fingerprint(p) for p in (["ab", "c"], ["a", "bc"], [b"abc"], ["abc"], [])}) == 5
 
 

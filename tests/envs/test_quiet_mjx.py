@@ -23,7 +23,7 @@ def said_by(code: str) -> str:
         "import gymnasium; gymnasium.make('footfall.gym:footfall/Go1Velocity-v0')",
     ],
 )
-def test_nothing_is_said_on_import(code: str) -> None:
+def test_an_import_prints_nothing(code: str) -> None:
     assert said_by(code) == ""
 
 

@@ -266,7 +266,7 @@ def with_gain(term: str) -> ObservationConfig:
     return ObservationConfig(term, settings={"gain": 2.0})
 
 
-def test_names_tell_two_entries_of_one_term_apart() -> None:
+def test_names_distinguish_two_entries_of_one_term() -> None:
     hips, knees = (
         RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
         for name in ("hip", "calf")

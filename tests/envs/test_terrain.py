@@ -93,7 +93,7 @@ def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1
     assert np.median(apart) < (1e-3 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.03), apart
 
 
-def test_who_gets_along_meets_harder_ground(env: Any, begun: State) -> None:
+def test_success_leads_to_harder_ground(env: Any, begun: State) -> None:
     restart = jax.jit(jax.vmap(env.restart))
 
     def next_levels(level: int = 0, **progress: float) -> np.ndarray:
@@ -117,7 +117,7 @@ def test_who_gets_along_meets_harder_ground(env: Any, begun: State) -> None:
     assert (next_levels(1, along=4.5, asked=5.0, fell=1.0) == 0).all()
 
 
-def test_what_cannot_be_trained_on_is_refused(go1: Robot) -> None:
+def test_untrainable_ground_is_refused(go1: Robot) -> None:
     with pytest.raises(UserError, match=r"env\.terrain needs physics 'generated'"):
         make_environment(go1, config_of(go1, terrain=terrain(KINDS), physics="mjx"))
     refused = {

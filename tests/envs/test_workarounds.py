@@ -49,7 +49,7 @@ def test_mujoco_times_its_steps_but_for_those_of_a_training() -> None:
     assert time_spent(3) > 0.0
 
 
-def test_mujoco_cannot_be_told_to_go_without_its_clock() -> None:
+def test_mujoco_has_no_option_to_run_without_its_clock() -> None:
     before = undisturbed._clock.value
     mujoco.set_mjcb_time(None)
     assert undisturbed._clock.value is not None
@@ -119,7 +119,7 @@ def test_results_that_would_be_written_to_a_copy_are_noticed(go1: Robot) -> None
         _Simulations(training_model(go1), go1)._check_views(memory, {"qpos": memory["qpos"].copy()})
 
 
-def test_what_others_have_replaced_is_not_replaced_on_top(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_functions_replaced_by_others_are_not_replaced_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     monkeypatch.setattr(jax.ops, "segment_sum", lambda *_: None)
     with pytest.raises(AssertionError, match="other code has replaced"), fewer_kernels.fewer_kernels():

@@ -84,7 +84,7 @@ class TestApi:
         printed = console.file.getvalue()  # type: ignore[attr-defined]
         assert printed.index("two") < printed.index("one") < printed.index("Over 24 episodes")
 
-    def test_compare_hands_the_same_setup_to_both_and_joins_what_they_found(
+    def test_compare_gives_both_the_same_setup_and_joins_the_results(
         self,
         ran: SimpleNamespace,
         go1: Robot,
@@ -152,7 +152,7 @@ class TestApi:
             ({"json_path": Path("out"), "html_path": Path("out")}, "its own name"),
         ],
     )
-    def test_what_cannot_be_is_known_before_the_first_episode(
+    def test_impossible_requests_are_refused_before_the_first_episode(
         self,
         ran: SimpleNamespace,
         console: Console,

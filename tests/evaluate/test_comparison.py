@@ -26,7 +26,7 @@ class TestComparison:
         ]
         return Comparison(None, config, file, policies, {})  # type: ignore[arg-type]
 
-    def test_what_to_type_for_the_same_figures(self) -> None:
+    def test_the_command_for_the_same_figures_is_shown(self) -> None:
         plain = "footfall compare b a --robot go1 --scenarios one --seed 0 --html report.html"
         assert command_line(self.compared(EvaluationConfig("go1", ("one",)))) == plain
         config = EvaluationConfig("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)

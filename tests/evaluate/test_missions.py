@@ -47,7 +47,7 @@ def test_a_mission_steers_and_its_end_is_scored() -> None:
         ([{"wait": 20.0}], 0.3, "not over in time"),
     ],
 )
-def test_a_mission_that_is_not_done_says_why(steps: list[Any], duration_s: float, why: str) -> None:
+def test_an_unfinished_mission_has_its_reason(steps: list[Any], duration_s: float, why: str) -> None:
     outcome = run(steps, duration_s=duration_s)
     assert outcome.mission is not None
     assert not outcome.mission.done
@@ -100,7 +100,7 @@ def test_a_missions_file_is_a_scenario(tmp_path: Path) -> None:
         evaluate_policy("stand", evaluation_config(options), console=Console(quiet=True))
 
 
-def test_what_cannot_be_done_is_refused_before_anything_runs() -> None:
+def test_impossible_requests_are_refused_before_anything_runs() -> None:
     config = replace(EvaluationConfig(scenarios=("rectangle",)), mission_run=mission_run)
     with pytest.raises(UserError, match=r"'rectangle': step 1 \(rectangle\)"):
         evaluate_policy("stand", config, console=Console(quiet=True))

@@ -217,7 +217,7 @@ class TestPlans:
         assert len(met) == 8 * len(scenario.levels["push_m_s"])
         assert set(met.values()) == {1}
 
-    def test_a_push_has_the_size_and_direction_that_its_levels_say_and_comes_at_any_phase(self) -> None:
+    def test_a_push_has_the_size_and_direction_of_its_levels_and_a_random_phase(self) -> None:
         plans = plan_episodes("push", FILE.scenarios["push"], 0)
         for plan in plans:
             (push,) = plan.pushes
@@ -331,7 +331,7 @@ class TestSamples:
         declared = randomisation_of(ROBOT)
         assert one.keys() == {name for name in QUANTITIES if getattr(declared, name) is not None}
 
-    def test_a_level_stands_above_what_was_drawn(self) -> None:
+    def test_a_level_overrides_the_drawn_value(self) -> None:
         plan = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 1)[0]
         sample = sample_of(replace(plan, levels={"friction": 0.15}), ROBOT, 13)
         assert sample is not None

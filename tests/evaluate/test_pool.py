@@ -59,7 +59,7 @@ def test_a_process_that_dies_takes_its_own_task_only() -> None:
     assert [outcome.value for outcome in outcomes] == [0, 1, 4, None, 16, 25]
 
 
-def test_bad_input_is_the_users_to_hear_about() -> None:
+def test_bad_input_is_reported_to_the_user() -> None:
     with pytest.raises(UserError, match="no legs"):
         run_all(complain, range(3), workers=1)
 
@@ -133,7 +133,7 @@ else:
 """
 
 
-def test_ctrl_c_while_processes_load_their_modules_says_nothing(tmp_path: Path) -> None:
+def test_ctrl_c_while_processes_load_their_modules_prints_nothing(tmp_path: Path) -> None:
     """In a process group of its own, as from a terminal, whose Ctrl-C goes to all processes."""
     (tmp_path / "script.py").write_text(INTERRUPTED)
     command = [sys.executable, "script.py"]
@@ -166,7 +166,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_process_is_told_what_to_do_though_its_parent_is_being_terminated(tmp_path: Path) -> None:
+def test_a_process_gets_its_task_while_its_parent_is_terminated(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(TERMINATED_BETWEEN)
     command = [sys.executable, "script.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

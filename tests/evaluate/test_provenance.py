@@ -36,7 +36,7 @@ def test_a_learned_policy_names_its_trainer(contract: Contract) -> None:
     assert origin(policy) == "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
 
 
-def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot) -> None:
+def test_hand_written_controllers_declare_whether_they_need_an_estimate(go1: Robot) -> None:
     assert origin(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
     assert "on estimated velocity" in origin(load_policy("mpc", go1))
 
@@ -52,7 +52,7 @@ def test_a_machine_is_named_by_its_usable_cores(monkeypatch: pytest.MonkeyPatch)
     assert machine() == f"{platform.system()} {platform.machine()}, 7 cores"
 
 
-def test_versions_name_what_results_depend_on() -> None:
+def test_versions_include_all_that_results_depend_on() -> None:
     """The solver and the network's runtime among them: other ones give other decisions."""
     assert set(PACKAGES) == {"footfall", "mujoco", "numpy", "onnxruntime", "daqp"}
     assert {"python", *PACKAGES} <= set(versions(PACKAGES))

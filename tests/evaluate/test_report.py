@@ -88,7 +88,7 @@ class TestCompare:
             assert 0.0 < result["compute_ms"]["p50"] <= result["compute_ms"]["p99"]
             assert set(result["scenarios"]) == {"still", "push"}
 
-    def test_the_page_says_why_there_are_no_films(self, compared: tuple[dict, Path, Path]) -> None:
+    def test_the_page_gives_the_reason_for_missing_films(self, compared: tuple[dict, Path, Path]) -> None:
         text = compared[2].read_text(encoding="utf-8")
         assert text.count("No film of ") == text.count("egl: no display") == 2
 
@@ -112,7 +112,9 @@ class TestFilm:
         assert abs(columns.mean() - films.WIDTH / 2) < films.WIDTH / 6
         assert blue[:20].mean() > red[:20].mean() + 20  # the sky
 
-    def test_without_rendering_it_says_why(self, standing: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_without_rendering_the_reason_is_given(
+        self, standing: Trace, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setenv("MUJOCO_GL", "crayons")
         (outcome,) = render_films([FilmTask("go1", None, standing, (), 0.4)])
         assert outcome.value is None

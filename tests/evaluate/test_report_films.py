@@ -140,7 +140,7 @@ class TestFilms:
         np.testing.assert_array_equal(written[140][2], trace.command[-1])
         assert len(shots) == len(set(shots)) == 126  # the last picture is rendered once
 
-    def test_arrows_differ_for_what_is_asked_and_done_and_are_level(self) -> None:
+    def test_arrows_of_command_and_motion_differ_and_are_level(self) -> None:
         trace = walked(5.0)
         attitude = np.array(TILTED) / np.linalg.norm(TILTED)
         rotation = np.empty(9)
@@ -190,7 +190,7 @@ class TestCaption:
     def test_a_command_in_words(self, command: tuple[float, float, float], words: str) -> None:
         assert command_text(np.array(command)) == words
 
-    def test_what_differs_is_written_differently(self) -> None:
+    def test_different_moments_have_different_captions(self) -> None:
         picture = np.zeros((60, 640, 3), np.uint8)
         lines = [
             with_caption(picture, time_s, np.array(command), fell)

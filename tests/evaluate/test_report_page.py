@@ -51,12 +51,12 @@ class TestPage:
         words = Page(page).words
         assert "11 of 24" in words[words.index("Falls in each scenario") :][:600]
 
-    def test_stars_go_to_intervals_that_lie_apart(self, page: str, go1: Robot, quick_plots: None) -> None:
+    def test_stars_mark_intervals_that_do_not_overlap(self, page: str, go1: Robot, quick_plots: None) -> None:
         assert page.count("★</span>") == 7  # falls, error and push, falls again, and all below
         alike = [result(name, name, 0.1, 4, 2.0, walked(1.0)) for name in ("a", "b")]
         assert "★</span>" not in page_of(go1, *alike)
 
-    def test_says_how_to_get_the_same_figures(self, page: str, go1: Robot) -> None:
+    def test_shows_the_command_for_the_same_figures(self, page: str, go1: Robot) -> None:
         command = (
             "footfall compare runs/mine trot --robot go1 --scenarios nominal,push --seed 3 --episodes 24"
         )
@@ -68,11 +68,11 @@ class TestPage:
             " --plant b.xml --ground-truth --html report.html"
         )
 
-    def test_says_how_it_was_measured(self, page: str) -> None:
+    def test_shows_how_it_was_measured(self, page: str) -> None:
         for fact in ("made by hand", "mujoco 3.1", "push_between_s", "reached the end", "fell after 5.0 s"):
             assert fact in page
 
-    def test_without_a_film_says_why(self, go1: Robot) -> None:
+    def test_without_a_film_the_reason_is_given(self, go1: Robot) -> None:
         text = page_of(go1, result("mine", "mine", 0.1, 0, 2.0, None))
         assert "No film of mine: its process died." in text
         assert "mine did not walk the course: its process died" in text
@@ -140,14 +140,14 @@ class TestOrder:
 
         return words
 
-    def test_what_was_unusual_is_said(self, two: Comparison, read: Callable[..., str]) -> None:
+    def test_unusual_conditions_are_stated(self, two: Comparison, read: Callable[..., str]) -> None:
         usual = read(two)
         assert "plant" not in usual[: usual.index("Headline figures")]
         words = read(replace(two, config=replace(two.config, ground_truth=True, plant=Path("a/heavy.xml"))))
         assert "--ground-truth" in words
         assert "plant heavy.xml" in words
 
-    def test_a_films_caption_says_how_the_walk_ended(self, go1: Robot, read: Callable[..., str]) -> None:
+    def test_a_films_caption_has_the_end_of_the_walk(self, go1: Robot, read: Callable[..., str]) -> None:
         fell = result("mine", "mine", 0.1, 0, 2.0, walked(5.0, fell=True))
         other = result("trot", "trot", 0.3, 9, 1.0, walked())
         words = read(comparison(go1, fell, other), mine=Film(b"f", b"p"), trot=Film(b"f", b"p"))

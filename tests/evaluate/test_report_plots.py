@@ -303,7 +303,7 @@ class TestLearning:
         assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
         assert list(plot.legend) == [1]
 
-    def test_what_is_no_row_of_numbers_is_passed_over(self, tmp_path: Any) -> None:
+    def test_rows_without_numbers_are_skipped(self, tmp_path: Any) -> None:
         path = tmp_path / "metrics.jsonl"
         path.write_bytes(
             b'[1]\n{"a": 1}\n{"step": 2, "a": "x"}\nnot json\n{"step": 3, "b": \xff}\n{"step": 4, "a": 9}'

@@ -44,7 +44,7 @@ class TestTables:
             Cell("0.21 / 0.40", "of 20 ms"),
         ]
 
-    def test_who_took_no_step_has_no_time_per_step(self, go1: Robot) -> None:
+    def test_a_policy_without_steps_has_no_time_per_step(self, go1: Robot) -> None:
         none = result("a", "a", 0.1, 0, 1.0, None)
         none.course.compute["compute_ms"] = {"p50": None, "p99": None}
         (_, cells), *_ = tables.headline_table(comparison(go1, none)).rows

@@ -34,7 +34,7 @@ class TestSummary:
         low, high = summary["fall_rate_interval"]
         assert 0.0 < low < 0.25 < high < 1.0
 
-    def test_times_to_get_up_are_told_where_a_robot_may(self) -> None:
+    def test_times_to_get_up_are_reported_where_recovery_is_allowed(self) -> None:
         assert "recoveries" not in nominal(GOOD)
         for times_s, mean_s in (([(2.0, 3.0), (), (7.0,)], 4.0), ([(), ()], None)):
             summary = summarise(SCENARIOS["nominal"], [outcome(recovery_s=each) for each in times_s], 0)
@@ -95,7 +95,7 @@ class TestSummary:
             edges = bootstrap_mean_interval(value, weight, 3)
             assert summary[f"{name}_interval"] == pytest.approx([float(transform(edge)) for edge in edges])
 
-    def test_who_travels_a_little_transports_a_little(self) -> None:
+    def test_cost_of_transport_needs_some_distance(self) -> None:
         assert nominal(replace(GOOD, distance_m=0.1))["cost_of_transport"] is None
         assert nominal(replace(GOOD, distance_m=0.11))["cost_of_transport"] == pytest.approx(625 / 125 / 0.11)
 
@@ -109,7 +109,7 @@ class TestSummary:
             "missed_deadlines": None,
         }
 
-    def test_notes_are_told_once_and_in_order(self) -> None:
+    def test_notes_are_shown_once_and_in_order(self) -> None:
         said = (("no floor", "h", "d"), ("no base", "no floor", "a"), (), ("c", "g", "a"), ("e", "b", "f"))
         noted = [outcome(notes=notes) for notes in said]
         assert summarise(SCENARIOS["nominal"], noted, 0)["notes"] == [*"abcdefgh", "no base", "no floor"]
@@ -126,7 +126,7 @@ class TestSummary:
             "cost_of_transport",
         }  # fmt: skip
 
-    def test_of_pushes_the_strongest_is_told_and_no_median_below_the_weakest(self) -> None:
+    def test_the_strongest_push_is_reported_and_no_median_below_the_weakest(self) -> None:
         weak = summarise(SCENARIOS["push"], [outcome(FELL, push) for push in (1.5, 0.5)], 0)
         assert (weak["strongest_push"], weak["dv50"]) == (1.5, None)
         assert "dv50" not in nominal(GOOD)
@@ -210,7 +210,7 @@ class TestShowing:
         assert text(figures()["falls"], summary) == "1 of 2"
         assert interval_text(figures()["falls"], summary) == "9 to 91 %"
 
-    def test_who_stands_every_push_is_shown_as_above_the_strongest(self) -> None:
+    def test_a_policy_that_survives_all_pushes_is_above_the_strongest(self) -> None:
         strong = summarise(SCENARIOS["push"], [outcome(GOOD, p) for p in (0.5, 1.5)], 0)
         none = summarise(SCENARIOS["push"], [outcome(FELL, p) for p in (0.5, 1.5)], 0)
         assert text(figures()["dv50"], strong) == "above 1.5"

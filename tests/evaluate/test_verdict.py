@@ -55,7 +55,7 @@ def test_figures_that_favour_a_fallen_robot_count_only_upright_ones() -> None:
     }
 
 
-def test_best_is_the_policy_whose_interval_lies_apart_from_all_others() -> None:
+def test_best_is_the_policy_whose_interval_overlaps_no_other() -> None:
     unmoved, weak = pushed(None, None, None, falls=0), pushed(1.0, 0.8, 1.2)
     failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
     torque, share = figures()["peak_torque_nm"], figures()["peak_torque_share"]
@@ -114,7 +114,7 @@ class TestFigures:
         assert interval(PUSH, summary) == edges
         assert interval_text(PUSH, summary) == shown
 
-    def test_what_has_no_number_has_no_interval(self) -> None:
+    def test_a_missing_figure_has_no_interval(self) -> None:
         assert interval(ERROR, scored(0.2, 0.05)) == pytest.approx((0.15, 0.25))
         assert interval_text(ERROR, scored(0.2, 0.05)) == "0.150 to 0.250"
         assert interval(ERROR, scored(0.2) | {"lin_vel_rmse": None}) is None
@@ -123,7 +123,7 @@ class TestFigures:
         assert interval(FALLS, scored(0.2) | {"fall_rate_interval": [0.125, 0.5]}) == (0.125, 0.5)
         assert interval_text(FALLS, scored(0.2) | {"fall_rate_interval": [0.125, 0.5]}) == "12 to 50 %"
 
-    def test_a_row_is_for_what_somebody_has(self) -> None:
+    def test_a_row_needs_a_measured_figure(self) -> None:
         stops = figures()["emergency_stops"]
         assert measured(stops, [{"emergency_stops": 0}, {"emergency_stops": 1}])
         assert not measured(stops, [{"emergency_stops": 0}, {}])
@@ -132,7 +132,7 @@ class TestFigures:
         assert measured(ERROR, [{}, scored(0.1)])
         assert not measured(ERROR, [{}, {}])
 
-    def test_intervals_that_touch_do_not_lie_apart(self) -> None:
+    def test_touching_intervals_overlap(self) -> None:
         def edges(low: float, high: float, **more: Any) -> dict:
             return scored(0.5, **more) | {
                 "lin_vel_rmse_interval": [low, high],
@@ -159,7 +159,7 @@ class TestFigures:
 
 
 class TestVerdict:
-    def test_says_who_is_better_at_what_by_how_much_and_how_sure(self) -> None:
+    def test_states_the_better_policy_the_difference_and_its_interval(self) -> None:
         sentence = verdict(
             {
                 "nominal": {"mine": scored(0.1, 0.01), "trot": scored(0.3, 0.01, falls=12)},
@@ -197,12 +197,12 @@ class TestVerdict:
             ("dv50", "push"),
         ]
 
-    def test_a_small_error_of_who_falls_more_is_told_with_the_falls(self) -> None:
+    def test_a_small_error_of_a_policy_that_falls_more_is_shown_with_its_falls(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.01, falls=3), "b": scored(0.3, 0.01)}})
         assert "a leads in velocity error but falls more often than others" in sentence
         assert "no clear difference in falls" in sentence
 
-    def test_too_few_episodes_are_said_to_be_too_few(self) -> None:
+    def test_too_few_episodes_are_reported(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, episodes=3), "b": scored(0.9, episodes=3)}})
         assert sentence.startswith("Too few episodes to rank the policies (3 episodes of nominal)")
 
@@ -213,14 +213,14 @@ class TestVerdict:
             " (0.090 to 0.110) (95 % intervals in brackets)."
         )
 
-    def test_nothing_measured_is_said(self) -> None:
+    def test_a_scenario_without_results_is_reported(self) -> None:
         assert "every episode failed" in verdict(
             {"nominal": {"a": {"episodes": 0, "failed_episodes": ["x: y"]}}}
         )
 
 
 class TestWarnings:
-    def test_what_the_plant_lacked_is_told_once_whoever_noted_it(self) -> None:
+    def test_a_plants_missing_parts_are_reported_once(self) -> None:
         noted = {"mine": ["no floor"], "trot": ["no base", "no floor"], "stand": []}
         results = {
             name: {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}

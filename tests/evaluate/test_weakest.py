@@ -36,7 +36,7 @@ def test_a_policy_that_falls_by_itself_needs_no_disturbance() -> None:
     assert smallest(lambda share: True) == 0.0
 
 
-def test_what_never_falls_is_infinite() -> None:
+def test_without_falls_the_time_to_a_fall_is_infinite() -> None:
     assert math.isinf(smallest(lambda share: False))
 
 
@@ -117,7 +117,7 @@ def test_a_robot_on_ice_has_failed(go1: Robot, plan: EpisodePlan, monkeypatch: p
     assert math.isinf(bisect(Ray(replace(task, policy="stand"), {"friction": 1.0})))
 
 
-def test_the_command_tells_and_writes(shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_command_prints_and_writes(shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(search, "_run", MadeUp(lambda push, latency: push >= 0.5).run)
     file = tmp_path / "weakest.json"
     outcome = shell("evaluate", "stand", "--weakest", "push", "--episodes", "3", "--json", file)

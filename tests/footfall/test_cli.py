@@ -139,7 +139,9 @@ class TestEndings:
         thread.join()
         assert statuses == [7]
 
-    def test_characters_the_terminal_lacks_become_codes(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_characters_missing_in_the_terminals_encoding_become_codes(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         def verb(*_: Any, **__: Any) -> None:
             print("caf\xe9")
 
@@ -153,12 +155,12 @@ class TestEndings:
                 assert b"caf\\xe9" in written.getvalue()
 
     @pytest.mark.parametrize("name", ["stdout", "stderr"])
-    def test_a_closed_output_takes_what_is_printed(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def test_a_closed_output_is_ignored(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         monkeypatch.setattr(cli, "app", lambda *_, **__: print("x", file=getattr(sys, name), flush=True))
         monkeypatch.setattr(sys, name, None)
         assert cli.main(["doctor"]) == 0
 
-    def test_an_unknown_option_is_told_from_a_misspelt_one(self, shell: Shell) -> None:
+    def test_an_unknown_option_differs_from_a_misspelt_one(self, shell: Shell) -> None:
         assert "Did you mean --seed?" in shell.refuses("train", "--sed", "3")
         assert "Did you mean --episodes?" in shell.refuses("evaluate", "stand", "--epsiodes=3")
         terrain = shell.refuses("train", "--terrain", "rough")
@@ -176,7 +178,7 @@ class TestSmallVerbs:
             assert (explained.status, f"footfall {verb}" in explained.out) == (0, True), verb
         assert shell("--version").out.strip().count(".") == 2
 
-    def test_export_writes_where_it_is_told(self, shell: Shell, called: Recorder) -> None:
+    def test_export_writes_to_the_given_path(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.train.api.export_run", (Path("x.onnx"), 1.25e-7))
         for options, out in ((("--out", "mine.onnx"), Path("mine.onnx")), ((), None)):
             called.calls.clear()
@@ -186,7 +188,7 @@ class TestSmallVerbs:
             assert "1.2e-07" in outcome.out
 
     @pytest.mark.parametrize(("reason", "status"), [("nan again", 0), (None, 1)])
-    def test_diagnose_tells_what_broke_first(
+    def test_diagnose_names_the_first_non_finite_value(
         self, shell: Shell, called: Recorder, reason: str | None, status: int
     ) -> None:
         found = SimpleNamespace(
@@ -220,7 +222,7 @@ class TestSmallVerbs:
         assert "3 damaged parts skipped" in shell("log", "recover", "logs/walk.mcap", "--out", "none").out
         assert called.of("recover")[0][1] == Path("none")
 
-    def test_doctor_shows_what_it_finds_and_how_to_mend_it(self, shell: Shell, called: Recorder) -> None:
+    def test_doctor_shows_problems_and_remedies(self, shell: Shell, called: Recorder) -> None:
         advice = "pip install 'footfall[everything]' and much more besides, in one line " + "to copy " * 9
         found = [Finding("processors", True, "2 cores"), Finding("packages", False, "jax is missing", advice)]
         called.replace("footfall.machine.findings", found)

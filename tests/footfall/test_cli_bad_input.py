@@ -89,7 +89,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["replay", "log.mcap"], ["log.mcap"]),
     ],
 )
-def test_what_does_not_parse_or_exist(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
+def test_unparsable_and_missing_files_are_refused(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
     complaint = shell.refuses(*tokens)
     for words in wanted:
         assert words in complaint

@@ -97,7 +97,7 @@ def test_whatever_happens_motors_are_disabled(shell: Shell, motors: Motors, clos
         ("clear --yes", "missing", ()),
     ],
 )
-def test_a_problem_is_told_with_status_1_and_nothing_more_is_done(
+def test_a_problem_is_reported_with_status_1_and_ends_the_command(
     shell: Shell, motors: Motors, verb: str, act: str, later: tuple[str, ...]
 ) -> None:
     motors.answers = {act: "it failed"}
@@ -167,7 +167,7 @@ def test_errors_of_motors_come_after_the_problem_and_are_status_1(shell: Shell, 
             assert (outcome.status, outcome.out.splitlines()[4:]) == (1, told)
 
 
-def test_of_errors_those_that_are_gone_are_told(shell: Shell, motors: Motors) -> None:
+def test_cleared_errors_are_reported(shell: Shell, motors: Motors) -> None:
     knee, ankle = HIP._replace(joint="knee"), HIP._replace(joint="ankle")
     stuck = ankle._replace(error="heat")
     motors.states_in_turn = [[HIP._replace(error="over-current"), knee, stuck], [HIP, knee, stuck]]

@@ -122,7 +122,7 @@ class TestVirtual:
         # Stamps of the wall's time would make a frame old while a busy machine holds a thread up.
         monkeypatch.setattr(serve, "not_before", lambda frames, time_us: frames)
 
-    def test_a_scan_finds_what_robot_yaml_says(self, shell: Shell) -> None:
+    def test_a_scan_finds_the_motors_of_robot_yaml(self, shell: Shell) -> None:
         rows = rows_of(shell, "scan", "--bus", "virtual")
         assert rows[0] == ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"]
         assert len(rows) == 12
@@ -195,7 +195,7 @@ class TestVirtual:
         assert outcome.out.splitlines()[-1] == "RL_calf_joint reports over-voltage"
         assert "cleared" not in outcome.out
 
-    def test_motors_that_cannot_clear_errors_say_so(self, shell: Shell) -> None:
+    def test_motors_that_cannot_clear_errors_are_reported(self, shell: Shell) -> None:
         outcome = shell("can", "clear", "--bus", "virtual", "--yes")
         assert outcome.status == 1
         assert outcome.out.splitlines()[-1] == (
@@ -205,7 +205,7 @@ class TestVirtual:
 
 class TestRefusals:
     @pytest.mark.parametrize("verb", ["enable", "zero", "clear"])
-    def test_nothing_is_done_that_nobody_confirms(self, shell: Shell, verb: str) -> None:
+    def test_nothing_is_done_without_confirmation(self, shell: Shell, verb: str) -> None:
         assert shell.refuses("can", verb, "--bus", "virtual") == "no terminal for the confirmation: add --yes"
 
     @pytest.mark.parametrize("answer", ["", "n", "yep"])
@@ -223,7 +223,7 @@ class TestRefusals:
             for verb in ("scan", "monitor", "enable --yes", "zero --yes", "clear --yes"):
                 assert told in shell.refuses("can", *verb.split(), *options.split())
 
-    def test_a_joint_that_the_robot_lacks_is_named(self, shell: Shell) -> None:
+    def test_an_unknown_joint_is_named(self, shell: Shell) -> None:
         complaint = shell.refuses("can", "monitor", "--bus", "virtual", "--joint", "tail")
         assert complaint.startswith("no joint 'tail': there are FR_hip_joint,")
 

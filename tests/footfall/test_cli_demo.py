@@ -57,7 +57,7 @@ def test_another_robot_is_asked_for_its_own_controllers_of_each_kind_and_speed(
     assert deploy[deploy.index("--command") + 1] == f"{half_speed},0,0"
 
 
-def test_what_any_step_needs_is_known_before_the_first(
+def test_requirements_of_all_steps_are_checked_before_the_first(
     steps: list[tuple[str, ...]], shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     for option, complaint in (

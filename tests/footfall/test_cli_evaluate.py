@@ -38,7 +38,7 @@ def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, t
     return Shell(capsys)
 
 
-def test_evaluate_writes_what_it_promises(shell: Shell, tmp_path: Path) -> None:
+def test_evaluate_writes_the_documented_files(shell: Shell, tmp_path: Path) -> None:
     path = tmp_path / "trot.json"
     outcome = shell("evaluate", "trot", *BRIEF, "--seed", "4", "--json", path)
     assert outcome.status == 0, outcome.err
@@ -99,7 +99,9 @@ def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     assert None not in forward.values()
 
 
-def test_one_failed_episode_is_told(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_failed_episode_is_reported(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def second_fails(function: Any, tasks: Any, *rest: Any) -> list[TaskResult]:
         return [*run_all(function, tasks[:1], *rest), TaskResult(None, "ValueError: no")]
 
@@ -168,7 +170,7 @@ def test_a_requirement_is_refused_before_anything_is_run(shell: Shell, called: R
     assert "evaluate_policy" not in called.names
 
 
-def test_a_controllers_other_settings_are_what_is_evaluated(shell: Shell, called: Recorder) -> None:
+def test_a_controllers_changed_settings_are_evaluated(shell: Shell, called: Recorder) -> None:
     called.replace("footfall.evaluate.api.evaluate_policy", scored())
     assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
     assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"

@@ -29,7 +29,7 @@ def test_everything_that_ships_is_there(listed: dict[str, dict[str, dict]]) -> N
     assert set(listed["scenarios"]) == set(scenarios)
 
 
-def test_each_row_tells_what_it_is(listed: dict[str, dict[str, dict]]) -> None:
+def test_each_row_has_its_kind(listed: dict[str, dict[str, dict]]) -> None:
     hexapod = listed["robots"]["hexapod"]
     assert (hexapod["feet"], hexapod["joints"]) == (6, 18)
     assert hexapod["controllers"] == ["stand", "tripod", "ripple", "wave", "mpc"]

@@ -67,7 +67,7 @@ def test_a_jump_is_found_and_a_swing_is_none() -> None:
     assert jump == (pytest.approx(0.6), 0, pytest.approx(0.02, abs=0.003))
 
 
-def test_a_cut_keeps_its_range_and_what_still_holds(shell: Shell, logged: Path, tmp_path: Path) -> None:
+def test_a_cut_keeps_its_range_and_the_latched_messages(shell: Shell, logged: Path, tmp_path: Path) -> None:
     assert shell("log", "cut", logged, "--from", "0.6", "--to", "0.8", "--out", "part.mcap").status == 0
     whole, part = read_log(logged), read_log(tmp_path / "part.mcap")
     inside = [entry for entry in whole.entries if 6 * 10**8 <= entry.time_ns - FIRST_NS <= 8 * 10**8]

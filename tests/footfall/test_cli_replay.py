@@ -65,7 +65,7 @@ def test_own_robot_is_found(shell: Shell, short: tuple[str, ...], own_folder: Pa
     assert shell("replay", log, "--robot", own_folder).status == 0
 
 
-def test_another_policy_differs_and_says_where(shell: Shell, trotted: Path) -> None:
+def test_another_policy_differs_and_the_time_is_reported(shell: Shell, trotted: Path) -> None:
     outcome = shell("replay", trotted, "--policy", "stand")
     assert outcome.status == 1
     assert "first difference: step " in outcome.out
@@ -116,7 +116,7 @@ class TestWhatTheLogNames:
             (("--policy", "mine", "--robot", "rex", "--tolerance", "0.25"), "rex", "mine"),
         ],
     )
-    def test_is_taken_where_no_option_says_otherwise(
+    def test_is_used_without_an_option(
         self, shell: Shell, called: Recorder, log: dict, go1: Robot, options: tuple, robot: str, policy: str
     ) -> None:
         outcome = shell("replay", "a.mcap", *options)

@@ -69,7 +69,7 @@ def rest(terminal: int) -> bytes:
             return read
 
 
-def test_a_pipe_that_nobody_reads(walk: list[str], tmp_path: Path) -> None:
+def test_a_pipe_without_a_reader(walk: list[str], tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     with suppress(BlockingIOError):

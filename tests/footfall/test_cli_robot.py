@@ -33,7 +33,7 @@ class TestVerdict:
     def wrong(self, robot: Robot, **changes: Any) -> list[str]:
         return list(robot_check.wrong_standing(robot, stood(**changes)))
 
-    def test_who_stands_is_not_complained_of(self, go1: Robot) -> None:
+    def test_a_standing_robot_has_no_complaints(self, go1: Robot) -> None:
         assert go1.description.standing_height_m == GO1_HEIGHT_M
         assert self.wrong(go1) == []
         just = {"sank_m": 0.149 * GO1_HEIGHT_M, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
@@ -51,11 +51,11 @@ class TestVerdict:
             ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, "foot RR is in the air"),
         ],
     )
-    def test_what_exceeds_its_limit(self, go1: Robot, changes: dict[str, Any], complaint: str) -> None:
+    def test_an_exceeded_limit_is_reported(self, go1: Robot, changes: dict[str, Any], complaint: str) -> None:
         (found,) = self.wrong(go1, **changes)
         assert found.startswith(complaint)
 
-    def test_of_who_does_not_stand_only_the_reason_counts(self, go1: Robot) -> None:
+    def test_without_standing_only_the_reason_is_reported(self, go1: Robot) -> None:
         fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
         assert self.wrong(go1, **fell, fall_reason="it tilted", faults=("x",)) == [
             "it does not stand: it tilted after 1.2 s"
@@ -65,7 +65,9 @@ class TestVerdict:
         ]
 
     @pytest.mark.parametrize(("gain", "most"), [("kp", 500.0), ("kd", 5.0)])
-    def test_gains_beyond_frames_are_told_by_joint(self, go1: Robot, gain: str, most: float) -> None:
+    def test_gains_beyond_the_frames_range_are_reported_by_joint(
+        self, go1: Robot, gain: str, most: float
+    ) -> None:
         assert list(robot_check.beyond_frames(go1)) == []
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = most + 0.5, most
@@ -150,7 +152,7 @@ class TestCheck:
         assert [each[0] for each in asked[1:]] == ["inspect", "stand", "walk"]
         assert (outcome.status, "without lying_rad in robot.yaml" in outcome.out) == (0, True)
 
-    def test_who_cannot_lie_down_and_stand_up_again_is_wrong(
+    def test_a_robot_that_cannot_lie_down_and_stand_up_fails(
         self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(

@@ -46,7 +46,7 @@ def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept:
     assert "give either" in shell.refuses("sweep", "a.yaml", "--resume", "mine")
 
 
-def test_what_failed_or_is_left_ends_in_its_status(shell: Shell, swept: SimpleNamespace) -> None:
+def test_failed_and_remaining_runs_set_the_exit_status(shell: Shell, swept: SimpleNamespace) -> None:
     swept.trials = [swept.trials[0], swept.trials[0]._replace(error="it broke")]
     outcome = shell("sweep", "space.yaml", "--out", "mine")
     assert outcome.status == 1

@@ -76,7 +76,7 @@ def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Rob
     assert out.getvalue().rstrip("\n").endswith("\x1b[2K")  # the line has been erased
 
 
-def test_a_full_disk_is_told_by_others(loop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_by_others(loop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thread that prints ends; nobody hears of it twice."""
     tried, errors = threading.Event(), []
     monkeypatch.setattr(module, "LINE_EVERY_S", 0.001)
@@ -92,7 +92,7 @@ def test_a_full_disk_is_told_by_others(loop: Any, monkeypatch: pytest.MonkeyPatc
     assert errors == []
 
 
-def test_its_lines_end_with_what_it_shows_also_where_that_fails(loop: Any) -> None:
+def test_the_live_line_ends_also_after_an_exception(loop: Any) -> None:
     out, threads = io.StringIO(), []
 
     def fails() -> None:

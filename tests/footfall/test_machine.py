@@ -88,7 +88,7 @@ class TestDoctor:
         (tmp_path / "jax" / "deep" / "b").write_bytes(bytes(2 * 2**20))
         assert machine.check_cache()[1:3] == (True, f"{tmp_path / 'jax'}: 2 files, 3 MiB")
 
-    def test_only_the_missing_simulator_for_training_may_lack(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_only_the_simulator_for_training_may_be_missing(self, monkeypatch: pytest.MonkeyPatch) -> None:
         there = {"mujoco": "3.1"}
 
         def find(name: str) -> str:
@@ -101,7 +101,7 @@ class TestDoctor:
         there.clear()
         assert machine.check_simulators()[1:] == (False, "mujoco is not installed", "")
 
-    def test_packages_and_extras_that_lack_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_missing_packages_and_extras_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         lacking: dict[str, list] = {"": [], "train": [], "pages": [], "dev": ["x"]}
         monkeypatch.setattr(machine, "extras", lambda: [name for name in lacking if name])
         monkeypatch.setattr(machine, "missing", lambda extra="": lacking[extra])

@@ -36,7 +36,9 @@ ROWS = [
 
 
 @pytest.mark.parametrize(("check", "files", "advice"), ROWS)
-def test_advice_is_what_can_be_set(tmp_path: Path, check: Any, files: dict[str, str], advice: str) -> None:
+def test_advice_names_existing_settings(
+    tmp_path: Path, check: Any, files: dict[str, str], advice: str
+) -> None:
     found: Finding = check(kernel_files(tmp_path, files))
     assert found.good is not bool(advice)
     assert advice in found.advice
@@ -54,7 +56,7 @@ def test_real_time_scheduling_is_tried(monkeypatch: pytest.MonkeyPatch, permitte
     assert (found.good, bool(found.advice)) == (permitted, not permitted)
 
 
-def test_a_clock_that_no_program_sets_is_told(tmp_path: Path) -> None:
+def test_an_unsynchronised_clock_is_reported(tmp_path: Path) -> None:
     root = kernel_files(tmp_path, {"proc/17/comm": "bash", "sys/class/ptp/ptp0/clock_name": "igb"})
     alone = robot_computer.check_clock(root, lambda: False)
     assert (alone.good, alone.found) == (False, "not synchronised")
@@ -104,7 +106,7 @@ UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
         ),
     ],
 )
-def test_can_interfaces_that_are_not_ready_are_told_with_what_mends_them(
+def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(
     tmp_path: Path, second: dict[str, str], details: dict[str, Any], found: str, commands: list[str]
 ) -> None:
     root = kernel_files(tmp_path, {**link("can0"), **second})
@@ -113,7 +115,7 @@ def test_can_interfaces_that_are_not_ready_are_told_with_what_mends_them(
 
 
 @pytest.mark.parametrize("sockets", [True, False])
-def test_without_interfaces_the_kernel_may_lack_can(tmp_path: Path, sockets: bool) -> None:
+def test_without_interfaces_the_kernel_may_have_no_can(tmp_path: Path, sockets: bool) -> None:
     found = robot_computer.check_can(tmp_path, lambda: sockets)
     assert not found.good
     assert ("modprobe can_raw" in found.advice) is not sockets

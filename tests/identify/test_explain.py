@@ -18,7 +18,7 @@ SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=0.8, burst_s=0.3)
 BUS_S = 0.0007  # of a command and of a reading
 
 
-def test_an_effect_that_the_model_lacks_is_named(tmp_path: Path) -> None:
+def test_an_effect_missing_in_the_model_is_named(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, SHORT)
     recordings = [read_recording(log, ROBOT)]

@@ -70,7 +70,7 @@ def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:
         assert found["delay_s"] == pytest.approx(0.0057, abs=0.0006)  # with two ways over the bus
 
 
-def test_a_fit_predicts_what_it_has_not_seen(fit: LegFit) -> None:
+def test_a_fit_predicts_held_out_motion(fit: LegFit) -> None:
     assert (fit.held_out_rad < 0.002).all()
     assert (fit.held_out_rad < fit.nominal_rad / 5.0).all()
     assert (fit.misfit < 3.0).all()

@@ -18,7 +18,7 @@ RL = 3
 
 
 @pytest.mark.parametrize(("strength", "findings"), [(1.0, 0), (0.5, 1)])
-def test_a_scale_shows_what_weak_motors_do_not_deliver(go1: Robot, strength: float, findings: int) -> None:
+def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: float, findings: int) -> None:
     share = np.ones(len(go1.joint_names))
     share[go1.foot_joints[RL]] = strength
     scales = on_scales(go1, {"motor_strength": share})

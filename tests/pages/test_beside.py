@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.pages import beside
 
 
-def test_why_it_ended_is_told_where_its_own_output_goes_nowhere(
+def test_the_reason_of_its_end_is_reported_although_its_output_is_discarded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def watch(*_: object) -> None:

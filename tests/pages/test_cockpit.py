@@ -125,7 +125,7 @@ class TestWhoIsLetIn:
 
 
 class TestCommands:
-    def test_who_took_control_moves_the_robot(self, served: SimpleNamespace, visitor: Visitor) -> None:
+    def test_the_owner_of_control_moves_the_robot(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
         assert "take control" in visitor.refusal()
         visitor.take_control(served.inbox)

@@ -45,7 +45,7 @@ def opened(go1: Robot, tmp_path: Path) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(page=page, inbox=inbox, server=server.pid)
 
 
-def test_a_motion_lasts_as_long_as_somebody_holds_it(opened: SimpleNamespace) -> None:
+def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> None:
     page: Tab = opened.page
     inbox: Inbox = opened.inbox
 
@@ -87,7 +87,7 @@ def test_a_motion_lasts_as_long_as_somebody_holds_it(opened: SimpleNamespace) ->
     assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)
 
 
-def test_sliders_and_lists_show_what_acts_now_and_what_comes(opened: SimpleNamespace) -> None:
+def test_sliders_and_lists_show_current_and_requested_values(opened: SimpleNamespace) -> None:
     page: Tab = opened.page
     inbox: Inbox = opened.inbox
     slider = "document.getElementById('set_body_height_m')"

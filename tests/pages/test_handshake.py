@@ -74,7 +74,7 @@ def test_only_its_own_origin_and_programs_may_connect(page: int, origin: str | N
     assert answer(page, origin and origin.format(port=page)) == status
 
 
-def test_a_name_that_somebody_else_may_point_here_is_refused(page: int) -> None:
+def test_a_foreign_host_name_is_refused(page: int) -> None:
     status, text = fetched(page, f"evil.example:{page}")
     assert status == 403
     assert "--host evil.example" in text

@@ -76,7 +76,7 @@ def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, moment: Mo
     assert length[[1, 2]].max() == 0.0
 
 
-def test_paths_of_feet_follow_them_and_begin_anew(marks: Marks, drawing: Drawing, moment: Moment) -> None:
+def test_paths_of_feet_follow_them_and_restart(marks: Marks, drawing: Drawing, moment: Moment) -> None:
     def spread() -> float:
         return float(np.ptp(drawing.things["w/feet/trails"].points[..., 1]))
 

@@ -110,7 +110,7 @@ class TestCommand:
         assert "[watch]'" in shell.refuses("watch", finished)
         assert "[watch]'" in shell.refuses("train", "--watch")
 
-    def test_a_policy_of_another_robot_is_told(self, shell: Shell, begun: Path, port: int) -> None:
+    def test_a_policy_of_another_robot_is_reported(self, shell: Shell, begun: Path, port: int) -> None:
         onnx = pytest.importorskip("onnx")
         model = onnx.load(POLICY)
         (entry,) = (entry for entry in model.metadata_props if entry.key == "footfall.contract")

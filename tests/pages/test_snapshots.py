@@ -69,7 +69,7 @@ class TestSnapshots:
         assert snapshots.poll() is None
         assert len(exporter.asked) == 1
 
-    def test_a_problem_is_told_and_its_checkpoint_is_not_tried_again(self, run: Path) -> None:
+    def test_a_problem_is_reported_and_its_checkpoint_is_not_tried_again(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         snapshots.poll()
@@ -91,7 +91,7 @@ class TestSnapshots:
         exporter.answer = Exported(run.parent / "out" / "00000012.onnx")
         assert snapshots.poll() == Snapshot(done, 12)
 
-    def test_the_newest_is_what_was_written_last(self, run: Path) -> None:
+    def test_the_newest_is_the_file_written_last(self, run: Path) -> None:
         snapshots, _ = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         done = self.write(run / FINISHED, 200)
@@ -106,7 +106,7 @@ class TestSnapshots:
         assert newest_checkpoint(run) == run / "checkpoints" / "100000000.ckpt"
         assert newest_checkpoint(run.parent) is None
 
-    def test_what_was_exported_of_an_older_file_is_exported_anew(self, run: Path) -> None:
+    def test_an_export_older_than_its_checkpoint_is_repeated(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         exported = self.write(run.parent / "out" / "00000012.onnx", 99)
@@ -157,7 +157,7 @@ class TestSnapshots:
         assert ours.closed
         assert exporter._process is None
 
-    def test_an_export_tells_its_own_problem(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_an_export_reports_its_own_problem(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
         checkpoint = self.write(run / "checkpoints" / "00000003.ckpt", 100)
         out = run.parent / "out" / "00000003.onnx"

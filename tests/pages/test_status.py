@@ -23,7 +23,7 @@ class TestStatus:
             setattr(plain, name, value)
         return plain
 
-    def test_what_is_waited_for(self) -> None:
+    def test_the_awaited_policy_is_shown(self) -> None:
         nothing = self.status(policies=0, iteration=None, metrics_age_s=None)
         assert "**waiting for the first checkpoint**" in as_markdown(nothing)
         assert "| Training | no metrics yet |" in as_markdown(nothing)
@@ -43,7 +43,7 @@ class TestStatus:
         done = as_markdown(self.status(finished=True, trained_steps=2000, metrics_age_s=7300.0))
         assert "| Training | **finished** after 2,000 steps, 2 h ago |" in done
 
-    def test_says_what_walks_and_how_it_follows(self) -> None:
+    def test_shows_the_walking_policy_and_its_tracking_error(self) -> None:
         status = Status(
             "go1", "runs/mine", 1000, 10, trained_steps=500, metrics_age_s=2.0, iteration=30, policies=3
         )

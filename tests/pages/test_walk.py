@@ -161,7 +161,7 @@ class TestWalk:
         assert len(visitor.said) < visitor.frames / 20  # it looks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
-    def test_newer_networks_take_over_while_somebody_looks(
+    def test_newer_networks_take_over_during_a_visit(
         self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
     ) -> None:
         """One of another contract changes nothing but what is said."""

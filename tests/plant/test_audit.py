@@ -27,7 +27,7 @@ class TestAudit:
         moves = np.zeros(12) if velocity is None else velocity
         audit.look(open_driver(wire(go1)).command(values), go1.default_pose, moves)
 
-    def test_torque_beyond_a_motor_is_told_as_a_share_of_its_peak(self, go1: Robot, audit: Audit) -> None:
+    def test_torque_beyond_a_motors_peak_is_reported_as_a_share(self, go1: Robot, audit: Audit) -> None:
         off = go1.default_pose.copy()
         off[0] += 0.5
         kp = 2.5 * go1.motor.peak_torque[0] / 0.5
@@ -50,7 +50,7 @@ class TestAudit:
         assert audit.torque_over == pytest.approx(0.1, abs=0.005)
 
     @pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
-    def test_targets_beyond_limits_are_told(self, go1: Robot, audit: Audit, end: int, by: float) -> None:
+    def test_targets_beyond_limits_are_reported(self, go1: Robot, audit: Audit, end: int, by: float) -> None:
         off = go1.default_pose.copy()
         off[2] = go1.soft_limits[end][2] + by
         self.look(go1, audit, off, 1.0)
@@ -65,7 +65,7 @@ class TestAudit:
         assert (audit.outside_rad, audit.rate_share) == (0.0, 0.0)
 
     @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
-    def test_a_jumping_target_is_told(self, go1: Robot, audit: Audit, jump_rad: float) -> None:
+    def test_a_jumping_target_is_reported(self, go1: Robot, audit: Audit, jump_rad: float) -> None:
         self.look(go1, audit, go1.default_pose, 1.0)
         self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
         self.look(go1, audit, go1.default_pose + jump_rad, 1.0)

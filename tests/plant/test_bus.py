@@ -32,7 +32,7 @@ def test_a_guards_thread_and_the_loops_take_turns() -> None:
     assert at_once == [0, 1, 1, 1, 1, 1]
 
 
-def test_what_the_host_sent_and_a_full_wire_refused_is_the_hosts(go1: Robot) -> None:
+def test_frames_refused_by_a_full_wire_count_for_the_host(go1: Robot) -> None:
     wires = SimulatedWires(wire(go1).buses, host_queue=3)
     bus = SimulatedBus(wires, SimpleNamespace(time_us=1000))  # type: ignore[arg-type]
     channel = np.array([1] * 5 + [2] * 4)

@@ -95,7 +95,7 @@ def test_a_slide_slows_down_as_mujocos(
 
 
 @pytest.mark.parametrize(("part", "named"), [('type="slide"', "joints"), ('stiffness="2"', "springs")])
-def test_what_it_would_move_differently_is_refused(part: str, named: str, other_engine: str) -> None:
+def test_a_model_that_moves_differently_is_refused(part: str, named: str, other_engine: str) -> None:
     link = f'<body><joint {part}/><geom size="0.1"/></body>'
     body = f'<body pos="0 0 1"><freejoint/><geom size="0.1"/>{link}</body>'
     with pytest.raises(UserError, match=named):

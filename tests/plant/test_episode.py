@@ -175,7 +175,7 @@ class TestTrial:
             assert getattr(trace, name).shape == (0, *width), name
             assert getattr(trace, name).dtype == (bool if name in ("foot_contact", "legs_touch") else float)
 
-    def test_lost_numbers_end_it_as_a_fault(self, go1: Robot) -> None:
+    def test_a_diverged_simulation_ends_it_as_a_fault(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1)
         body.lost = True
         trial.tick(loop)  # type: ignore[arg-type]

@@ -44,7 +44,7 @@ class TestTruth:
         np.testing.assert_allclose(truth.foot_velocity, velocity, atol=1e-6)
         assert np.abs(truth.foot_velocity).min() > 0.01
 
-    def test_what_was_read_does_not_move_on(self, odd: Robot) -> None:
+    def test_values_read_earlier_stay_unchanged(self, odd: Robot) -> None:
         body = body_of(odd)
         thrown(body)
         truth = body.truth()
@@ -55,7 +55,7 @@ class TestTruth:
             np.testing.assert_array_equal(part, before)
 
     @pytest.mark.parametrize("foot", range(4))
-    def test_a_lone_foot_bears_all_of_what_the_ground_gives(self, odd: Robot, foot: int) -> None:
+    def test_a_single_foot_carries_the_whole_ground_force(self, odd: Robot, foot: int) -> None:
         """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two spheres."""
         body = body_of(odd)
         data, model = body.data, body.model
@@ -73,7 +73,7 @@ class TestTruth:
         assert truth.foot_force[foot] == pytest.approx(upward)
         assert data.ncon == (2 if foot == 0 else 1)
 
-    def test_a_foot_that_bears_a_newton_touches(self, go1: Robot) -> None:
+    def test_a_foot_loaded_by_a_newton_is_in_contact(self, go1: Robot) -> None:
         """go1 of 12 kg where weight is a thirtieth of the earth's."""
         body = body_of(go1)
         body.model.opt.gravity[2] = -0.3
@@ -173,7 +173,7 @@ class TestTruth:
             pytest.fail("the trunk never touched")
 
     @pytest.mark.parametrize("kind", ["BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL"])
-    def test_lost_numbers_are_told_from_other_warnings(self, go1: Robot, kind: str) -> None:
+    def test_nan_warnings_differ_from_other_warnings(self, go1: Robot, kind: str) -> None:
         body = body_of(go1)
         assert not body.diverged()
         body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1

@@ -105,7 +105,7 @@ def test_a_policy_sees_the_stairs_ahead(go1: Robot, seeing: LearnedPolicy) -> No
     assert observed[-1][-1] == 1.0
 
 
-def test_without_scans_it_goes_on_and_says_so(go1: Robot, seeing: LearnedPolicy) -> None:
+def test_without_scans_it_continues_with_a_note(go1: Robot, seeing: LearnedPolicy) -> None:
     trace, observed = walked(go1, seeing, height_scans=NoScans())
     assert trace.final_state == "IDLE"
     assert len(trace.notes) == 1

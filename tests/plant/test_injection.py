@@ -130,7 +130,7 @@ class TestReadings:
         ],
         ids=["motors", "IMU", "all"],
     )
-    def test_what_does_not_change_arrives_to_the_bit_as_it_was(
+    def test_unchanged_values_arrive_bit_for_bit(
         self, injector: FaultInjector, arriving: list[Frames], inject: Callable[[FaultInjector], None]
     ) -> None:
         inject(injector)

@@ -73,7 +73,9 @@ def no_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_controllers")
-def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reports_the_lying_pose(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
     monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
     assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
@@ -85,7 +87,7 @@ def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 
 
 @pytest.mark.usefixtures("no_controllers")
-def test_check_says_that_it_cannot_lie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reports_that_it_cannot_lie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot = make(tmp_path, quadruped(), "urdf", find_lying_pose=lambda _: None)[0]
     main(["robot", "check", str(robot.folder), "--duration", "0.2"])
     assert "without lying_rad in robot.yaml" in capsys.readouterr().out

@@ -220,7 +220,7 @@ class TestMotors:
         np.testing.assert_allclose(found[[0, 2]], torque_of(VALUES)[[0, 2]])
         assert found[1] == 0.0
 
-    def test_one_that_hears_nothing_switches_itself_off_and_says_so_until_switched_on(self) -> None:
+    def test_a_motor_without_commands_disables_itself_and_reports_it_until_enabled(self) -> None:
         """After 20 steps, looked at every fifth."""
         stand = Stand()
         stand.on()
@@ -257,7 +257,7 @@ class TestMotors:
         assert (motors, errors) == ([2, 0], [0, 0])
         np.testing.assert_array_equal(values, READINGS[:, [2, 0]])
 
-    def test_silent_and_stuck_ones_are_told_from_their_neighbours(self) -> None:
+    def test_silent_and_stuck_motors_are_distinguished_from_their_neighbours(self) -> None:
         stand = Stand()
         first = stand.on()
         assert first is not None

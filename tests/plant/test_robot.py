@@ -77,14 +77,14 @@ class TestStart:
         body.faults.imu_silent = body.faults.imu_stuck = False
         assert heard(15_000) == [5]
 
-    def test_switched_on_motors_are_told_in_a_copy(self, go1: Robot) -> None:
+    def test_enabled_motors_are_returned_as_a_copy(self, go1: Robot) -> None:
         body = body_of(go1)
         on = body.motors_on
         on[:] = True
         assert not body.motors_on.any()
 
 
-def test_a_robot_whose_wires_carry_nothing_lies_still_in_the_end(go1: Robot) -> None:
+def test_a_robot_with_cut_wires_finally_lies_still(go1: Robot) -> None:
     """No frame, no torque: it sinks, and its joints come to rest by friction alone."""
     wiring = wire(go1)
     wires = SimulatedWires(wiring.buses)

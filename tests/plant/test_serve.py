@@ -68,14 +68,14 @@ def arrived(times_us: list[float] | None) -> Frames:
     return Frames(np.zeros(3, int), ids, np.zeros((3, 8), np.uint8), np.full(3, 8), when)
 
 
-def test_what_came_during_a_stall_is_lost() -> None:
+def test_frames_that_arrive_during_a_stall_are_lost() -> None:
     left = not_before(arrived([100.0, 5000.0, 9000.0]), 5000)
     assert left.id.tolist() == [2, 3]
     assert left.time_us is not None
     assert left.time_us.tolist() == [5000.0, 9000.0]
 
 
-def test_what_came_in_time_or_no_one_knows_when_is_passed_on_as_it_is() -> None:
+def test_frames_in_time_or_of_unknown_time_are_passed_on() -> None:
     for frames in (arrived([5000.0, 6000.0, 9000.0]), arrived(None)):
         assert not_before(frames, 5000) is frames
 

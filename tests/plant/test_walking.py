@@ -23,7 +23,9 @@ def with_controllers(go1: Robot, tmp_path: Path) -> Callable[[dict], Robot]:
     return make
 
 
-def test_each_stands_walks_or_says_why_not(go1: Robot, with_controllers: Callable[[dict], Robot]) -> None:
+def test_each_stands_and_walks_or_names_the_reason(
+    go1: Robot, with_controllers: Callable[[dict], Robot]
+) -> None:
     own = yaml.safe_load((go1.folder / "controllers.yaml").read_text())
     crawl = own["trot"] | {"step": own["trot"]["step"] | {"length_m": 0.03}}
     robot = with_controllers(

@@ -61,7 +61,7 @@ def test_motors_on_a_jammed_bus_give_up_rather_than_queue_for_ever() -> None:
     assert len(arrived) == wires.sent(Side.ROBOT)[0]
 
 
-def test_a_bus_counts_what_the_controller_sent_and_what_it_got() -> None:
+def test_a_bus_counts_sent_and_received_frames() -> None:
     """Three frames of 135 us on the first wire in one millisecond."""
     wires = SimulatedWires(("a", "b"))
     wires.send(Side.HOST, frames(0, 0, 1), 0)
@@ -86,7 +86,7 @@ def test_layouts_that_never_repeat_are_counted_and_do_not_fill_the_memory() -> N
     assert kilobytes() < 500
 
 
-def test_frames_tell_when_they_arrived() -> None:
+def test_frames_have_their_arrival_time() -> None:
     """135 us each, one after another on the first wire; the second batch is read in two pieces."""
     wires = SimulatedWires(("a", "b"))
     wires.send(Side.ROBOT, frames(0, 0, 1), 1000)
@@ -186,7 +186,7 @@ class TestFaults:
         assert not heard.data[:, 3:].any()
         assert not sent.data.any()
 
-    def test_what_an_error_destroys_is_sent_again_and_takes_its_time(self) -> None:
+    def test_a_destroyed_frame_is_sent_again_and_takes_its_time(self) -> None:
         """135 bits and 23 for the error, each time."""
         wires = SimulatedWires(("a",), host_queue=100, faults=WireFaults(destroyed=0.4, seed=3))
         wires.send(Side.HOST, named(*range(1, 41)), 0)
@@ -197,7 +197,7 @@ class TestFaults:
         assert beyond % (135 + 23) == pytest.approx(0.0)
         assert wires.fault() == "" or "passive" in wires.fault()
 
-    def test_who_is_behind_a_frame_that_is_sent_again_waits_for_it(self) -> None:
+    def test_later_frames_wait_for_a_repeated_frame(self) -> None:
         """Of three frames of 135 bits on a bus the first is destroyed once, the third twice; 23 bits each."""
         wires = SimulatedWires(("a", "b"), faults=WireFaults(destroyed=0.4))
         assert wires._faulty is not None

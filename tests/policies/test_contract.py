@@ -129,7 +129,7 @@ def test_a_mismatch_names_its_field_only(
     assert "\n" not in "".join(found)
 
 
-def test_a_mismatch_tells_both_values(contract: Contract, go1: Robot) -> None:
+def test_a_mismatch_shows_both_values(contract: Contract, go1: Robot) -> None:
     """Of the first joint that differs; a last bit of a gain counts, and so does the joints' order."""
     nudged = (contract.kp[0] * (1 + 2**-52), *contract.kp[1:])
     swapped = (contract.joints[1], contract.joints[0], *contract.joints[2:])

@@ -43,7 +43,7 @@ class TestWhatIsTyped:
             assert not meant or after == (tuple(value) if isinstance(value, list) else value)
         assert changed.swing == own.swing
 
-    def test_a_file_replaces_what_it_names(self, go1: Robot, mine: Path) -> None:
+    def test_a_file_replaces_only_its_own_keys(self, go1: Robot, mine: Path) -> None:
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
         assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
         assert (changed.gait.name, changed.weights.attitude) == (own.gait.name, own.weights.attitude)

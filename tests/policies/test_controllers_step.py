@@ -384,7 +384,7 @@ class TestStep:
 
 
 class TestSteer:
-    def test_a_pressure_held_until_the_landing_makes_the_difference_good(self, footwork: Footwork) -> None:
+    def test_a_pressure_held_until_landing_removes_the_error(self, footwork: Footwork) -> None:
         """Within the sole; now it is (1 + 2) times what the capture point misses."""
         step, rate = nominal(RIGHT), footwork.fall_rate
         end = step.foothold + step.offset

@@ -118,7 +118,7 @@ class TestLimits:
         assert rates(targets, policy).max() < FASTEST + 1e-9
         assert rates(targets, policy).max() > 0.75 * FASTEST  # and no slower than need be
 
-    def test_it_notes_once_what_it_slowed_down(self) -> None:
+    def test_it_notes_slowed_motion_once(self) -> None:
         trial = Trial(Walk(ROBOT, "ripple"))
         trial.walk((0.2, 0.0, 0.0), 2.5)
         (note,) = trial.policy.notes

@@ -69,7 +69,7 @@ def test_its_gait_has_one_foot_in_the_air_and_the_middle_one_last(robot: Robot) 
         assert ((clock + gait.phase) % 1.0 >= gait.duty).sum() == 1
 
 
-def test_it_walks_over_the_bus_as_fast_and_straight_as_told(robot: Robot) -> None:
+def test_it_tracks_the_command_over_the_bus(robot: Robot) -> None:
     policy = load_policy("wave", robot)
     assert isinstance(policy, Walk)
     episode = Episode(lambda _: np.array([0.2, 0.0, 0.0]), 4.0, seed=1)

@@ -89,7 +89,7 @@ class TestSixFeet:
         assert in_the_air(hexapod, "tripod", 0.8) == {"RF", "LM", "RR"}
         assert in_the_air(hexapod, "tripod", 0.55) == set()  # each stands for 65 % of the cycle
 
-    def test_a_wave_lifts_one_foot_at_a_time_a_sixth_of_the_cycle_apart(self, hexapod: Robot) -> None:
+    def test_a_wave_lifts_one_foot_every_sixth_of_the_cycle(self, hexapod: Robot) -> None:
         order = lift_offs(hexapod, "wave")
         first = order.index("LR")
         assert order[first:] + order[:first] == ["LR", "LM", "LF", "RR", "RM", "RF"]

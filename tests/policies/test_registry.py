@@ -165,7 +165,7 @@ class TestLearned:
         assert "does not fit robot 'go1': robot: policy has hexapod" in refusal("hexapod-flat", go1)
 
 
-def test_a_folder_without_a_policy_is_refused_with_what_makes_one(
+def test_a_folder_without_a_policy_is_refused_with_the_command_that_makes_one(
     go1: Robot, tmp_path: Path, refusal: Refusal
 ) -> None:
     assert "give one of stand, trot, " in refusal("", go1)

@@ -229,7 +229,7 @@ class TestStanding:
         np.testing.assert_allclose(left[:6], 0.0, atol=1e-6)
         np.testing.assert_allclose(left[6:], torque, atol=1e-6)
 
-    def test_a_foot_with_a_force_limit_of_zero_bears_nothing(self) -> None:
+    def test_a_foot_with_a_force_limit_of_zero_carries_no_load(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
         force, acceleration, _ = solved(G1, dynamics, STILL["g1"], most_force=most)
@@ -271,7 +271,7 @@ class TestMoving:
         assert np.abs(dynamics.foot_drift[1]).max() > 0.3
         assert np.abs(dynamics.point_drift[left]).max() > 0.3
 
-    def test_angular_momentum_and_attitude_follow_what_is_wanted(self) -> None:
+    def test_angular_momentum_and_attitude_follow_their_targets(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         rate = np.array([3.0, -4.0, 1.5])
         heavy = replace(CONFIG.weights, momentum=1e4, attitude=0.0)

@@ -159,14 +159,14 @@ def test_settings_are_read(page: Path, tmp_path: Path) -> None:
         READERS[reader](tmp_path / "settings.yaml")
 
 
-def test_the_reference_of_python_names_what_there_is() -> None:
+def test_the_python_reference_names_existing_objects() -> None:
     for name in re.findall(r"^::: ([\w.]+)$", (ROOT / "docs/reference/api.md").read_text(), re.MULTILINE):
         module, _, member = name.rpartition(".")
         assert hasattr(importlib.import_module(module), member), name
 
 
 @pytest.mark.parametrize("section", reference.SECTIONS)
-def test_generated_sections_are_on_a_page_and_say_something(section: str) -> None:
+def test_generated_sections_are_on_a_page_and_not_empty(section: str) -> None:
     assert any(f"<!-- generated: {section} -->" in page.read_text(encoding="utf-8") for page in PAGES)
     assert len(reference.SECTIONS[section]().split()) > 50
 
@@ -202,7 +202,7 @@ def test_the_readmes_table_is_of_the_comparison_beside_it() -> None:
     assert make_table.insert(readme, make_table.table(results)) == readme
 
 
-def test_errors_of_those_who_fell_are_in_no_table() -> None:
+def test_errors_of_fallen_robots_are_in_no_table() -> None:
     """A robot that lies on the ground errs little: the trot's velocity error when pushed is the smallest."""
     results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
     rows = make_table.table(results).splitlines()

@@ -169,12 +169,12 @@ def test_modules_that_act_and_the_command_line_import_without_jax_and_torch() ->
     import_apart(importable(*ACTING, COMMAND_LINE), LEARNING_ONLY)
 
 
-def test_only_the_report_needs_what_draws() -> None:
+def test_only_the_report_needs_plotting_libraries() -> None:
     names = without_report(importable(*ACTING, COMMAND_LINE))
     import_apart([*names, "footfall.evaluate.report.extra"], DRAWING)
 
 
-def test_what_is_blocked_is_out_of_reach() -> None:
+def test_a_blocked_module_cannot_be_imported() -> None:
     with pytest.raises(AssertionError, match="jax is out of reach"):
         import_apart(["jax"], LEARNING_ONLY)
 

@@ -164,7 +164,9 @@ class TestOnARobotsComputer:
         robots_computer.run(robots_computer.footfall("evaluate", "mpc", *brief_scenario(robots_computer)))
         assert json.loads((robots_computer.folder / "figures.json").read_text())
 
-    def test_it_says_what_training_needs(self, robots_computer: FreshEnvironment, wheel: Path) -> None:
+    def test_the_error_names_the_extra_for_training(
+        self, robots_computer: FreshEnvironment, wheel: Path
+    ) -> None:
         done = robots_computer.try_to_run(robots_computer.footfall("train", "--preset", "smoke"))
         assert done.returncode == 2
         assert done.stderr == (

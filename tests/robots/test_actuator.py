@@ -91,7 +91,7 @@ def by_hand(command: JointCommand, position: np.ndarray, velocity: np.ndarray, j
     return [torque, -coulomb * (1 if speed > 0 else -1) - viscous * speed, slope + viscous]
 
 
-def test_unlike_motors_follow_the_law_each_with_its_own_figures() -> None:
+def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
     rng = np.random.default_rng(2)
     for speed_scale in (0.3, 5.0, 60.0):
         rows = rng.normal(size=(7, 200, 3))

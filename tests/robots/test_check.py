@@ -109,7 +109,7 @@ class TestInspection:
         findings = inspect_robot(load_robot(changed(file, old, new))).findings()
         assert any(re.match(finding, each) for each in findings)
 
-    def test_nothing_is_wrong_with_what_was_imported(self, four: Robot) -> None:
+    def test_an_imported_robot_passes_the_check(self, four: Robot) -> None:
         assert list(inspect_robot(four).findings()) == []
 
 

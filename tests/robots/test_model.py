@@ -314,7 +314,7 @@ def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Pat
     assert [found[model.geom(foot.geoms[0]).id] for foot in robot.description.feet] == pytest.approx(expected)
 
 
-def test_feet_that_a_plant_lacks_or_renames_are_noted(go1: Robot, tmp_path: Path) -> None:
+def test_feet_missing_or_renamed_in_a_plant_are_noted(go1: Robot, tmp_path: Path) -> None:
     foot = '<geom name="{}_foot" class="foot"/>'
     changes = [
         (foot.format("FR"), ""),

@@ -33,7 +33,7 @@ def test_a_lag_is_exact_for_steps_of_any_length(step_s: float) -> None:
     assert (mean, end) == pytest.approx((7.0, 7.0), abs=1e-4)  # a lag of zero has no effect
 
 
-def test_a_lag_attenuates_a_sine_as_its_bandwidth_says() -> None:
+def test_a_lag_attenuates_a_sine_by_its_bandwidth() -> None:
     """At the bandwidth the amplitude is 1 / sqrt(2)."""
     bandwidth_hz, step_s = 40.0, 1e-5
     lag, torque = lag_over(np.array([1 / (2 * np.pi * bandwidth_hz)]), step_s), np.zeros(1)

@@ -105,7 +105,7 @@ def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
         np.testing.assert_allclose(body.inertia[axis], data.subtree_angmom[trunk], atol=1e-12)
 
 
-def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
+def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
     """Without weight or motion, torque M a on one leg gives its joints the accelerations a, the base held."""
     model = load_spec(odd.xml_path).compile()
     model.opt.gravity[:] = 0.0

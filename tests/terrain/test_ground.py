@@ -104,7 +104,7 @@ def test_random_heights_follow_from_the_seed() -> None:
     assert (one != other).any()
 
 
-def test_height_maps_lie_as_their_axes_say(tmp_path: Path) -> None:
+def test_height_maps_lie_along_their_axes(tmp_path: Path) -> None:
     heights = np.zeros((8, 6))  # x, y
     heights[6, 1] = 0.2
     np.save(tmp_path / "map.npy", heights)

@@ -37,7 +37,7 @@ def moved(motor: Motor, seed: int) -> DrivenMotion:
     )  # fmt: skip
 
 
-def test_a_net_learns_what_the_law_lacks() -> None:
+def test_a_net_learns_the_torque_missing_in_the_law() -> None:
     motion, unseen = joined_motion([moved(HIDDEN, 0), moved(HIDDEN, 1)]), moved(HIDDEN, 2)
     found = train_net(motion, unseen, ONE_MOTOR, QUICK)
     assert (found.net_rad < 0.3 * found.law_rad).all()

@@ -16,7 +16,7 @@ from footfall.train.runs import checkpoint
 STATE = {"a": np.arange(3.0, dtype=np.float32), "b": np.int32(4)}
 
 
-def test_what_is_written_is_what_is_read(tmp_path: Path) -> None:
+def test_written_values_are_read_back(tmp_path: Path) -> None:
     path = checkpoint.save(tmp_path / "c", 12, STATE, np.ones((2, 3), np.float32))
     assert path == tmp_path / "c" / "00000012.ckpt"
     shapes = {"a": jnp.zeros(3), "b": jnp.int32(0)}
@@ -32,7 +32,7 @@ def test_what_is_written_is_what_is_read(tmp_path: Path) -> None:
             checkpoint.restore(path, other)
 
 
-def test_three_are_kept_and_what_a_killed_writer_left_is_dropped(tmp_path: Path) -> None:
+def test_three_are_kept_and_leftovers_of_a_killed_writer_are_deleted(tmp_path: Path) -> None:
     (tmp_path / ".00000001.ckpt.abc").touch()
     for iteration in (9, 10, 2, 100, 11):
         checkpoint.write(tmp_path, iteration, b"x")

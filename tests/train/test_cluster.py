@@ -84,7 +84,7 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
         api._newest_checkpoint(opened)
 
 
-def test_joining_hands_on_who_this_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_joining_passes_on_address_count_and_index(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Any] = []
     monkeypatch.setattr(jax.distributed, "initialize", lambda *each: given.append(each))
     cluster.join("host:1", 4, 2)
@@ -99,7 +99,7 @@ def test_joining_hands_on_who_this_is(monkeypatch: pytest.MonkeyPatch) -> None:
         cluster.join("host:1", 4, 2)
 
 
-def test_what_another_process_fails_at_is_told_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[bool] = []
 
     def gathered(this: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ def own_training(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None:
+def test_it_replaces_only_the_keys_that_it_has(own_folder: Path) -> None:
     changes = (
         "gait: {frequency_hz: 1.5}",
         "rewards: {torque: -0.5}",
@@ -95,7 +95,7 @@ def test_a_misspelt_term_is_refused(own_folder: Path, tmp_path: Path, part: str,
         load_preset("cpu", robot)
 
 
-def test_a_file_with_a_base_holds_what_it_changes(own_folder: Path, tmp_path: Path) -> None:
+def test_a_file_with_a_base_holds_only_its_changes(own_folder: Path, tmp_path: Path) -> None:
     robot = load_robot(own_training(own_folder, "env:\n  gait: {frequency_hz: 1.5}\n"))
     file = tmp_path / "own.yaml"
     file.write_text("base: cpu\nppo: {learning_rate: 2.0e-3}\nenv:\n  rewards: {torque: -0.5}\n")
@@ -137,7 +137,7 @@ def test_an_old_name_beside_the_new_one_is_refused(own_folder: Path) -> None:
         load_preset("smoke", robot)
 
 
-def test_a_preset_says_whether_the_robots_own_changes_act(own_folder: Path, tmp_path: Path) -> None:
+def test_a_preset_decides_whether_the_robots_own_changes_act(own_folder: Path, tmp_path: Path) -> None:
     robot = load_robot(own_training(own_folder, "env: {episode_s: 7.5}"))
     assert load_preset("smoke", robot).env.episode_s == 7.5
     assert load_preset("getup", robot) == load_preset("getup")
@@ -206,12 +206,12 @@ def test_iterations_cover_all_steps() -> None:
         {"num_envs": 7},
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused(change: dict[str, Any]) -> None:
+def test_impossible_settings_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"must be|need a hidden|not a multiple"):
         replace(PPO, **change)
 
 
-def test_what_just_can_be_is_taken() -> None:
+def test_settings_at_their_limits_are_accepted() -> None:
     just = {
         "final_learning_rate": 0.0,
         "entropy_coef": 0.0,

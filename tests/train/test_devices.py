@@ -33,12 +33,12 @@ def seen() -> dict[str, float]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_the_same_share_on_each_device_teaches_what_it_teaches_one(seen: dict[str, float]) -> None:
+def test_equal_shares_on_all_devices_train_as_one_device_does(seen: dict[str, float]) -> None:
     assert seen["moved"] > 1e-3
     assert seen["same_share_on_both"] < 1e-6
 
 
-def test_what_any_device_sees_reaches_all_of_them(seen: dict[str, float]) -> None:
+def test_statistics_of_each_device_reach_all_devices(seen: dict[str, float]) -> None:
     assert seen["other_share_on_the_second"] > 1e-4
     assert seen["between_devices"] == 0.0
 

@@ -34,14 +34,14 @@ def actor(scale: float = 2.0, shift: float = 0.0) -> Actor:
     return Actor("brax", mean, deviation, layers, act)
 
 
-def test_what_agrees_is_written(contract: Contract, tmp_path: Path) -> None:
+def test_an_agreeing_export_is_written(contract: Contract, tmp_path: Path) -> None:
     worst = export(actor(), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
     assert worst < 1e-5
     assert [path.name for path in tmp_path.iterdir()] == ["policy.onnx"]
 
 
 @pytest.mark.parametrize("shift", [2e-5, -2e-5, np.nan, np.inf])
-def test_what_differs_is_not(contract: Contract, tmp_path: Path, shift: float) -> None:
+def test_a_differing_export_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
     """Nor where the difference is no number."""
     with pytest.raises(UserError, match="differs from the trained one"):
         export(actor(shift=shift), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")

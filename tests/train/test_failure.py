@@ -83,7 +83,7 @@ def test_one_number_that_is_not_finite_breaks_an_environment() -> None:
 
 
 class TestReports:
-    def test_what_a_replay_needs_is_left(self, run: Run) -> None:
+    def test_files_for_a_replay_are_left(self, run: Run) -> None:
         run.checkpoints.mkdir()
         (run.checkpoints / "00000006.ckpt").write_bytes(b"good")
         folder = run.folder / "failure"
@@ -282,7 +282,7 @@ class TestDevice:
 
 
 class TestFullDisk:
-    def test_training_goes_on_and_keeps_later_what_it_could_not_keep_before(
+    def test_training_continues_and_saves_later(
         self,
         disk: Path,
         six_iterations: str,
@@ -308,7 +308,9 @@ class TestFullDisk:
         steps = [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
         assert steps[-1] == ITERATIONS * 256
 
-    def test_the_end_is_told(self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_full_disk_ends_the_training_with_a_message(
+        self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         record = Journal.log
 
         def filling(self: Any, iteration: int, figures: Any) -> None:

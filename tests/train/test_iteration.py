@@ -40,7 +40,7 @@ class TestIteration:
     def after(self, env: NumberEnvironment) -> tuple[TrainState, dict[str, Any], Any]:
         return make_iteration(env, NETWORKS, CONFIG)(begun(env))
 
-    def test_the_normaliser_moves_to_what_was_observed(self) -> None:
+    def test_the_normaliser_follows_the_observations(self) -> None:
         state, _, _ = self.after(environment(shown=5.0))
         np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
         assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
@@ -49,7 +49,7 @@ class TestIteration:
         state, _, _ = self.after(environment(shown=0.0))  # what it starts from: nothing deviates
         np.testing.assert_allclose(state.normalizer.std["state"], np.full(SIZES["state"], 0.02))
 
-    def test_learning_still_sees_what_the_behaviour_saw(self) -> None:
+    def test_the_normaliser_moves_after_learning(self) -> None:
         """The normaliser moves after learning, or the actor would look far from its own behaviour."""
         env = environment(shown=5.0)
         iterate = make_iteration(env, NETWORKS, CONFIG)
@@ -77,7 +77,7 @@ class Reaching(NumberEnvironment):
         return -jnp.sum((action - self.TARGET) ** 2, axis=-1)
 
 
-def test_it_learns_to_do_what_is_rewarded() -> None:
+def test_it_learns_the_rewarded_action() -> None:
     """An actor that begins at zero ends where the reward is largest, and becomes surer of it."""
     iterations, environments = 20, 64
     config = replace(
@@ -123,7 +123,7 @@ class TestCounting:
     def begun(cls) -> TrainState:
         return number_environment.begun(CountingEnvironment(), cls.NETWORKS, cls.CONFIG, 3)
 
-    def test_environments_begin_apart_and_networks_are_drawn_apart(self, begun: TrainState) -> None:
+    def test_seeds_give_different_environments_and_networks(self, begun: TrainState) -> None:
         assert len(np.unique(begun.env)) == 6
         other = number_environment.begun(CountingEnvironment(), self.NETWORKS, self.CONFIG, 4)
         assert not np.array_equal(begun.env, other.env)
@@ -132,7 +132,7 @@ class TestCounting:
         assert int(begun.iteration) == 0
         assert not any(leaf.weak_type for leaf in jax.tree.leaves(begun))
 
-    def test_a_transition_is_what_was_seen_done_and_earned_in_one_step(self, begun: TrainState) -> None:
+    def test_a_transition_has_observation_action_and_reward_of_one_step(self, begun: TrainState) -> None:
         keys, env = jax.random.split(jax.random.PRNGKey(1), 3), CountingEnvironment()
         rolled = rollout.roll_out(env, self.NETWORKS, self.CONFIG, begun, keys)
         (state, observation), (transitions, metrics) = rolled

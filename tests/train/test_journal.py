@@ -37,7 +37,7 @@ def test_an_iteration_is_logged_and_shown_by_its_steps_and_speed(told: SimpleNam
     ]
 
 
-def test_a_checkpoint_that_does_not_fit_is_said_once_and_tried_again(told: SimpleNamespace) -> None:
+def test_a_failed_checkpoint_is_reported_once_and_tried_again(told: SimpleNamespace) -> None:
     def refuse() -> None:
         raise CannotWriteError("the disk is full")
 

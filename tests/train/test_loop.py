@@ -117,7 +117,7 @@ def test_a_signal_in_the_last_iteration_interrupts_nothing(run: Run) -> None:
     assert trainer.asked[-2:] == ["iterate 4", "save 4"]
 
 
-def test_what_is_saved_already_is_not_saved_again(run: Run) -> None:
+def test_a_saved_checkpoint_is_not_saved_again(run: Run) -> None:
     trainer = FakeTrainer(run)
     learn(run, trainer, quiet())
     trainer.asked.clear()
@@ -165,7 +165,7 @@ def test_a_failure_is_logged_first(run: Run, main: bool, monkeypatch: pytest.Mon
     assert (run.folder / "failure").exists() == main
 
 
-def test_a_stopped_run_says_how_far_it_came_and_how_to_go_on(
+def test_a_stopped_run_reports_its_progress_and_the_resume_command(
     run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> None:

@@ -15,7 +15,7 @@ from footfall.common.errors import CannotWriteError
 from footfall.train.runs.metrics import MetricsLog
 
 
-def test_tensorboard_reads_what_is_logged_and_forgets_what_is_computed_again(tmp_path: Path) -> None:
+def test_tensorboard_reads_the_log_and_drops_repeated_steps(tmp_path: Path) -> None:
     for first, steps in ((0, (10, 20, 30)), (20, (30, 40))):  # killed after 30, resumed from 20
         log = MetricsLog(tmp_path, first)
         for step in steps:
@@ -30,7 +30,7 @@ def test_tensorboard_reads_what_is_logged_and_forgets_what_is_computed_again(tmp
     assert [line["step"] for line in lines] == [10, 20, 30, 40]
 
 
-def test_a_resumed_log_keeps_what_was_before_it(tmp_path: Path) -> None:
+def test_a_resumed_log_keeps_its_earlier_rows(tmp_path: Path) -> None:
     path = tmp_path / "metrics.jsonl"
     path.write_text('{"step": 10}\n{"step": 20}\nhalf a li\n{"no": 1}\n{"step": 30}\n')
     MetricsLog(tmp_path, 20).close()

@@ -45,7 +45,7 @@ def observation() -> dict[str, jax.Array]:
 pytestmark = pytest.mark.usefixtures("number_steps")
 
 
-def test_the_critic_sees_what_the_actor_does_not() -> None:
+def test_only_the_critic_uses_the_privileged_observation() -> None:
     env = environment()
     state = begun(env)
     seen = observation() | {"privileged_state": 3.0 * observation()["privileged_state"]}
@@ -149,7 +149,7 @@ class TestActor:
         assert [int(bias[0]) for _, bias in found] == [0, -1, -2, -10, -11, 0]
         assert all(part.dtype == np.float32 for layer in found for part in layer)
 
-    def test_a_beginner_hardly_moves_and_tries_as_widely_as_it_was_told(self, begun: TrainState) -> None:
+    def test_initial_actions_are_small_with_the_configured_noise(self, begun: TrainState) -> None:
         shown = {"state": jnp.ones((1, 3))}
         mean, std = NETWORKS.policy_network.apply(begun.normalizer, begun.params.policy, shown)
         assert 0.0 < float(jnp.abs(mean).max()) < 0.02

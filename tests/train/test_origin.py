@@ -71,7 +71,7 @@ class TestTakenOver:
         assert same(params, trained.state.params)
         assert same(normalizer, trained.state.normalizer)
 
-    def test_a_policy_gives_the_actor_and_the_critic_begins_anew(self, trained: Trained) -> None:
+    def test_a_policy_gives_the_actor_and_the_critic_is_initialised(self, trained: Trained) -> None:
         fresh = trained.fresh(1)
         params, normalizer, said = taken_over(trained.run.policy, *fresh, trained.run.config.ppo)
         assert same(dense_layers(params.policy), dense_layers(trained.state.params.policy))
@@ -85,7 +85,7 @@ class TestTakenOver:
         ]
         np.testing.assert_array_equal(*acts)
 
-    def test_a_critic_that_observes_something_else_begins_anew(self, trained: Trained) -> None:
+    def test_a_critic_with_another_observation_is_initialised(self, trained: Trained) -> None:
         ppo = trained.run.config.ppo
         sizes = trained.env.observation_sizes | {"privileged_state": 7}
         networks = make_networks(sizes, trained.env.action_size, ppo)
@@ -131,7 +131,7 @@ class TestSource:
         assert find_source(ZOO / "go1-flat", "brax").file == ZOO / "go1-flat" / "policy.onnx"
 
     @pytest.mark.parametrize("spec", ["trot", "no_such_run"])
-    def test_what_has_no_networks_is_refused(self, spec: str) -> None:
+    def test_a_policy_without_networks_is_refused(self, spec: str) -> None:
         with pytest.raises(UserError, match=f"--from {spec}"):
             find_source(Path(spec), "brax")
 
@@ -140,7 +140,7 @@ class TestSource:
         with pytest.raises(UserError, match=r"actor_hidden_dims \(\[32, 32\] there, \[7\] here\)"):
             check_source(find_source(trained.run.folder, "brax"), trained.env.contract, ppo)
 
-    def test_another_observation_is_refused_and_other_gains_are_told(self, trained: Trained) -> None:
+    def test_another_observation_is_refused_and_other_gains_are_reported(self, trained: Trained) -> None:
         source, ppo = find_source(trained.run.policy, "brax"), trained.run.config.ppo
         contract = trained.env.contract
         stiffer = replace(contract, kp=tuple(2 * each for each in contract.kp))

@@ -55,7 +55,7 @@ class TestEndsOfEpisodes:
         _, losses = learnt(state, rolled_out(env, state))
         assert losses["v_loss"][0, 0] == pytest.approx(0.0, abs=1e-9)
 
-    def test_an_episode_that_goes_on_counts_on_what_follows(self) -> None:
+    def test_an_unfinished_episode_is_bootstrapped(self) -> None:
         """With lambda 0 the target is the reward and the discounted value of the next observation."""
         env, config = environment(), replace(CONFIG, lam=0.0)
         state = begun(env)

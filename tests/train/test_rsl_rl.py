@@ -134,7 +134,7 @@ def test_torch_sees_the_memory_of_jax(environment: TorchEnvironment) -> None:
         assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
 
 
-def test_what_is_handed_over_is_what_was_computed(environment: TorchEnvironment) -> None:
+def test_computed_values_are_handed_over(environment: TorchEnvironment) -> None:
     for _ in range(3):
         copied = jax.device_put(some_actions().numpy(), jax.devices()[0])
         expected, step, _ = environment._step(environment.episodes, copied, 0.0)
@@ -146,7 +146,7 @@ def test_what_is_handed_over_is_what_was_computed(environment: TorchEnvironment)
         assert np.array_equal(extras["time_outs"], step.truncated)
 
 
-def test_a_time_out_is_told_from_a_fall(environment: TorchEnvironment) -> None:
+def test_a_timeout_differs_from_a_fall(environment: TorchEnvironment) -> None:
     state = environment.episodes.state
     late = state._replace(
         steps=jnp.full_like(state.steps, environment.max_episode_length - 1),

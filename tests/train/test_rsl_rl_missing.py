@@ -13,7 +13,7 @@ def test_training_with_brax_needs_no_torch() -> None:
 
 
 @pytest.mark.parametrize("missing", ["torch", "rsl_rl"])
-def test_the_lack_of_the_extra_is_one_line(
+def test_a_missing_extra_is_reported_in_one_line(
     tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     loaded = [name for name in sys.modules if name.startswith((f"{missing}.", "footfall.train.rsl_rl"))]

@@ -154,7 +154,7 @@ def test_a_folder_whose_making_was_interrupted_can_be_used(whole_run: Path, tmp_
         create_run(tmp_path, run.provenance, run.config)
 
 
-def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
+def test_the_run_folder_records_how_it_was_made(whole_run: Path) -> None:
     run = api.open_run(whole_run)
     assert (run.provenance.robot, run.provenance.seed) == ("go1", 5)
     assert run.provenance.versions["mujoco"] == run.provenance.versions["mujoco-mjx"]
@@ -190,7 +190,7 @@ def test_an_export_agrees_although_networks_learn_in_16_bits(whole_run: Path, tm
     assert worst <= export.PARITY_LIMIT
 
 
-def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
+def test_deployment_computes_the_same_as_training(whole_run: Path) -> None:
     """The learned policy, given the environment's readings, has the same observations and targets."""
     robot = load_robot("go1")
     trained = api.open_run(whole_run).config.env

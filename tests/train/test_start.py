@@ -81,14 +81,14 @@ def test_a_training_on_processors_leaves_nvidias_driver_alone(monkeypatch: pytes
     assert initialised == ["cuda"]
 
 
-def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
+def test_xla_accepts_the_gpu_options() -> None:
     lowered = jax.jit(lambda x: x + 1).lower(1.0)
     lowered.compile(compiler_options=dict(GPU_OPTIONS))
     with pytest.raises(Exception, match="xla_gpu_no_such"):
         lowered.compile(compiler_options={"xla_gpu_no_such": True})
 
 
-def test_only_gpus_are_told_and_one_gpus_program_is_kept() -> None:
+def test_only_gpus_get_options_and_the_program_of_one_gpu_is_kept() -> None:
     for platform, count, options, kept in (
         ("gpu", 1, GPU_OPTIONS, True),
         ("gpu", 2, GPU_OPTIONS, False),
@@ -99,7 +99,7 @@ def test_only_gpus_are_told_and_one_gpus_program_is_kept() -> None:
         assert caches_programs(mesh) is kept
 
 
-def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
+def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
     """The settings go through the run folder's file between the two."""
     robot = load_robot("go1")
     folder = api.begin(api.TrainRequest(preset="gpu-quick", out=tmp_path / "run"))
@@ -107,7 +107,7 @@ def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
     assert fingerprint(asked) == fingerprint(opened)
 
 
-def test_what_a_training_is_told_of_world_and_learning_tells_its_programs_apart() -> None:
+def test_environment_and_learning_settings_distinguish_programs() -> None:
     """And nothing else does: how often a run is saved is no part of what is compiled."""
     go1, plain = load_robot("go1"), load_preset("smoke")
     env = plain.env
@@ -125,7 +125,7 @@ def test_what_a_training_is_told_of_world_and_learning_tells_its_programs_apart(
     assert fingerprint(made_from(go1, saved)) == made[0]
 
 
-def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All programs are asked for as they were read ahead; a resumed run has its state."""
     run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
     robot, asked, read = load_robot("go1"), [], []

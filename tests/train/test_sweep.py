@@ -292,7 +292,7 @@ def test_a_sweep_counts_its_trainings() -> None:
 
 
 @pytest.mark.parametrize("mode", ["min", "max"])
-def test_results_are_ranked_written_and_what_is_left_is_counted(tmp_path: Path, mode: str) -> None:
+def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, mode: str) -> None:
     config = SweepConfig(
         {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}, seeds=(0, 1), trials=2, metric="m", mode=mode
     )
@@ -331,7 +331,7 @@ def test_results_are_ranked_written_and_what_is_left_is_counted(tmp_path: Path, 
     assert [points[2][k] for k in (1, 3, 4)] == ["3.6", "1", "3"]
 
 
-def test_a_trial_reports_what_a_display_would_show() -> None:
+def test_a_trial_reports_the_figures_of_a_display() -> None:
     told: list[Any] = []
     reporter = Reporter(told.append)
     reporter.update(256, 12.5, {"a": 1.0})

@@ -52,7 +52,7 @@ class TestMirror:
         _, losses = learnt(state, rollout, still, self.SWAP)
         assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
 
-    def test_what_follows_is_mirrored_as_what_was_seen_is(self) -> None:
+    def test_the_next_observation_is_mirrored_like_the_first(self) -> None:
         state, rollout = self.begun()
         data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
         following = {name: 10.0 + value[:, -1:] for name, value in data.observation.items()}

@@ -51,7 +51,7 @@ def test_a_trainer_of_ones_own_trains_resumes_and_exports(
         ("own_trainer:Incomplete", "implement restore, prepare, iterate, save, export"),
     ],
 )
-def test_what_is_no_trainer_is_refused(name: str, message: str, tmp_path: Path) -> None:
+def test_a_class_that_is_no_trainer_is_refused(name: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(UserError) as error:
         api.begin(api.TrainRequest(preset="smoke", trainer=name, out=tmp_path / "run"))
     assert message in str(error.value)

@@ -77,7 +77,7 @@ def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
     assert "control" in network_note(environment={variable: "SUBNET"})
 
 
-def test_what_the_ros_python_runs_needs_no_packages_of_ours() -> None:
+def test_modules_run_by_ros_python_need_no_packages_of_ours() -> None:
     """`-S` leaves out all that is installed."""
     names = ", ".join(f"footfall.operate.ros2.{each}" for each in NEEDS_NO_PACKAGES)
     command = [sys.executable, "-S", "-c", f"import {names}"]

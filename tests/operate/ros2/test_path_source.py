@@ -64,7 +64,7 @@ def test_velocities_of_zero_leave_the_walk_and_others_end_it(source: PathSource)
     assert source.poll(AT_START).velocity.tolist() == [0.0, 0.1, 0.0]
 
 
-def test_whoever_takes_over_ends_the_walk(source: PathSource, inbox: Inbox) -> None:
+def test_taking_over_ends_the_walk(source: PathSource, inbox: Inbox) -> None:
     source.follow([[2.0, 0.0]])
     assert source.poll(AT_START).velocity[0] > 0.0
     inbox.take_over("page")
@@ -77,7 +77,7 @@ def test_whoever_takes_over_ends_the_walk(source: PathSource, inbox: Inbox) -> N
 @pytest.mark.parametrize(
     "points", [[], "x", [[1]], [[math.nan, 0]], [[1e9, 0]], None, {"a": 1}, [[1, 2], "b"], 7]
 )
-def test_what_is_no_path_is_refused_in_one_line(source: PathSource, points: Any) -> None:
+def test_an_invalid_path_is_refused_in_one_line(source: PathSource, points: Any) -> None:
     assert "\n" not in source.follow(points) != ""
     assert source.follow([[1.0, 0.0]], "up") != ""
     assert source.state is None

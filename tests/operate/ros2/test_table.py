@@ -20,7 +20,7 @@ from footfall.operate.ros2.throttle import Throttle
 PARTS = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # of a ROS 2 name
 
 
-def test_names_are_of_ros_and_each_stands_once() -> None:
+def test_names_are_valid_in_ros_and_unique() -> None:
     topics = [absolute(each.name.format("trot")) for each in (*PUBLISHED, *SUBSCRIBED)]
     offered = (*SERVICES, *CHOICES.values(), WAVE, FOLLOW_PATH)
     services = [absolute(each.name.format("trot")) for each in offered]
@@ -29,12 +29,12 @@ def test_names_are_of_ros_and_each_stands_once() -> None:
     assert len(set(services)) == len(services)
 
 
-def test_all_that_is_published_is_in_the_feed() -> None:
+def test_all_published_topics_are_in_the_feed() -> None:
     assert {each.feed for each in PUBLISHED} <= set(TOPICS)
 
 
 @pytest.mark.parametrize("text", ["trot", "go1-flat", "trot@kp=90", "3 legs", "runs/näher"])
-def test_any_name_of_a_policy_can_be_part_of_a_name_in_ros(text: str) -> None:
+def test_any_policy_name_becomes_part_of_a_ros_name(text: str) -> None:
     assert PARTS.fullmatch(f"/{in_name(text)}")
 
 

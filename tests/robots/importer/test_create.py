@@ -140,7 +140,7 @@ class TestWhatIsMade:
         assert any("reflected inertia" in guess and "--armature" in guess for guess in made.guesses)
         assert "reflected inertia" in (made.folder / "robot.yaml").read_text()
 
-    def test_links_that_meet_in_the_default_pose_are_kept_apart(self, tmp_path: Path) -> None:
+    def test_links_that_touch_in_the_default_pose_are_excluded(self, tmp_path: Path) -> None:
         """Front thighs as wide as that reach into each other, the hind ones do not."""
         wide = '<collision><geometry><sphere radius="0.12"/></geometry></collision>'
         robot, _ = make(tmp_path, quadruped(thigh=wide))

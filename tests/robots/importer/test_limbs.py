@@ -26,11 +26,11 @@ class TestLimbs:
     def test_names_of_feet_are_recognised(self, name: str, called: bool) -> None:
         assert bool(FOOT_NAME.search(name)) is called
 
-    def test_without_names_they_are_those_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
+    def test_without_names_feet_are_links_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
         limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
         assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
 
-    def test_a_geom_or_a_site_may_bear_the_name(self, tmp_path: Path) -> None:
+    def test_a_geom_or_a_site_may_have_the_name(self, tmp_path: Path) -> None:
         one = hanging("a", 0.1, 0.2, '<site name="left_foot"/>')
         two = hanging("b", -0.1, 0.2, '<geom name="right_foot" size="0.01" mass="0"/>')
         source = read(tmp_path, on_base(one, two, hanging("tail", 0.0, 0.9)))

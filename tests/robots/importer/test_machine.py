@@ -64,7 +64,7 @@ class TestMachine:
             (f"{s}_roll", f"{s}_pitch", f"{s}_knee") for s in "lr"
         ]
 
-    def test_a_foot_keeps_its_friction_and_what_it_collides_with(self, machine: Machine) -> None:
+    def test_a_foot_keeps_its_friction_and_collision_masks(self, machine: Machine) -> None:
         model = mujoco.MjModel.from_xml_string(model_xml(machine))
         foot = model.geom(machine.legs[1].geoms[0])
         assert (foot.friction[0], foot.contype[0], foot.conaffinity[0]) == (1.3, 2, 5)

@@ -29,12 +29,12 @@ def renamed(text: str) -> str:
         (["leg_1", "leg_2"], ["", ""]),
     ],
 )
-def test_names_tell_the_sides(names: list[str], sides: list[str]) -> None:
+def test_names_give_the_sides(names: list[str], sides: list[str]) -> None:
     assert side_letters(names) == sides
 
 
 class TestTurned:
-    def test_a_base_with_left_legs_on_its_right_is_turned_and_the_user_is_told(self, tmp_path: Path) -> None:
+    def test_a_base_with_left_legs_on_its_right_is_turned_with_a_note(self, tmp_path: Path) -> None:
         machine, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m")
         assert "-x axis pointing forward" in guesses[0]
         assert "--forward x" in guesses[0]

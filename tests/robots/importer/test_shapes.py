@@ -43,7 +43,7 @@ class TestShapes:
         assert shape.size == pytest.approx([0.1, 0.15, 0.025])
         assert shape.position == pytest.approx([0.1, 0.15, 0.025])
 
-    def test_a_sole_is_as_large_as_what_lies_on_the_ground(self) -> None:
+    def test_a_sole_is_as_large_as_its_contact_area(self) -> None:
         """Of a shoe with a wider shaft, seen from a link whose x axis points down."""
         bottom = np.array([[0.4, y, z] for y in (-0.03, 0.05) for z in (-0.1, 0.14)])
         shaft = np.array([[0.2, y, z] for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
