@@ -40,7 +40,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.python_can_bus import MULTICAST
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.socketcan_bus import SOCKETCAN
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Report
 from footfall.plant.wires import Side, SimulatedWires
@@ -59,7 +59,7 @@ class StillRobot:
     """Motors and an IMU that answer at once: everything stands in the default pose."""
 
     def __init__(self, robot: Robot) -> None:
-        wiring = wire(robot)
+        wiring = wiring_of(robot)
         self._end = open_motor_end(wiring)
         n = len(robot.joint_names)
         self._readings = np.array([robot.default_pose, np.zeros(n), np.zeros(n)])
@@ -90,7 +90,7 @@ class InProcessBus:
     """Simulated wires with a still robot on them; `elsewhere_s` is the time that its motors take."""
 
     def __init__(self, robot: Robot) -> None:
-        wiring = wire(robot)
+        wiring = wiring_of(robot)
         self._robot, self._wires = StillRobot(robot), SimulatedWires(wiring.buses, host_queue=20)
         self.elsewhere_s = 0.0
 
@@ -152,7 +152,7 @@ class Event(Protocol):
 def answer(name: str, kind: str, ready: Event, stop: Event, ends: Ends) -> None:
     """Simulate a still robot on an interface, or at these socket ends, until `stop` is set."""
     robot = load_robot(name)
-    wiring, still = wire(robot), StillRobot(robot)
+    wiring, still = wiring_of(robot), StillRobot(robot)
     with in_place_of_interfaces(ends):
         bus = open_interfaces(interface_of(kind), wiring.buses, open_motor_end(wiring).filters)
     clock = WallClock(PERIOD_US)
@@ -170,7 +170,7 @@ def answer(name: str, kind: str, ready: Event, stop: Event, ends: Ends) -> None:
 @contextmanager
 def answering(name: str, kind: str) -> Iterator[None]:
     """Context in which a still robot answers, in a thread or process, and interfaces lead to it."""
-    near, far = socket_pairs(wire(load_robot(name)).buses) if kind == PAIRS else ({}, {})
+    near, far = socket_pairs(wiring_of(load_robot(name)).buses) if kind == PAIRS else ({}, {})
     context = multiprocessing.get_context("spawn")
     begin: Any = context.Process if kind in OTHER_PROCESS else threading.Thread
     event: Any = context.Event if kind in OTHER_PROCESS else threading.Event
@@ -205,14 +205,14 @@ def open_bus(robot: Robot, kind: str) -> Bus:
     """The controller's end of the buses."""
     if kind == IN_PROCESS:
         return InProcessBus(robot)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     return open_interfaces(interface_of(kind), wiring.buses, filters_of(wiring), QUEUE_FRAMES)
 
 
 def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:
     """Figures of one case."""
     robot = load_robot(name)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     calibrations = [calibration_ms() for _ in range(3)]
     marks: list[tuple[float, float]] = []  # time of the thread and for the bus, s: at first and now
     ticks = [0]

@@ -23,7 +23,7 @@ from footfall.deploy.config import deploy_config
 from footfall.deploy.frames import Frames
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus, InjectingPolicy
 from footfall.plant.motor_ends.choice import open_motor_end
@@ -129,7 +129,7 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
     """One run by the wall clock."""
     robot = load_robot(ROBOT)
     config = replace(deploy_config(robot), stand_s=STAND_S, joint_rate_hz=rate_hz)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s)
     body = SimulatedRobot(robot, wiring, wires, plant, seed)

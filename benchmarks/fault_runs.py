@@ -31,7 +31,7 @@ from footfall.deploy.modes import DAMPED, DECIDING, MOVING, Mode
 from footfall.deploy.recovery import GetUp
 from footfall.deploy.recovery_config import RecoveryConfig
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
@@ -112,7 +112,7 @@ class Watch:
         sensed = self.loop.sensed
         audits = (self._audit, self._damped) if self.loop.state.mode in DAMPED else (self._audit,)
         for audit in audits:
-            audit.look(frames, sensed.joint_position, sensed.joint_velocity)
+            audit.update(frames, sensed.joint_position, sensed.joint_velocity)
 
     def _due(self, loop: ControlLoop) -> bool:
         """Whether it is time for the fault. For faults of getting up, the robot is pushed over first."""
@@ -157,7 +157,7 @@ def run_fault(task: FaultTask) -> dict[str, Any]:
     robot = powered(task.robot) if kind.powered else robot_of(task.robot)
     rng = draws_of(task.seed, task.title)
     config = config_of(robot)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     lying, ground = kind.lying and robot.lying_pose is not None, ground_of(task.subject, task.seed)
     plant = PlantConfig(

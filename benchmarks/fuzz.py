@@ -38,7 +38,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.log_file import read_log
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.randomisation import DEFAULT as RANDOMISATION
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.evaluate.scenarios import DEFAULT as SCENARIOS
@@ -127,7 +127,7 @@ def fuzz_yaml(seeds: range) -> Tally:
 def stand(folder: Path) -> None:
     """Read a robot and put it on its buses."""
     robot = load_robot(str(folder))
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses, 10))
     open_driver(wiring)
 

@@ -16,7 +16,7 @@ from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import MotorEnd, Report
 from footfall.plant.motors import SimulatedMotors
@@ -46,7 +46,7 @@ def fuzz_frames(cases: range) -> Tally:
 def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> None:
     """Batches of frames for one kind of motor."""
     robot = load_robot(ROBOT)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wiring = replace(wiring, models=(model,) * len(wiring.models)) if model else wiring
     driver, end = open_driver(wiring), open_motor_end(wiring)
     joints = JointLayer(robot, driver, open_imu(wiring), TICK_S)

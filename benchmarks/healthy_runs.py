@@ -12,7 +12,7 @@ from fault_subjects import NOISE, HealthyTask, drawn_command, ground_of, policy_
 
 from footfall.deploy.command_source import VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.plan import plan_episodes
@@ -74,7 +74,8 @@ def _walk(task: HealthyTask, config: DeployConfig) -> Walk:
     rng = np.random.default_rng([seed, KINDS.index(task.kind)])
     sample = None
     if task.kind == "randomised":
-        bodies = SimulatedRobot(robot, wire(robot), SimulatedWires(wire(robot).buses)).model.nbody - 1
+        wiring = wiring_of(robot)
+        bodies = SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses)).model.nbody - 1
         sample = draw(
             randomisation_of(robot), lambda count: rng.uniform(size=count), len(robot.joint_names), bodies
         )

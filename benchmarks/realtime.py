@@ -32,7 +32,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Display, Session, SessionResult, run_on_interface
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.timing import Durations, Timing
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.serve import serving
@@ -185,7 +185,7 @@ def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Displ
 
 def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
     """A session with SocketCAN's code, and the simulated robot in a separate process."""
-    near, far = socket_pairs(wire(robot).buses)
+    near, far = socket_pairs(wiring_of(robot).buses)
     with elsewhere(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):
         return run_on_interface(robot, policy, SOCKETCAN, replace(session, display=display))
 

@@ -57,7 +57,7 @@ class Watcher:
         self.memory_mib: list[float] = []
         self._behind_us: list[float] = []  # delay of the loop's time relative to the other clock
 
-    def look(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+    def update(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Measure; to be called after each tick."""
         wall_us = time.monotonic() * 1e6
         if not self._begun:
@@ -95,7 +95,7 @@ def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, 
         log = Path(folder) / "soak.mcap"
         episode = Episode(command_at, seconds, seed, realtime=realtime, log=log, record=False, config=config)
         began = time.monotonic()
-        trace = run_episode(robot, load_policy(policy, robot), episode, watcher.look)
+        trace = run_episode(robot, load_policy(policy, robot), episode, watcher.update)
         wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
     as_long = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
     whole = trace.final_state == "IDLE" and as_long

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 NAME = "footfall"
 
 
-def install(*arguments: str) -> str:
+def install_command(*arguments: str) -> str:
     """An install command for this environment's pip; `pip` alone if that is the same pip in a shell."""
     found = shutil.which("pip")
     ours = found is not None and Path(found).parent == Path(sys.executable).parent
@@ -28,7 +28,7 @@ def install(*arguments: str) -> str:
     return shlex.join([*pip, "install", *arguments])
 
 
-def install_extras(*extras: str) -> str:
+def extras_command(*extras: str) -> str:
     """The command that adds extras of footfall to this environment.
 
     It names the clone or the wheel that footfall was installed from. If that is gone, or footfall came from
@@ -37,10 +37,11 @@ def install_extras(*extras: str) -> str:
     origin = _recorded_origin()
     path = _local_path(origin.get("url", ""))
     if path is None:
-        return install(*dict.fromkeys(str(package) for extra in extras for package in requirements(extra)))
+        packages = dict.fromkeys(str(package) for extra in extras for package in requirements(extra))
+        return install_command(*packages)
     where = "." if path == Path.cwd() else str(path)
     editable = ("--editable",) if origin.get("dir_info", {}).get("editable") else ()
-    return install(*editable, f"{where}[{','.join(extras)}]")
+    return install_command(*editable, f"{where}[{','.join(extras)}]")
 
 
 @contextmanager
@@ -56,7 +57,7 @@ def needs_extra(extra: str, task: str) -> Iterator[None]:
         library = (error.name or "").split(".")[0]
         if library == NAME:
             raise
-        raise UserError(f"{task} {library}, which is not installed: {install_extras(extra)}") from None
+        raise UserError(f"{task} {library}, which is not installed: {extras_command(extra)}") from None
 
 
 def extras() -> list[str]:
@@ -70,7 +71,7 @@ def requirements(extra: str = "") -> "Iterator[Requirement]":
 
     for text in distribution(NAME).requires or []:
         requirement = Requirement(text)
-        if not _is_of(extra, requirement.marker):
+        if not _belongs_to(extra, requirement.marker):
             continue
         requirement.marker = None
         if requirement.name == NAME:
@@ -80,7 +81,7 @@ def requirements(extra: str = "") -> "Iterator[Requirement]":
             yield requirement
 
 
-def _is_of(extra: str, marker: "Marker | None") -> bool:
+def _belongs_to(extra: str, marker: "Marker | None") -> bool:
     if marker is None or marker.evaluate({"extra": ""}):
         return extra == ""
     return extra != "" and marker.evaluate({"extra": extra})

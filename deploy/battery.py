@@ -75,7 +75,7 @@ class BatteryMonitor:
         self._off_v = 0.0  # smoothed difference from the voltage for charge and current
         self.state = NO_BATTERY
 
-    def look(self, now_us: int, voltage: np.ndarray, current: np.ndarray, joints: np.ndarray) -> bool:
+    def update(self, now_us: int, voltage: np.ndarray, current: np.ndarray, joints: np.ndarray) -> bool:
         """Update the state if it is due, with the motors' reports; returns whether it was due.
 
         Args:

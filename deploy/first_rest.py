@@ -29,7 +29,7 @@ class FirstRest:
         self._sum, self._count = np.zeros(3), 0  # sum of accelerations since then, world axes
         self._speed = np.zeros(len(self._sources))  # base about its axes, then joints, rad/s
 
-    def look(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
+    def update(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
         """Update with the readings of a tick; `velocity` is that of the joints, rad/s, (n,)."""
         self._speed = np.abs(np.concatenate((inertial.gyro, velocity)))
         still = bool((self._speed < self._limits.resting_rad_s).all())

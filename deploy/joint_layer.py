@@ -160,7 +160,7 @@ class JointLayer:
         """Decode received frames; frames of other senders are ignored."""
         receiver, battery = self._receiver, self._battery
         receiver.absorb(batches, now_us)
-        lower = battery is not None and battery.look(
+        lower = battery is not None and battery.update(
             now_us, receiver.voltage, receiver.current, receiver.joints
         )
         if lower or self._robot.winding is not None:

@@ -37,7 +37,7 @@ class LegAttitude:
         self._first: np.ndarray | None = None  # up minus normal when these feet started to stand
         self._stood_s = 0.0
 
-    def look(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray, elapsed_s: float) -> None:
+    def update(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray, elapsed_s: float) -> None:
         """Update with the readings of a robot whose joints are nearly at rest.
 
         Args:

@@ -34,7 +34,7 @@ from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed import listen
 from footfall.deploy.telemetry.process import NONE, READY
 from footfall.deploy.telemetry.robot_frames import robot_frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.policies.live_settings import Applied
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
@@ -109,7 +109,7 @@ class McapLog:
             "robot": robot.name,
             "robot_folder": str(robot.folder),
             "robot_digest": robot.digest,
-            "buses": list(wire(robot).buses),
+            "buses": list(wiring_of(robot).buses),
             "paced": not may_wait,
             "store": None if store is None else [str(store.folder), store.max_bytes],
             "path": None if path is None else str(path),

@@ -199,7 +199,7 @@ class ControlLoop:
         joints.absorb(self._bus.receive(now_us), now_us)
         self._sensed = None
         steering = runner.steering
-        signals = self._signals.look(
+        signals = self._signals.update(
             now_us, elapsed_us, self.state, runner.signals, steering.stop, steering.get_up
         )
         self._supervise(signals)

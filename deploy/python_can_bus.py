@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.installation import install
+from footfall.common.installation import install_command
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MAX_FRAMES_PER_TICK, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
@@ -85,7 +85,7 @@ class PythonCanBus:
                 self.close()
                 why = " ".join(str(error).split())
                 if interface in OVER_SERIAL_PORTS and isinstance(error, NotImplementedError):
-                    why += f": {install(SERIAL_LIBRARY)}"
+                    why += f": {install_command(SERIAL_LIBRARY)}"
                 raise UserError(f"cannot open bus '{name}' on {interface}: {why}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:

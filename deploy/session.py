@@ -34,7 +34,7 @@ from footfall.deploy.replay import GET_UP, HANDOVER, OTHERS
 from footfall.deploy.steering import Steering
 from footfall.deploy.stop_inputs.open import filters_of, stop_inputs
 from footfall.deploy.warm_up import warm_up
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.policies.policy import Policy
@@ -91,7 +91,7 @@ def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Sess
     """Run a session on CAN interfaces of one kind, as named in `robot.yaml` (see `run_session`)."""
     from footfall.deploy.interfaces import robots_interfaces
 
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     with robots_interfaces(interface, wiring.buses, filters_of(robot, wiring)) as bus:
         return run_session(robot, policy, bus, replace(session, stop_inputs=True))
 
@@ -128,7 +128,7 @@ def run_session(
     all_policies = policies if get_up is None else (*policies, get_up)
     for each in all_policies:
         check_contract(each, robot)
-    wiring, config = wire(robot), session.config
+    wiring, config = wiring_of(robot), session.config
     driver = open_driver(wiring)
     check_joint_rate(wiring, driver, config.joint_rate_hz)
     with ExitStack() as resources:

@@ -77,7 +77,7 @@ class SignalSource:
         )
         self._monitor.begin_links(now_us, joints)
 
-    def look(
+    def update(
         self,
         now_us: int,
         elapsed_us: int,
@@ -107,7 +107,7 @@ class SignalSource:
             on_legs = mode not in OFF_LEGS and self._postures.on_legs(since_s, mode)
             silence_us, resting = max(motor_silence_us, imu_silence_us), mode in RESTING
             unfolding = mode is Mode.RECOVERING and not self._postures.unfolded(since_s)
-            implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting, unfolding)
+            implausible = self._monitor.update(now_us, silence_us, joints, on_legs, resting, unfolding)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
         ending = stop is not None or self._end.asked
@@ -116,7 +116,7 @@ class SignalSource:
             implausible = self._monitor.first_contradiction(joints)
         check = self._wiring_check
         if check is not None and mode is Mode.CHECKING:
-            check.look(since_s, joints.sensed())
+            check.update(since_s, joints.sensed())
         return Signals(
             now_s,
             MotorSignals(
@@ -148,7 +148,7 @@ class SignalSource:
         """What blocks the start, once all motors have answered."""
         heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
         if heard and imu_silence_us <= self._silence_us:
-            rest.look(now_us, joints.inertial, joints.joints[1])
+            rest.update(now_us, joints.inertial, joints.joints[1])
         not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us)
         if not heard:
             return StartSignals(not_ready), None

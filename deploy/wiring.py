@@ -52,7 +52,7 @@ class Wiring:
         return f"{self.joint_names[joint]} ({bus}, id {motor})"
 
 
-def wire(robot: Robot) -> Wiring:
+def wiring_of(robot: Robot) -> Wiring:
     """The wiring of a robot, from its description."""
     joints = robot.description.joints
     of_feet = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]

@@ -33,7 +33,7 @@ class GainConfig:
     raise_by: float = 1.25
     most: float = 8.0  # maximum gain
     back_to: float = 0.8  # relative to the lowest gain that rings
-    rings_rad: float = 0.1  # peak to peak in the second half of a trial, relative to the step
+    rings_rad: float = 0.1  # peak to peak in the second half of a trial, in steps: 0.1 x step_rad
     rings_rad_s: float = 0.3  # rms velocity in the second half of a trial
 
     def __post_init__(self) -> None:
@@ -149,10 +149,10 @@ class GainSearch:
     notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot, config: GainConfig, rate_hz: float) -> None:
-        """Args: `rate_hz` is the rate of the policy, which may be the rate of the joint ticks."""
+        """`rate_hz` is the rate of the policy, at most the rate of the joint ticks."""
         self.rate_hz, self._robot, self._config = rate_hz, robot, config
-        self._middle, self._start = robot.default_pose, robot.default_pose
-        self._sides = swing_senses(robot)
+        self._default_pose = self._start = robot.default_pose
+        self._senses = swing_senses(robot)
         longest = max(map(len, robot.foot_joints))
         self._waiting = [
             [int(joints[index]) for joints in robot.foot_joints if index < len(joints)]
@@ -181,11 +181,11 @@ class GainSearch:
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         robot, sensed, time_s = self._robot, inputs.sensed, inputs.time_s
-        zero = np.zeros_like(self._middle)
-        target, kp, kd = self._middle.copy(), robot.kp.copy(), robot.kd.copy()
+        zero = np.zeros_like(self._default_pose)
+        target, kp, kd = self._default_pose.copy(), robot.kp.copy(), robot.kd.copy()
         if time_s < self._config.settle_s:
             share = 0.5 - 0.5 * math.cos(math.pi * time_s / self._config.settle_s)
-            target = self._start + share * (self._middle - self._start)
+            target = self._start + share * (self._default_pose - self._start)
             return JointCommand(target, zero, kp, kd, zero)
         if not self._trials and self._waiting:
             self._trials = [self._trial(joint, time_s) for joint in self._waiting.pop(0)]
@@ -205,7 +205,7 @@ class GainSearch:
 
         def step(share: float) -> float:
             """Signed step; a larger one would saturate the motor and hide the gain."""
-            return float(self._sides[joint]) * min(self._config.step_rad, max_nm / (share * kp))
+            return float(self._senses[joint]) * min(self._config.step_rad, max_nm / (share * kp))
 
         return _Trials(joint, step, self._config, time_s)
 

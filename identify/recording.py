@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.log_analysis.columns import RECORDED_BUS, LogColumns, read_columns
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
@@ -86,7 +86,7 @@ def _check_continuous(recording: Recording, robot: Robot) -> None:
 
 def as_received(robot: Robot, command: np.ndarray) -> np.ndarray:
     """Commands (T, 5, n) after encoding: a frame rounds, and some cannot encode exactly zero."""
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
     received = command.copy()
     for row, values in enumerate(command):

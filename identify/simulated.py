@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
@@ -36,7 +36,7 @@ def simulated_bus(
         seed: seed of the sensors' noise.
         clamped: True on a stand; False in a slightly elastic frame.
     """
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses)
     config = on_a_stand(sample, plant, clamped)
     return SimulatedBus(wires, SimulatedRobot(robot, wiring, wires, config, seed))
@@ -51,7 +51,7 @@ class OnScales(NamedTuple):
 
 def on_scales(robot: Robot, sample: Sample | None = None, seed: int = 0) -> OnScales:
     """A simulated robot on a stand, lowered until its feet touch; arguments as for `simulated_bus`."""
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses)
     simulated = SimulatedRobot(robot, wiring, wires, replace(on_a_stand(sample), lowered=True), seed)
     return OnScales(SimulatedBus(wires, simulated), lambda foot: float(simulated.truth().foot_force[foot]))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from footfall.common.child_process import end_by_input
 from footfall.common.errors import UserError
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 
 READY = "ready"
 EXIT_TIMEOUT_S = 3.0  # maximum wait
@@ -31,7 +31,7 @@ def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
         UserError: the extra is not installed, or the server cannot listen there.
     """
     if find_spec("foxglove") is None:
-        raise UserError(f"--foxglove needs the extra foxglove: {install_extras('foxglove')}")
+        raise UserError(f"--foxglove needs the extra foxglove: {extras_command('foxglove')}")
     command = [sys.executable, "-P", "-m", "footfall.operate.foxglove_server", str(feed), host, str(port)]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True

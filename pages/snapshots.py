@@ -105,7 +105,7 @@ class Snapshots:
         Deleted checkpoints are included if they were exported here.
         """
         finished = [FINISHED] if (self._run / FINISHED).exists() else []
-        return [NEWEST, *finished, *self._single()]
+        return [NEWEST, *finished, *self._checkpoints()]
 
     def poll(self) -> Snapshot | None:
         """The chosen policy if it is ready and differs from the last one returned, else None. Never waits."""
@@ -129,8 +129,8 @@ class Snapshots:
             self._exporter.start(source.path, self._exported(source.path))
             return None
         self.problem = ""
-        of = newest_checkpoint(self._run) if source.path.name == FINISHED else source.path
-        return Snapshot(policy, _iteration(of))
+        finished = source.path.name == FINISHED
+        return Snapshot(policy, _iteration(newest_checkpoint(self._run) if finished else source.path))
 
     @property
     def exporting(self) -> int | None:
@@ -146,10 +146,10 @@ class Snapshots:
             return _newest(newest_checkpoint(self._run), self._run / FINISHED)
         if self.chosen == FINISHED:
             return _newest(self._run / FINISHED)
-        checkpoint = self._single().get(self.chosen)
+        checkpoint = self._checkpoints().get(self.chosen)
         return None if checkpoint is None else _newest(checkpoint)
 
-    def _single(self) -> dict[str, Path]:
+    def _checkpoints(self) -> dict[str, Path]:
         """Checkpoints by name, newest first; an exported policy replaces a deleted checkpoint."""
         exported, kept = self._folder.glob("[0-9]*.onnx"), (self._run / "checkpoints").glob("[0-9]*.ckpt")
         files = {int(path.stem): path for path in (*exported, *kept)}

@@ -9,7 +9,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.pages.layers import offer_layers
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
@@ -60,7 +60,7 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
 
 def standing(robot: Robot) -> SimulatedRobot:
     """The simulated robot in its default pose on the ground."""
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses))
 
 

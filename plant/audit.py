@@ -25,7 +25,7 @@ class Audit:
         self.outside_rad = 0.0  # farthest position target outside the soft limits
         self.rate_share = 0.0  # fastest change of a position target over the robot's target rate
 
-    def look(self, frames: Frames, position: np.ndarray, velocity: np.ndarray) -> None:
+    def update(self, frames: Frames, position: np.ndarray, velocity: np.ndarray) -> None:
         """Process one batch of frames and the readings (n,) that the controller had, rad and rad/s."""
         requests = self._end.requests(frames)
         if requests.kind is not None or requests.values.shape[1] != len(position):

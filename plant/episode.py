@@ -17,7 +17,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.recovery import GetUp
 from footfall.deploy.session import BaseState, Session, SessionResult, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
@@ -100,7 +100,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     Raises:
         UserError: plant, policy or log do not fit; nothing has moved yet.
     """
-    wiring, config = wire(robot), episode.config or deploy_config(robot)
+    wiring, config = wiring_of(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     config_of_plant = PlantConfig(
         plant=episode.plant,

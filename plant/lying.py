@@ -16,7 +16,7 @@ from footfall.common.rotations import rotation_matrix, tilt
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.standing import HoldDefaultPose
@@ -131,9 +131,9 @@ def _folded(robot: Robot) -> Iterator[np.ndarray]:
 
 def resting_effort(robot: Robot, pose: np.ndarray) -> float:
     """Largest joint torque over peak torque at rest in a pose; infinite if the robot does not rest in it."""
-    body = SimulatedRobot(
-        _lying_in(robot, pose), wire(robot), SimulatedWires(wire(robot).buses), PlantConfig(lying=True)
-    )
+    wiring = wiring_of(robot)
+    wires = SimulatedWires(wiring.buses)
+    body = SimulatedRobot(_lying_in(robot, pose), wiring, wires, PlantConfig(lying=True))
     model, data = body.model, body.data
     if any((model.geom_bodyid[contact] > 0).all() for contact in data.contact.geom):
         return np.inf  # links collide

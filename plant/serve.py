@@ -16,7 +16,7 @@ from footfall.deploy.clock import WallClock
 from footfall.deploy.frames import Frames
 from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.python_can_bus import MULTICAST
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
@@ -66,7 +66,7 @@ def serving(
     Raises:
         UserError: the plant does not fit, or the bus cannot be opened.
     """
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has a queue already
     body = SimulatedRobot(robot, wiring, wires, config, seed)
     bus = open_interfaces(interface, wiring.buses, open_motor_end(wiring).filters)

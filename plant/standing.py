@@ -10,7 +10,7 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-MEASURED_SHARE = 0.5  # torques and contacts are measured in the last share of the time
+MEASURED_SHARE = 0.5  # torques and contacts are measured over this last share of the test
 
 
 class HoldDefaultPose:

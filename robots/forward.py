@@ -83,7 +83,7 @@ class ForwardKinematics:
             return LegPose(foot, jacobian, axes)
         return LegPose(foot, jacobian * order.present[:, None], axes * order.present[:, None])
 
-    def turn(self) -> np.ndarray:
+    def tip_rotation(self) -> np.ndarray:
         """Rotation of each limb's last link in the last pose, to the base frame, (legs, 3, 3)."""
         return self._data.site_xmat[self.tips].reshape(self._order.count, 3, 3)
 

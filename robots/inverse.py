@@ -63,7 +63,7 @@ def least_squares(description: Description, order: LimbOrder, forward: ForwardKi
     twin, others = forward.twin(), description.default_pose  # a twin: the cached last pose stays valid
 
     def chains(angles: np.ndarray) -> Chains:
-        return Chains(*twin.pose(order.scatter(angles, others)), twin.turn())
+        return Chains(*twin.pose(order.scatter(angles, others)), twin.tip_rotation())
 
     return LeastSquares(chains, *forward.limits, order.gather(others), soles & enough)
 

@@ -74,10 +74,10 @@ class Legs:
             self._last = key, self._forward.pose(joint_position)
         return self._last[1]
 
-    def turn(self, joint_position: np.ndarray) -> np.ndarray:
+    def tip_rotation(self, joint_position: np.ndarray) -> np.ndarray:
         """Rotation of each limb's last link, to the base frame, (legs, 3, 3)."""
         self.pose(joint_position)
-        return self._forward.turn()
+        return self._forward.tip_rotation()
 
     def holding_torque(self, joint_position: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         """Torques (legs, m), N m, that hold the limbs against their own weight and the base's acceleration.

@@ -33,7 +33,7 @@ from footfall.deploy.command_source import CommandSource, VelocityFunction
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
@@ -162,7 +162,7 @@ class _Judge:
     """Records a run, tests each window at its end, and ends the run at the first finding."""
 
     def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
-        wiring = wire(setting.robot)
+        wiring = wiring_of(setting.robot)
         self._labels = [wiring.label(joint) for joint in range(len(setting.robot.joint_names))]
         self._setting, self._step, self._waiting = setting, step, list(plan.windows)
         self._recording, self._ticks = Recording(), 0

@@ -124,6 +124,7 @@ class ImuReader:
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames; those of other senders, and shorter ones, are ignored.
+
         The time of a part is its frame's arrival time if the bus has it: a frame that waited in a queue is
         old.
         """

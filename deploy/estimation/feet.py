@@ -36,7 +36,7 @@ class ContactPoints:
         """
         if self.round:
             return self._radius * -up
-        turn = self._legs.turn(joint_position)
+        turn = self._legs.tip_rotation(joint_position)
         height = (self._spheres[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats
         weight = np.exp((height.min(axis=1, keepdims=True) - height) / self._level)
         sums = (weight[:, None] @ self._spheres)[:, 0]

@@ -54,7 +54,7 @@ class LinkSums:
         if imu_us != self._imu_us:
             self._new += 1
             self._repeated += inertial == self._inertial
-            self._replay.look(imu_us, inertial)
+            self._replay.update(imu_us, inertial)
             self._imu_us, self._inertial = imu_us, inertial
 
     def close(

@@ -85,7 +85,7 @@ class SensorMonitor:
             now_us, joints.replies, joints.imu_older, joints.last_heard().imu_us, joints.inertial
         )
 
-    def look(
+    def update(
         self,
         now_us: int,
         silence_us: int,
@@ -202,7 +202,7 @@ class SensorMonitor:
         if attitude is None:
             return window
         if window.on_legs and readings.fastest < self._resting_rad_s:
-            attitude.look(readings.position, readings.torque, window.up, readings.elapsed_s)
+            attitude.update(readings.position, readings.torque, window.up, readings.elapsed_s)
         else:
             attitude.reset()
         return window._replace(slope_rad=attitude.slope, leg_turn_rad=attitude.turn)

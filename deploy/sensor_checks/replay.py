@@ -18,7 +18,7 @@ class ReplayFinder:
         self._index_of: dict[tuple[float, ...], int] = {}  # number of the latest reading with these values
         self._number, self._back, self._since_us = 0, 0, 0
 
-    def look(self, now_us: int, inertial: Inertial) -> None:
+    def update(self, now_us: int, inertial: Inertial) -> None:
         """Compare a reading that arrived at this time."""
         key = tuple(inertial.quaternion)  # the part with the finest resolution
         number, index_of = self._number, self._index_of

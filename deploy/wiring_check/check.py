@@ -93,7 +93,7 @@ class WiringCheck:
         kp, kd = self._asked
         return JointCommand(target, self._zeros, kp, kd, self._zeros)
 
-    def look(self, time_s: float, sensed: Sensed) -> None:
+    def update(self, time_s: float, sensed: Sensed) -> None:
         """Record the readings of a tick."""
         if self._thread is not None or self.signals.done or self.signals.fault:
             return

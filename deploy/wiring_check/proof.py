@@ -17,7 +17,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.robots.description import Robot
 
@@ -27,7 +27,7 @@ SIMULATED = ("sim", "virtual")  # kinds of buses with a simulated robot in this 
 
 def wiring_digest(robot: Robot, bus: str) -> str:
     """Fingerprint of a robot's description, the buses and ids of its motors and IMU, and the kind of bus."""
-    facts = {"robot": robot.digest, "bus": bus} | asdict(wire(robot))
+    facts = {"robot": robot.digest, "bus": bus} | asdict(wiring_of(robot))
     text = json.dumps(facts, sort_keys=True, default=_as_list)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -5,7 +5,7 @@ import sys
 from importlib.util import find_spec
 
 from footfall.common.errors import UserError
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 
 LIBRARIES = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL")
 
@@ -19,7 +19,7 @@ def check_installed() -> None:
     missing = [name for name in LIBRARIES if find_spec(name) is None]
     if missing:
         raise UserError(
-            f"an HTML report needs {', '.join(missing)}, which is not installed: {install_extras('report')}"
+            f"an HTML report needs {', '.join(missing)}, which is not installed: {extras_command('report')}"
         )
 
 

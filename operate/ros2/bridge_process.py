@@ -17,7 +17,7 @@ import footfall
 from footfall.common.child_process import end_by_input
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 from footfall.operate.ros2.arguments import READY
 from footfall.operate.udp_client import TOKEN
 
@@ -34,8 +34,8 @@ class Ros2Config:
     """Settings of a run's connection to ROS 2."""
 
     cmd_vel: Literal["twist", "stamped"] = "twist"  # message type: Twist or TwistStamped
-    python: str = ""  # one with rclpy; empty to search for it
-    arguments: tuple[str, ...] = ()  # for ROS, such as -r __ns:=/robot
+    python: str = ""  # path of a Python interpreter with rclpy; empty to search for one
+    arguments: tuple[str, ...] = ()  # ROS arguments, such as -r __ns:=/robot
     lie_down_after_s: float = 10.0  # time without any message; Nav2 is silent between two goals
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ def find_backend(config: Ros2Config) -> Backend:
     if find_spec("cyclonedds") is None:
         raise UserError(
             "no ROS 2 found: source its setup.bash, choose a Python with rclpy in a YAML file for"
-            f" --from ros2:FILE, or use topics only: {install_extras('ros2')}"
+            f" --from ros2:FILE, or use topics only: {extras_command('ros2')}"
         )
     if config.arguments:
         raise UserError("arguments: cyclonedds accepts no ROS arguments: source ROS 2, or omit them")

@@ -52,7 +52,7 @@ __all__ = [
 IMPORTED_AT_NS = time.time_ns()  # no module of footfall is imported earlier in this process
 
 # `footfall.train` and `footfall.evaluate` are packages, so no function can have these names.
-_PLACES = {
+_EXPORTS = {
     "footfall.common.errors": ("UserError",),
     "footfall.evaluate.api": ("compare_policies", "evaluate_policy"),
     "footfall.evaluate.config": ("EvaluationConfig",),
@@ -64,7 +64,7 @@ _PLACES = {
     "footfall.robots.description": ("Robot", "load_robot"),
     "footfall.train.api": ("TrainRequest", "export_run"),
 }
-_MODULES = {name: module for module, names in _PLACES.items() for name in names}
+_MODULES = {name: module for module, names in _EXPORTS.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

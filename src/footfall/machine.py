@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from packaging.requirements import Requirement
 
 from footfall.common.cache import compilation_cache
-from footfall.common.installation import extras, install, install_extras, missing
+from footfall.common.installation import extras, extras_command, install_command, missing
 from footfall.finding import Finding
 from footfall.robot_computer import ROBOT_COMPUTER
 
@@ -22,8 +22,8 @@ FOR_DEVELOPERS = ("dev",)
 
 def findings() -> Iterator[Finding]:
     """Run all checks, in the order that suits a new user."""
-    for look in CHECKS:
-        yield look()
+    for check in CHECKS:
+        yield check()
 
 
 def check_python() -> Finding:
@@ -36,7 +36,9 @@ def check_packages() -> Finding:
     lacking = missing()
     if not lacking:
         return Finding("packages", True, "all that are required on a robot")
-    return Finding("packages", False, f"missing or too old: {_names(lacking)}", install(*map(str, lacking)))
+    return Finding(
+        "packages", False, f"missing or too old: {_names(lacking)}", install_command(*map(str, lacking))
+    )
 
 
 def check_extras() -> Finding:
@@ -48,7 +50,7 @@ def check_extras() -> Finding:
         return Finding("extras", True, ", ".join(there))
     found = [", ".join(there)] if there else []
     found += [f"{extra} lacks {_names(lacking[extra])}" for extra in absent]
-    return Finding("extras", False, "; ".join(found), f"if you need them: {install_extras(*absent)}")
+    return Finding("extras", False, "; ".join(found), f"if you need them: {extras_command(*absent)}")
 
 
 def _names(packages: list[Requirement]) -> str:
@@ -63,7 +65,7 @@ def check_simulators() -> Finding:
             versions[name] = version(name)
         except PackageNotFoundError:
             for_training = name == "mujoco-mjx"  # mujoco is among the required packages
-            advice = f"to train: {install_extras('train')}" if for_training else ""
+            advice = f"to train: {extras_command('train')}" if for_training else ""
             return Finding("simulators", for_training, f"{name} is not installed", advice)
     found = ", ".join(f"{name} {number}" for name, number in versions.items())
     same = len(set(versions.values())) == 1
@@ -73,14 +75,14 @@ def check_simulators() -> Finding:
 def check_accelerator() -> Finding:
     """Whether JAX finds a device other than a CPU."""
     if importlib.util.find_spec("jax") is None:
-        return Finding("accelerator", False, "no JAX", f"to train: {install_extras('train')}")
+        return Finding("accelerator", False, "no JAX", f"to train: {extras_command('train')}")
     code = "import jax, json; print(json.dumps([d.device_kind for d in jax.devices()]))"
     succeeded, output = _probe(code)
     if not succeeded:
         return Finding("accelerator", False, "JAX does not start", output)
     kinds = json.loads(output)
     gpu = any(kind != "cpu" for kind in kinds)
-    advice = "" if gpu else f"the gpu preset needs a GPU: {install('jax[cuda12]')}"
+    advice = "" if gpu else f"the gpu preset needs a GPU: {install_command('jax[cuda12]')}"
     return Finding("accelerator", gpu, ", ".join(kinds), advice)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from footfall.common.installation import install
+from footfall.common.installation import install_command
 from footfall.common.processors import usable_cores
 from footfall.deploy.clock import may_lock_memory
 from footfall.deploy.frames import BITRATE
@@ -170,7 +170,9 @@ def check_multicast() -> Finding:
         advice = "--bus udp_multicast, a simulated robot in another process, needs a network with multicast"
         return Finding(what, False, f"no: {error.strerror or error}", advice)
     if importlib.util.find_spec("msgpack") is None:
-        return Finding(what, False, "no msgpack", f"--bus udp_multicast needs it: {install('msgpack')}")
+        return Finding(
+            what, False, "no msgpack", f"--bus udp_multicast needs it: {install_command('msgpack')}"
+        )
     return Finding(what, True, "works")
 
 

@@ -22,12 +22,12 @@ def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: 
 
         return simulated_bus(robot, plant=plant, seed=seed)
     from footfall.deploy.stop_inputs.open import filters_of
-    from footfall.deploy.wiring import wire
+    from footfall.deploy.wiring import wiring_of
 
     stand = None
     if kind == VIRTUAL:
         from footfall.identify.simulated import on_a_stand
 
         stand = on_a_stand()
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     return resources.enter_context(interface_bus(robot, wiring, kind, filters_of(robot, wiring), stand, seed))

@@ -14,7 +14,7 @@ import pytest
 from footfall import machine
 from footfall.common import installation, versions
 from footfall.common.errors import UserError
-from footfall.common.installation import install, install_extras, needs_extra
+from footfall.common.installation import extras_command, install_command, needs_extra
 from footfall.common.sources import read_sources
 
 ROOT = Path(__file__).parents[2]
@@ -70,7 +70,7 @@ def test_extras_are_installed_from_the_same_source(
         monkeypatch.chdir(tmp_path)
     at.mkdir(exist_ok=True)
     installed(at.as_uri(), about)
-    assert install_extras("gym", "watch") == f"{PIP} {wanted.format(at=at)}"
+    assert extras_command("gym", "watch") == f"{PIP} {wanted.format(at=at)}"
 
 
 @pytest.mark.parametrize("url", [None, "file:///nowhere/footfall-0.1.0-py3-none-any.whl", "https://x/y.whl"])
@@ -78,7 +78,7 @@ def test_extras_of_a_missing_or_remote_source_are_named_package_by_package(
     installed, url: str | None
 ) -> None:
     installed(url, '"archive_info": {}')
-    assert install_extras("sweep") == f"{PIP} 'nosuchpackage[cpu]<2,>=1' 'numpy>=1'"
+    assert extras_command("sweep") == f"{PIP} 'nosuchpackage[cpu]<2,>=1' 'numpy>=1'"
 
 
 def test_this_environments_pip_has_a_short_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,9 +88,9 @@ def test_this_environments_pip_has_a_short_name(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "mine" / "python").symlink_to(tmp_path / "other" / "python3")  # as environments have it
     monkeypatch.setattr(sys, "executable", str(tmp_path / "mine" / "python"))
     monkeypatch.setenv("PATH", str(tmp_path / "mine"))
-    assert install("jax[cuda12]") == "pip install 'jax[cuda12]'"
+    assert install_command("jax[cuda12]") == "pip install 'jax[cuda12]'"
     monkeypatch.setenv("PATH", str(tmp_path / "other"))
-    assert install("jax[cuda12]") == f"{tmp_path}/mine/python -m pip install 'jax[cuda12]'"
+    assert install_command("jax[cuda12]") == f"{tmp_path}/mine/python -m pip install 'jax[cuda12]'"
 
 
 def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.actuator import JointCommand
@@ -48,7 +48,7 @@ class Pack:
             voltage = battery.open_circuit_v(self.charge) - drop_v + self.off_v
             current = np.full(MOTORS, self.reported_current * amps / MOTORS)
             self.now_us += round(PERIOD_S * 1e6)
-            self.monitor.look(self.now_us, voltage, current, STILL)
+            self.monitor.update(self.now_us, voltage, current, STILL)
         return self.monitor.state
 
 
@@ -107,7 +107,7 @@ def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robo
     pack = Pack(go1, 0.5)
     joints = STILL.copy()
     joints[1:, 0] = 3.0, 20.0  # 60 W at the shaft, and the winding's loss
-    pack.monitor.look(0, np.full(MOTORS, 35.0), np.full(MOTORS, np.nan), joints)
+    pack.monitor.update(0, np.full(MOTORS, 35.0), np.full(MOTORS, np.nan), joints)
     watts = 60.0 + 0.17 * (20.0 / (0.105 * 6.0)) ** 2
     assert pack.monitor.state.current_a == pytest.approx(watts / pack.battery.nominal_v)
 
@@ -140,10 +140,10 @@ def test_a_low_battery_lowers_the_torque_limits_not_the_gains(go1: Robot) -> Non
     class Low:
         state = BatteryState(allowed=0.6)
 
-        def look(self, *_: object) -> bool:
+        def update(self, *_: object) -> bool:
             return True
 
-    wiring = wire(go1)
+    wiring = wiring_of(go1)
     layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002, battery=Low())  # type: ignore[arg-type]
     layer.absorb([], 0)
     zeros = np.zeros(MOTORS)

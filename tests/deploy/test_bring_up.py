@@ -29,7 +29,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.injection import FaultInjector, Injection
 from footfall.plant.robot import PlantConfig
 from footfall.policies.policy import PolicyInput, Sensed
@@ -323,7 +323,7 @@ class TestJudge:
 
 def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) -> None:
     """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
-    driver = open_driver(wire(go1))
+    driver = open_driver(wiring_of(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
     wanted = np.zeros((5, 12))
     wanted[0], wanted[2], wanted[4] = 1.0, 1.0, 2.0

@@ -12,7 +12,7 @@ from footfall.deploy.drivers import damiao
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.robots.description import Robot
@@ -135,14 +135,14 @@ class TestRegisters:
 
 class TestRobots:
     def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(self, go1: Robot) -> None:
-        wiring = wire(with_motors(go1, knee="DM8009"))
+        wiring = wiring_of(with_motors(go1, knee="DM8009"))
         driver = open_driver(wiring)
         assert driver.error_name(5, 0) == "encoder error"
         assert driver.error_name(5, 2) == "sensor error"
 
     def test_own_ranges_are_used_on_a_mixed_robot(self, go1: Robot) -> None:
         """The knees say 20 N m of themselves; the table has 54 for a DM8009."""
-        wiring = wire(with_motors(go1, knee="DM8009"))
+        wiring = wiring_of(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)
         before = driver.highest.copy()
         while driver.not_ready():

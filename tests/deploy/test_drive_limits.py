@@ -9,7 +9,7 @@ from some_motors import MAKERS, hexed, introduce, two_motors, with_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
@@ -34,7 +34,7 @@ def set_in(end: Any, maker: str) -> np.ndarray:
 @pytest.mark.parametrize("maker", LIMITS)
 def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
     robot = limited(go1, maker, LIMITS[maker])
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert not np.allclose(set_in(end, maker), wiring.highest)
     if maker != "ODrive":
@@ -54,7 +54,7 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
 @pytest.mark.parametrize("maker", LIMITS)
 def test_a_drive_that_keeps_another_limit_is_not_enabled(go1: Robot, maker: str) -> None:
     """Its answers are those of a drive that ignores writes."""
-    wiring = wire(limited(go1, maker, LIMITS[maker]))
+    wiring = wiring_of(limited(go1, maker, LIMITS[maker]))
     driver, end = open_driver(wiring), open_motor_end(replace(wiring, current_endpoint=np.full(12, 301)))
     for _ in range(40):
         reads = driver.query_settings()
@@ -84,7 +84,7 @@ def _reads_alone(data: np.ndarray) -> np.ndarray:
 )
 def test_a_limit_that_a_maker_does_not_have_is_refused(go1: Robot, maker: str, limit: str) -> None:
     with pytest.raises(UserError, match=f"FR_hip_joint: .* no {limit} limit"):
-        open_driver(wire(limited(go1, maker, limit)))
+        open_driver(wiring_of(limited(go1, maker, limit)))
 
 
 def test_a_moteus_limit_is_in_its_register_and_each_command() -> None:

@@ -87,10 +87,10 @@ def test_in_flight_no_foot_stands_and_the_imu_carries_on(planned: bool) -> None:
         update = follower.update
         follower.update = lambda sensed, _, dt_s: update(sensed, None, dt_s)  # type: ignore[method-assign]
 
-    def look(time_s: float, plant: DirectPlant) -> None:
+    def record(time_s: float, plant: DirectPlant) -> None:
         touching.append(plant.data.ncon > 0)
 
-    walk(load_policy("pronk", ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=look)
+    walk(load_policy("pronk", ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=record)
     touches = np.array(touching)
     in_flight = np.flatnonzero(~touches[: len(follower.poses)])
     assert len(in_flight) > 200

@@ -26,7 +26,7 @@ class TestFirstRest:
         rest = FirstRest(0.05, ImuLimits(), ["hip"])
         for tick, (gyro, acceleration) in enumerate([*before, *[(self.STILL, at_rest)] * 100]):
             now_us = tick * TICK_US
-            rest.look(now_us, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+            rest.update(now_us, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
             if not rest.awaited(now_us):
                 return rest, now_us
         pytest.fail("it waits for ever")
@@ -50,7 +50,7 @@ class TestFirstRest:
             turn = Rotation.random(random_state=rng)
             felt = turn.inv().apply([sideways, 2 * sideways, upwards * 9.81])
             inertial = imu.Inertial(self.STILL, tuple(felt), tuple(turn.as_quat(scalar_first=True)))
-            rest.look(0, inertial, np.zeros(1))
+            rest.update(0, inertial, np.zeros(1))
         found = rest.contradiction()
         assert found is not None
         assert (found.fault[-14:], found.leads_to) == ("gravity by 10%", Mode.ESTOP)
@@ -70,7 +70,7 @@ class TestFirstRest:
         rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
         assert rest.awaited(0) == ""  # nothing was heard yet
         for now_us in range(0, 200_000, TICK_US):
-            rest.look(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
+            rest.update(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
         says = "the robot is not at rest for 0.05 s before it gets stiffness: "
         assert rest.awaited(200_000) == (says + who if who else "")
 
@@ -82,5 +82,5 @@ class TestFirstRest:
         assert found is not None
         assert found.fault.endswith("gravity by 20%")
         rest = FirstRest(0.0, ImuLimits(), ["hip"])
-        rest.look(0, imu.Inertial(self.STILL, (0.0, 0.0, -9.81), (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+        rest.update(0, imu.Inertial(self.STILL, (0.0, 0.0, -9.81), (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
         assert (rest.awaited(0), rest.contradiction()) == ("", None)

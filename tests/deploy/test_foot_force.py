@@ -18,7 +18,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.log_analysis.columns import read_columns
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.replay import replay
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
@@ -62,7 +62,7 @@ class TestFrames:
 
     def test_interfaces_pass_their_identifiers(self, go1: Robot, sensing: Robot) -> None:
         def passes(robot: Robot, identifier: int) -> bool:
-            filters = filters_of(wire(robot))
+            filters = filters_of(wiring_of(robot))
             return any(identifier & each["can_mask"] == each["can_id"] for each in filters)
 
         assert passes(sensing, 0x313)
@@ -85,13 +85,13 @@ class TestDeclaration:
         robot = load_robot(self.written(own_folder, **feet))
         assert robot.foot_sensors == 4
         assert robot.digest == go1.digest
-        assert wire(robot).buses[-1] == "feet"
+        assert wiring_of(robot).buses[-1] == "feet"
 
     def test_bad_declarations_are_refused(self, own_folder: Path, go1: Robot, sensing: Robot) -> None:
         """Errors need sensors; no learned policy reads force sensors; in MIT mode a motor's id is its own."""
         with pytest.raises(UserError, match="force_bus"):
             load_robot(self.written(own_folder, **{go1.description.feet[2].name: "can0"}))
-        wiring = wire(sensing)
+        wiring = wiring_of(sensing)
         with pytest.raises(UserError, match="0x310"):
             open_driver(replace(wiring, motor_id=np.array([0x310, *wiring.motor_id[1:]])))
         with pytest.raises(UserError, match="foot_force_scale"):

@@ -19,7 +19,7 @@ from footfall.deploy.drivers.xbus import XbusImu
 from footfall.deploy.drivers.xsens_can import IDS, XsensCanImu
 from footfall.deploy.frames import Frames
 from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.imu_ends import XbusEnd, open_imu_end
 from footfall.policies.registry import load_policy
@@ -100,7 +100,7 @@ class TestDocumented:
 @pytest.mark.parametrize("protocol", BUS_OF)
 class TestEveryMaker:
     def test_frames_of_the_simulated_imu_are_decoded(self, go1: Robot, protocol: str) -> None:
-        wiring = wire(with_imu(go1, protocol))
+        wiring = wiring_of(with_imu(go1, protocol))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         imu.absorb(end.encode(TILTED), 5000)
         for part, sent in zip(imu.reading, TILTED, strict=True):
@@ -108,7 +108,7 @@ class TestEveryMaker:
         assert imu.heard_us == 5000
 
     def test_repeated_samples_age_and_older_ones_are_ignored(self, go1: Robot, protocol: str) -> None:
-        wiring = wire(with_imu(go1, protocol))
+        wiring = wiring_of(with_imu(go1, protocol))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
         for at, frames in enumerate((first, second, second, first)):
@@ -127,7 +127,7 @@ class TestEveryMaker:
     def test_it_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
         bus = "can0" if BUS_OF[protocol] == PORT else PORT
         with pytest.raises(UserError, match="imu_bus"):
-            open_imu(wire(with_imu(go1, protocol, bus)))
+            open_imu(wiring_of(with_imu(go1, protocol, bus)))
 
 
 @pytest.mark.parametrize(("driver", "encode"), [(XbusImu, xbus.encode), (VectorNavImu, vectornav.encode)])

@@ -12,7 +12,7 @@ from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.receiver import NEVER_US
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
@@ -23,7 +23,7 @@ RNG = np.random.default_rng(6)
 
 @pytest.fixture
 def wiring(go1: Robot) -> Wiring:
-    return wire(go1)
+    return wiring_of(go1)
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ class TestIn:
 
 class TestReadingsOfEveryKind:
     def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: Any = 0) -> Frames:
-        return open_motor_end(wire(robot)).reply(motors, report(values, error))
+        return open_motor_end(wiring_of(robot)).reply(motors, report(values, error))
 
     def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Unlike readings and commands; half of the joints are asked for more than they can give."""
@@ -139,7 +139,7 @@ class TestReadingsOfEveryKind:
             np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
         )
         frames = layer.command(wanted)
-        sent = JointCommand(*open_motor_end(wire(go1)).requests(frames).values)
+        sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(frames).values)
         pd = wanted.kp * (wanted.position - sensed.joint_position)
         pd += wanted.kd * (wanted.velocity - sensed.joint_velocity)
         asked = pd + wanted.torque
@@ -169,7 +169,7 @@ class TestReadingsOfEveryKind:
 
     def test_a_mixed_batch_of_the_same_layout_is_decoded_again(self, go1: Robot, layer: JointLayer) -> None:
         """Every motor, and the IMU's frames among them; the second time with other contents and times."""
-        wiring = wire(go1)
+        wiring = wiring_of(go1)
         order = np.array([0, 12, 1, 2, 13, 3, 4, 5, 14, 6, 7, 8, 9, 10, 11])
 
         def mixed(scale: float, counter: int) -> Frames:
@@ -265,6 +265,6 @@ class TestReadingsOfEveryKind:
         values = np.array([0.1 * ROWS - 0.5, ROWS / 10, 0 * ROWS])
         layer.absorb([self.replies(go1, slice(None), values)], 0)
         layer.command(JointCommand(*RNG.uniform(1.0, 2.0, (5, 12))))
-        sent = JointCommand(*open_motor_end(wire(go1)).requests(layer.damping(1.7)).values)
+        sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(layer.damping(1.7)).values)
         np.testing.assert_allclose([*sent], np.outer([0, 0, 0, 1.7, 0], np.ones(12)), atol=0.05)
         np.testing.assert_allclose(layer.target, values[0], atol=4e-4)

@@ -35,18 +35,18 @@ class Stander:
         self.robot, self.attitude = robot, LegAttitude(robot, LIMITS)
         self.even_n = 9.81 * robot.legs.mass / robot.legs.count
 
-    def look(self, up: np.ndarray, position: np.ndarray | None = None, loads: np.ndarray = ALL) -> None:
+    def update(self, up: np.ndarray, position: np.ndarray | None = None, loads: np.ndarray = ALL) -> None:
         legs = self.robot.legs
         position = self.robot.default_pose if position is None else position
         pressed = loads[:, None] * self.even_n * up
         torque = legs.holding_torque(position, 9.81 * up) + legs.torque(legs.pose(position).jacobian, pressed)
         joints = legs.scatter(torque, np.zeros(len(position)))
-        self.attitude.look(position, joints, up, LOOK_S)
+        self.attitude.update(position, joints, up, LOOK_S)
 
     def looks(self, *args: object) -> LegAttitude:
         """Until it has settled."""
         for _ in range(2 + round(LIMITS.resting_s / LOOK_S)):
-            self.look(*args)  # type: ignore[arg-type]
+            self.update(*args)  # type: ignore[arg-type]
         return self.attitude
 
 
@@ -64,16 +64,16 @@ def test_on_a_slope_they_differ_by_its_angle(stander: Stander, angle: float) -> 
 
 def test_a_slope_counts_once_the_robot_has_settled(stander: Stander) -> None:
     for _ in range(1 + int(LIMITS.resting_s / LOOK_S)):
-        stander.look(nose_up(0.5))
+        stander.update(nose_up(0.5))
         assert stander.attitude.slope == 0.0
-    stander.look(nose_up(0.5))
+    stander.update(nose_up(0.5))
     assert stander.attitude.slope > 0.4
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3])
 def test_a_base_that_turns_without_its_legs_is_a_contradiction(stander: Stander, slope: float) -> None:
     stander.looks(nose_up(slope))
-    stander.look(nose_up(slope + 0.1))
+    stander.update(nose_up(slope + 0.1))
     assert stander.attitude.turn == pytest.approx(0.1, rel=1e-3)
 
 
@@ -81,10 +81,10 @@ def test_a_base_that_turns_without_its_legs_is_a_contradiction(stander: Stander,
 def test_a_sway_by_the_legs_must_show_in_the_imu(stander: Stander, roll: float, pitch: float) -> None:
     position = swayed(stander.robot, roll, pitch)
     stander.looks(LEVEL)
-    stander.look(LEVEL, position)
+    stander.update(LEVEL, position)
     assert stander.attitude.turn == pytest.approx(0.1, abs=0.005)
     really = np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
-    stander.look(really, position)
+    stander.update(really, position)
     assert stander.attitude.turn == pytest.approx(0.0, abs=0.005)
 
 
@@ -95,16 +95,16 @@ def test_a_sway_by_the_legs_must_show_in_the_imu(stander: Stander, roll: float, 
 )
 def test_fewer_than_three_loaded_feet_give_no_estimate(stander: Stander, loads: np.ndarray) -> None:
     attitude = stander.looks(nose_up(0.5), None, loads)
-    stander.look(nose_up(0.9), None, loads)
+    stander.update(nose_up(0.9), None, loads)
     assert (attitude.slope, attitude.turn) == (0.0, 0.0)
 
 
 def test_three_other_feet_start_a_new_comparison(stander: Stander) -> None:
     three = np.array([1.0, 1.0, 1.0, 0.0])
     stander.looks(LEVEL)
-    stander.look(nose_up(0.1), None, three)
+    stander.update(nose_up(0.1), None, three)
     assert stander.attitude.turn == 0.0
-    stander.look(nose_up(0.3), None, three)
+    stander.update(nose_up(0.3), None, three)
     assert stander.attitude.turn == pytest.approx(0.2, rel=1e-2)
 
 

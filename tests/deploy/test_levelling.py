@@ -55,7 +55,7 @@ class TestABipedThatStandsUp:
     def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
         """The soles turn down by the pitch of the base, about a place under it."""
         turned = standing(g1).command(0.5, pitched(g1, 0.1)).position
-        level, leant = (g1.legs.turn(pose) for pose in (g1.default_pose, turned))
+        level, leant = (g1.legs.tip_rotation(pose) for pose in (g1.default_pose, turned))
         toe = (leant @ np.array([1.0, 0.0, 0.0]))[:, 2] - (level @ np.array([1.0, 0.0, 0.0]))[:, 2]
         np.testing.assert_allclose(toe, -0.1, atol=0.01)
         np.testing.assert_allclose(turned[:6], turned[6:], atol=1e-6)

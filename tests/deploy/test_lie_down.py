@@ -17,7 +17,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.deploy.postures import Ending, Postures
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.injection import InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -282,7 +282,7 @@ class TestDescription:
     def test_nothing_but_base_and_feet_touches_the_ground(self, name: str) -> None:
         """By MuJoCo's own collisions, a few millimetres into it."""
         robot = load_robot(name)
-        wiring = wire(robot)
+        wiring = wiring_of(robot)
         body = SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(lying=True))
         model, data = body.model, body.data
         data.qpos[2] = robot.legs.base_below - 0.001

@@ -224,11 +224,11 @@ class TestContent:
         """To a millisecond: the process that writes the log has started before the loop's time begins."""
         path, zeros_ns = tmp_path / "a.mcap", []
 
-        def look(loop: ControlLoop, _: object) -> None:
+        def record(loop: ControlLoop, _: object) -> None:
             zeros_ns.append(time.time_ns() - loop.now_us * 1000)  # later than time zero by the tick's work
 
         episode = short_episode(duration_s=0.3, realtime=True, log=path, config=RELAXED)
-        run_episode(go1, Hold(go1), episode, look)
+        run_episode(go1, Hold(go1), episode, record)
         first_ns = read_log(path, ["/imu/data"]).entries[0].time_ns
         whole_ticks_ns = (min(zeros_ns) - first_ns) % (1_000_000_000 // round(RELAXED.joint_rate_hz))
         assert min(zeros_ns) - first_ns < 10_000_000

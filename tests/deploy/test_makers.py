@@ -15,7 +15,7 @@ from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request
@@ -159,7 +159,7 @@ class TestRobots:
                 body.reboot(np.array([joint]))
 
         trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
-        assert trace.faults == (f"motor {wire(robot).label(joint)} reports that it is disabled",)
+        assert trace.faults == (f"motor {wiring_of(robot).label(joint)} reports that it is disabled",)
         assert maker == "ODrive" or trace.walked_s < 0.12  # an axis says so with its next heartbeat
 
 

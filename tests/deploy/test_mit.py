@@ -15,7 +15,7 @@ from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.robots.description import Robot
@@ -138,7 +138,7 @@ def test_ranges_are_those_of_the_makers_manual() -> None:
 
 
 def test_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
-    driver = MitDriver(wire(go1))
+    driver = MitDriver(wiring_of(go1))
     known = ["over-temperature", "over-current", "over-voltage", "under-voltage", "encoder error"]
     assert [driver.error_name(code) for code in range(1, 7)] == [*known, "phase imbalance"]
     assert "timeout" in driver.error_name(MitMotorEnd.time_out_error)
@@ -157,7 +157,7 @@ class TestAddressing:
 
     @pytest.fixture
     def ends(self, go1: Robot) -> tuple[MitDriver, MitMotorEnd]:
-        return MitDriver(wire(go1)), MitMotorEnd(wire(go1))
+        return MitDriver(wiring_of(go1)), MitMotorEnd(wiring_of(go1))
 
     def replies(self, end: MitMotorEnd, motors: np.ndarray) -> Frames:
         values = np.array([0.1, 0.2, 0.3])[:, None] * motors
@@ -255,7 +255,7 @@ class TestAddressing:
     @pytest.mark.parametrize(("motor", "fits"), [(0, False), (1, True), (127, True), (128, False)])
     @pytest.mark.parametrize("end", [MitDriver, MitMotorEnd])
     def test_motor_ids_leave_room_for_replies(self, go1: Robot, end: type, motor: int, fits: bool) -> None:
-        wiring = wire(go1)
+        wiring = wiring_of(go1)
         wiring = replace(wiring, motor_id=np.array([*wiring.motor_id[:11], motor]))
         if fits:
             end(wiring)
@@ -276,7 +276,7 @@ def test_a_subset_of_requests_keeps_their_rows(motor: np.ndarray | slice) -> Non
 
 
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
-    wiring = wire(go1)
+    wiring = wiring_of(go1)
     with pytest.raises(UserError, match=r"joint FR_hip_joint: no driver for motor 'XY1': .*AK80-9.*DM8009"):
         open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
 

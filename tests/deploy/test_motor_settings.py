@@ -13,7 +13,7 @@ from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.settings import ASK_AGAIN, Settings, TimeOut
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.frame_changes import late
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
@@ -37,7 +37,7 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_u
 
 @pytest.mark.parametrize("maker", ["Damiao", "RobStride"])
 def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robot, maker: str) -> None:
-    wiring = wire(with_motors(go1, **MAKERS[maker]))
+    wiring = wiring_of(with_motors(go1, **MAKERS[maker]))
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert isinstance(end, DamiaoMotorEnd | RobstrideMotorEnd)
     for own in end.registers if isinstance(end, DamiaoMotorEnd) else end.parameters:

@@ -26,7 +26,7 @@ from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
@@ -184,7 +184,7 @@ class TestJointLaw:
     def test_a_command_is_clamped_to_the_motors_limit(self, go1: Robot) -> None:
         """Frames know no limit: the motor's own is all that counts."""
         robot = with_motors(go1, **MAKERS["ODrive"])
-        wiring = wire(robot)
+        wiring = wiring_of(robot)
         driver = open_driver(wiring)
         for channel in range(4):
             for node in (1, 2, 3):
@@ -374,7 +374,7 @@ class TestRobots:
             if loop.walking and loop.walking_s > 0.05:
                 body.faults.motors.silent[4] = True
 
-        assert self.faults(robot, watch) == (f"no reply from {wire(robot).label(4)} for 50 ms",)
+        assert self.faults(robot, watch) == (f"no reply from {wiring_of(robot).label(4)} for 50 ms",)
 
     def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
         """Every axis sends a position every other millisecond, on or off. One is deaf to switching off."""

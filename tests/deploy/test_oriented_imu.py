@@ -10,7 +10,7 @@ from footfall.common.rotations import rotation_matrix
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_imu
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.imu_ends import open_imu_end
@@ -81,7 +81,7 @@ def test_a_robot_that_does_not_keep_still_at_first_is_not_let_up(go1: Robot) -> 
 
 
 def test_the_simulated_imu_sends_no_orientation(go1: Robot) -> None:
-    wiring = wire(without_orientation(go1))
+    wiring = wiring_of(without_orientation(go1))
     frames = open_imu_end(wiring).encode(AT_REST)
     assert frames.id.tolist() == [imu.GYRO_ID, imu.ACCELERATION_ID]
 
@@ -89,7 +89,7 @@ def test_the_simulated_imu_sends_no_orientation(go1: Robot) -> None:
 def test_an_unexpected_quaternion_is_ignored(go1: Robot) -> None:
     """An IMU on its side claims to be level."""
     on_side = AT_REST._replace(acceleration=(0.0, 9.81, 0.0))
-    reader, end = open_imu(wire(without_orientation(go1))), open_imu_end(wire(go1))
+    reader, end = open_imu(wiring_of(without_orientation(go1))), open_imu_end(wiring_of(go1))
     for tick in range(400):
         reader.absorb(end.encode(on_side), 2000 * tick)
     up = rotation_matrix(np.array(reader.reading.quaternion))[2]
@@ -97,7 +97,7 @@ def test_an_unexpected_quaternion_is_ignored(go1: Robot) -> None:
 
 
 def test_readings_begin_after_a_rest_and_age_when_samples_repeat(go1: Robot) -> None:
-    wiring = wire(without_orientation(go1))
+    wiring = wiring_of(without_orientation(go1))
     reader, end = open_imu(wiring), open_imu_end(wiring)
     heard = []
     for tick in range(400):

@@ -19,7 +19,7 @@ from footfall.deploy.drivers.driver import Replies
 from footfall.deploy.frames import no_frames
 from footfall.deploy.scan import scan
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.imu_ends import open_imu_end
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
@@ -53,7 +53,7 @@ def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, proto
 
 
 def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
-    wiring = wire(with_own(go1))
+    wiring = wiring_of(with_own(go1))
     assert OwnImu.filters[0] in filters_of(wiring)
     imu, end = open_imu(wiring), open_imu_end(wiring)
     imu.absorb(end.encode(imu.reading._replace(gyro=(0.1, -0.2, 0.3))), 5000)
@@ -64,7 +64,7 @@ def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
 def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(OwnDriver, "identifiers", staticmethod(lambda motor: (0x4FE + motor,)))
     with pytest.raises(UserError, match=r"FR_thigh_joint .* and the IMU would both use identifier 0x500"):
-        open_driver(wire(with_own(go1, hip=MOTOR, knee=MOTOR)))
+        open_driver(wiring_of(with_own(go1, hip=MOTOR, knee=MOTOR)))
 
 
 def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

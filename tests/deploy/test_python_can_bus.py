@@ -10,7 +10,7 @@ import pytest
 from fake_time import FakeTime
 
 from footfall.common.errors import UserError
-from footfall.common.installation import install
+from footfall.common.installation import install_command
 from footfall.deploy import interface_time, python_can_bus
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.python_can_bus import PythonCanBus
@@ -97,7 +97,7 @@ class TestPythonCanBus:
             """As python-can's CanInterfaceNotImplementedError."""
 
         lacks = LacksLibraryError("The serial module is not installed")
-        advice = re.escape(install("pyserial"))
+        advice = re.escape(install_command("pyserial"))
         for interface, error, says in (
             ("slcan", OSError("no\nway"), "no way"),
             ("slcan", FakeCan.CanError("no way"), "no way"),

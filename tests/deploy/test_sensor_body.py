@@ -62,10 +62,10 @@ class TestRotation:
         """A turn of 0.05 rad at once, and a gyro that reports 0.5 rad/s about another axis ever since."""
         windows = BodyWindows(go1, Rotation)
         reading = Inertial((0.0, 0.5, 0.0), (0.0, 0.0, 9.81), about("x", 0.05))
-        assert windows.look(reading) == pytest.approx(math.hypot(0.05, 0.01), abs=1e-4)
+        assert windows.update(reading) == pytest.approx(math.hypot(0.05, 0.01), abs=1e-4)
         kept = math.exp(-0.04 / 0.25)
         expected = math.hypot(kept * 0.05, kept * 0.01 + 0.02)
-        assert windows.look(reading) == pytest.approx(expected, abs=1e-4)
+        assert windows.update(reading) == pytest.approx(expected, abs=1e-4)
 
     def test_a_hard_push_is_no_fault_of_the_imu(self, go1: Robot) -> None:
         """A base that is turned at up to 20 rad/s within 60 ms, and hits the ground within 40 ms."""
@@ -75,7 +75,7 @@ class TestRotation:
         inertials = [
             Inertial((w, 0.0, 0.0), (0.0, 0.0, 9.81), about("x", a)) for w, a in zip(rate, angle, strict=True)
         ]
-        values = [windows.look(*inertials[k : k + 10]) for k in range(1, 60, 10)]
+        values = [windows.update(*inertials[k : k + 10]) for k in range(1, 60, 10)]
         assert max(values) < 1e-3
 
 
@@ -86,7 +86,7 @@ class TestRepeated:
         windows = BodyWindows(robot, check, reading(0))
         for window in range(2):
             samples = range(PER_WINDOW * window + 1, PER_WINDOW * (window + 1) + 1)
-            value = windows.look(*map(reading, samples), **{"speed_rad_s": 1.0, **more})
+            value = windows.update(*map(reading, samples), **{"speed_rad_s": 1.0, **more})
         return value
 
     @staticmethod
@@ -126,7 +126,7 @@ class TestGravity:
         reading = Inertial((0.0,) * 3, tuple(felt), tuple(quaternion))
         world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(felt)
         kept = math.exp(-0.04)
-        lean, lift = (BodyWindows(go1, check).look(reading) for check in (Lean, Lift))
+        lean, lift = (BodyWindows(go1, check).update(reading) for check in (Lean, Lift))
         assert lean == pytest.approx((1 - kept) * math.hypot(world[0], world[1]) / 9.81)
         assert lift == pytest.approx((1 - kept) * abs(world[2] / 9.81 - 1.0))
 
@@ -136,7 +136,7 @@ class TestGravity:
         windows, world = BodyWindows(go1, RestError), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
         felt = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
         errors = [
-            windows.look(Inertial((0.0,) * 3, tuple(felt[look // 4]), tuple(quaternion))) for look in range(8)
+            windows.update(Inertial((0.0,) * 3, tuple(felt[k // 4]), tuple(quaternion))) for k in range(8)
         ]
         expected = np.linalg.norm([2.0, 0.5, 10.5 - 9.81]) / 9.81
         assert errors == pytest.approx([0.0] * 7 + [expected])
@@ -156,11 +156,11 @@ class TestGravity:
     ) -> None:
         windows, askew = BodyWindows(go1, RestError), STILL._replace(acceleration=(9.81, 0.0, 9.81))
         for _ in range(8):
-            error = windows.look(askew)
+            error = windows.update(askew)
         assert error == pytest.approx(1.0)
-        error = windows.look(askew._replace(gyro=gyro), speed_rad_s=speed_rad_s)
+        error = windows.update(askew._replace(gyro=gyro), speed_rad_s=speed_rad_s)
         assert error == (pytest.approx(1.0) if rests else 0.0)
-        assert (windows.look(STILL) > 0.0) is rests
+        assert (windows.update(STILL) > 0.0) is rests
 
 
 class TestSunk:
@@ -169,7 +169,7 @@ class TestSunk:
     def test_it_is_looked_at_every_third_window_of_a_robot_on_its_legs(self, go1: Robot) -> None:
         """Its joints read zero: legs straight down, longer than they stand, which is less than none."""
         windows, straight = BodyWindows(go1, Sunk), np.zeros(12)
-        sunk = [windows.look(STILL, on_legs=look != 3, position=straight) for look in range(6)]
+        sunk = [windows.update(STILL, on_legs=update != 3, position=straight) for update in range(6)]
         gone = Clearance(go1).sunk_share(straight, LEVEL)
         assert gone < -0.1
         assert sunk == pytest.approx([0.0, 0.0, gone, 0.0, 0.0, gone])
@@ -177,7 +177,7 @@ class TestSunk:
     def test_of_a_window_the_last_attitude_counts(self, go1: Robot) -> None:
         windows, nose_down = BodyWindows(go1, Sunk), STILL._replace(quaternion=about("y", 0.5))
         for _ in range(3):
-            sunk = windows.look(STILL, nose_down)
+            sunk = windows.update(STILL, nose_down)
         assert sunk == Clearance(go1).sunk_share(go1.default_pose, nose_down.quaternion)
         assert sunk != Clearance(go1).sunk_share(go1.default_pose, LEVEL)
 

@@ -45,9 +45,9 @@ class Link:
         self.replies, self.older = replies, self.older + older
         for _ in range(TICKS):
             self.sums.count_command()
-        for look in range(LOOKS):
+        for update in range(LOOKS):
             self.now_us += 4000
-            if new(look):
+            if new(update):
                 number = self.now_us // 4000
                 self.latest = self.now_us, reading(number) if imu is None else imu(number)
             self.sums.add(*self.latest)
@@ -108,12 +108,12 @@ class TestImu:
         link = Link(go1, links.ImuLost)
         for _ in range(20):
             assert link.window(resting=True) == 0.0
-        assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 9)) is None
-        assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 5)) is not None
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 9)) is None
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 5)) is not None
 
     def test_the_rate_of_a_slow_imu_is_measured_at_first_rest(self, go1: Robot) -> None:
         link = Link(go1, links.ImuLost)
-        slow = lambda look: look % 2 == 0  # noqa: E731
+        slow = lambda update: update % 2 == 0  # noqa: E731
         for _ in range(20):
             link.window(new=slow, resting=True)
         assert windows_until(links.ImuLost, lambda: link.window(new=slow)) is None
@@ -253,7 +253,7 @@ def test_a_leaning_attitude_is_noticed_by_the_acceleration(go1: Robot) -> None:
     for k in range(150):
         half = 0.05 * 0.04 * k
         leaning = (np.cos(half), 0.0, np.sin(half), 0.0)
-        values.append(windows.look(Inertial((0.0, 0.1, 0.0), (0.0, 0.0, 9.81), leaning), speed_rad_s=1.0))
+        values.append(windows.update(Inertial((0.0, 0.1, 0.0), (0.0, 0.0, 9.81), leaning), speed_rad_s=1.0))
     assert values[40] <= LIMITS.long_lean_error < values[-1]
 
 
@@ -272,9 +272,9 @@ def test_a_robot_that_slides_or_hits_the_ground_has_no_faulty_imu(
     """Friction of 0.7 stops it in 1.6 and 0.84 s; ground is hit with 6 times gravity for 40 ms."""
     windows = BodyWindows(go1, check)
     felt = [Inertial((0.0, 0.0, 0.0), each, (1.0, 0.0, 0.0, 0.0)) for each in acceleration]
-    assert max(windows.look(each, speed_rad_s=1.0) for each in felt) <= most
+    assert max(windows.update(each, speed_rad_s=1.0) for each in felt) <= most
 
 
 def test_an_attitude_wrong_by_a_right_angle_is_noticed_within_a_second(go1: Robot) -> None:
     windows, lies = BodyWindows(go1, Lean), Inertial((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    assert max(windows.look(lies, speed_rad_s=1.0) for _ in range(18)) > LIMITS.lean_error
+    assert max(windows.update(lies, speed_rad_s=1.0) for _ in range(18)) > LIMITS.lean_error

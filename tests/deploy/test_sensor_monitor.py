@@ -16,7 +16,7 @@ from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows
 from footfall.deploy.sensor_checks.monitor import SensorMonitor
 from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 from footfall.deploy.signals import Implausible
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.robot_yaml import MotorType
 
@@ -27,7 +27,7 @@ ZEROS = np.zeros(12)
 
 def monitor_of(robot: Robot, limits: SensorLimits = LOOSE, **checks: object) -> SensorMonitor:
     """A monitor that began with a robot that stands still."""
-    monitor = SensorMonitor(robot, wire(robot), limits, 0.002, **checks)  # type: ignore[arg-type]
+    monitor = SensorMonitor(robot, wiring_of(robot), limits, 0.002, **checks)  # type: ignore[arg-type]
     joints = np.array([robot.default_pose, ZEROS, ZEROS])
     monitor.begin(0, np.zeros(12, np.int64), STILL, joints, robot.default_pose)
     return monitor

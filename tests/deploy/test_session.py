@@ -27,7 +27,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.process_end import ending_on_signals
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_on_interface, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract
 from footfall.robots.description import Robot, load_robot
@@ -271,7 +271,7 @@ class TestSession:
     def test_the_joint_rate_is_limited_by_the_fullest_bus(
         self, robot: str, changes: dict[str, Any], says: str
     ) -> None:
-        wiring = replace(wire(load_robot(robot)), **changes)
+        wiring = replace(wiring_of(load_robot(robot)), **changes)
         fastest_hz = int(says.split()[-2])
         check_joint_rate(wiring, open_driver(wiring), fastest_hz)
         with pytest.raises(UserError, match=says):

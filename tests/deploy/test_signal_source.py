@@ -13,7 +13,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.skipped_ticks import SkippedTicks
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.robots.description import Robot
 
@@ -75,7 +75,7 @@ def test_an_imu_that_contradicts_gravity_prevents_stiffness(
 @pytest.mark.parametrize("query", ["not_ready", "not_enabled"])
 def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Robot, query: str) -> None:
     """All answer meanwhile; in the end the fault is that of the driver."""
-    driver = open_driver(wire(go1))
+    driver = open_driver(wiring_of(go1))
     setattr(driver, query, lambda: "motor knee is not there yet")
     assert refused(*loop_of(go1, Hold(go1), driver=driver)) == ("motor knee is not there yet",)
 
@@ -116,7 +116,7 @@ def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
 
 @pytest.mark.parametrize("channel", [0, 3])
 def test_the_imu_may_be_on_any_bus(go1: Robot, channel: int) -> None:
-    loop, _ = loop_of(go1, Hold(go1), wiring=replace(wire(go1), imu_channel=channel))
+    loop, _ = loop_of(go1, Hold(go1), wiring=replace(wiring_of(go1), imu_channel=channel))
     loop.tick()
     assert loop.state.mode is Mode.STANDING
 

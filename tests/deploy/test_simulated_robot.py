@@ -11,7 +11,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.sample import Sample
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
@@ -24,7 +24,7 @@ class Bench:
     """A simulated robot with someone at the controller's end of its wires."""
 
     def __init__(self, robot: Robot, seed: int = 0, **difference: object) -> None:
-        self.robot, self.wiring = robot, wire(robot)
+        self.robot, self.wiring = robot, wiring_of(robot)
         self.codec = mit.Codec(self.wiring.models)
         self.driver = open_driver(self.wiring)
         self.wires = SimulatedWires(self.wiring.buses)

@@ -18,7 +18,7 @@ from footfall.deploy.session import Session, run_on_interface
 from footfall.deploy.stop_inputs.frame import StopFrameBus
 from footfall.deploy.stop_inputs.key import StopKeyInput
 from footfall.deploy.stop_inputs.open import stop_inputs
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
 from footfall.policies.policy import PolicyInput
@@ -95,7 +95,7 @@ def test_a_missing_or_silent_heartbeat_stops(inner: ScriptedBus) -> None:
 def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
     for bus, identifier in (("can1", 2), ("can0", 0x300)):  # of a motor and of the IMU
         robot = with_inputs(go1, StopFrame(bus, identifier))
-        with pytest.raises(UserError, match="already used"), stop_inputs(robot, wire(robot), None):  # type: ignore[arg-type]
+        with pytest.raises(UserError, match="already used"), stop_inputs(robot, wiring_of(robot), None):  # type: ignore[arg-type]
             pass
     StopFrame("can1", 0x7FF)
     StopFrame("can1", 0x800, extended=True)

@@ -13,14 +13,14 @@ from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import MotorEnd
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
-WIRING = wire(ROBOT)
+WIRING = wiring_of(ROBOT)
 N = 12
 WIRINGS = {
     "go1": WIRING,

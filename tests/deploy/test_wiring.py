@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.robots.description import Robot
 
 
 def test_an_imu_may_have_its_own_bus(go1: Robot) -> None:
-    wiring = wire(go1)
+    wiring = wiring_of(go1)
     assert wiring.buses == tuple(dict.fromkeys([*(f"can{k}" for k in range(4)), go1.description.imu_bus]))
     assert wiring.buses[wiring.imu_channel] == go1.description.imu_bus
     assert wiring.label(5) == "FL_calf_joint (can1, id 3)"
@@ -19,10 +19,10 @@ def test_buses_are_in_the_order_of_the_joints_and_the_imus_comes_last(go1: Robot
     called = {"can0": "z", "can1": "b", "can2": "y", "can3": "a"}
     joints = tuple(replace(each, bus=called[each.bus], id=20 + each.id) for each in go1.description.joints)
     description = replace(go1.description, joints=joints[::-1], imu_bus="imu")
-    wiring = wire(replace(go1, description=description))
+    wiring = wiring_of(replace(go1, description=description))
     assert wiring.buses == ("a", "y", "b", "z", "imu")
     assert wiring.imu_channel == 4
     assert wiring.channel.tolist() == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3
     assert wiring.motor_id.tolist() == [23, 22, 21] * 4
-    shared = wire(replace(go1, description=replace(description, imu_bus="y")))
+    shared = wiring_of(replace(go1, description=replace(description, imu_bus="y")))
     assert (shared.buses, shared.imu_channel) == (("a", "y", "b", "z"), 1)

@@ -15,7 +15,7 @@ from injected import Injected
 from footfall.common.errors import UserError
 from footfall.deploy.config import deploy_config
 from footfall.deploy.session import SessionResult
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check import check
 from footfall.deploy.wiring_check.causes import Cause, as_wired, causes
 from footfall.deploy.wiring_check.config import WiringCheckConfig
@@ -142,7 +142,7 @@ def test_exchanged_motors_of_a_biped_are_named(
 @pytest.mark.parametrize("joints", [(7,), (6, 7)])
 def test_a_cause_is_simulated_that_does_not_look_likely(joints: tuple[int, ...], go1: Robot) -> None:
     """A mistake at one joint changes the responses to the motions of others, and another looks like it."""
-    every = list(causes(wire(go1), go1.foot_joints))
+    every = list(causes(wiring_of(go1), go1.foot_joints))
     true = next(each for each in every if each.key == joints and each.ratio[7] != -1.0)
     right = Responses(50.0 * np.eye(12), np.full((12, 2), 0.1))
     change = np.diag([20.0, 20.0] + [0.0] * 10)
@@ -161,7 +161,7 @@ def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
     for robot in (go1, load_robot("hexapod")):
         n = len(robot.joint_names)
         right = as_wired(n)
-        for cause in causes(wire(robot), robot.foot_joints):
+        for cause in causes(wiring_of(robot), robot.foot_joints):
             assert sorted(cause.joint.tolist()) == list(range(n)), cause.text
             assert (cause.joint != right.joint).any() or (cause.ratio != right.ratio).any(), cause.text
 

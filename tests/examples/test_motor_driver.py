@@ -8,7 +8,7 @@ import pytest
 from user_folder import UserFolder
 
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Report
 from footfall.robots.description import ROBOTS, Robot, load_robot
@@ -37,7 +37,7 @@ def test_a_robot_walks_on_these_motors(user_folder: UserFolder, robot: Robot) ->
 
 
 def test_commands_and_replies_arrive_as_they_were_sent(robot: Robot) -> None:
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     driver, end, rng = open_driver(wiring), open_motor_end(wiring), np.random.default_rng(1)
     values = rng.uniform(driver.lowest, driver.highest)
     steps = (driver.highest - driver.lowest) / [[65535], [65535], [255], [255], [65535]]

@@ -13,7 +13,7 @@ from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.robot import PlantConfig
 from footfall.robots.description import load_robot
 from footfall.verbs import bring_up
@@ -84,7 +84,7 @@ def test_an_interface_passes_motors_and_imu(shell: Shell, monkeypatch: pytest.Mo
         lambda step, setting, on: steps.append((step.name, on)) or Verdict(step.name, (), OUTCOME),
     )
     assert shell("bring-up", "stand", "--bus", "slcan", "--steps", "hold", "--yes").status == 0
-    wiring = wire(load_robot("go1"))
+    wiring = wiring_of(load_robot("go1"))
     filters = (*open_driver(wiring).filters, *imu.ImuReader.filters)
     assert opened == [("slcan", wiring.buses, filters), "closed"]
     assert steps == [("hold", bus)]
@@ -96,7 +96,7 @@ def test_a_robot_unable_to_lie_starts_up(shell: Shell, monkeypatch: pytest.Monke
     monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
     robot = SimpleNamespace(lying_pose=None)
     setting: Any = SimpleNamespace(robot=robot, deploy=DeployConfig(), config=BringUpConfig())
-    monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wire(go1))
+    monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wiring_of(go1))
     for step in STEPS:
         with bring_up._opened(setting, step, "sim"):
             pass

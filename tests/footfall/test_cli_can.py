@@ -14,7 +14,7 @@ from shell import Shell
 
 from footfall.deploy import bench, scan
 from footfall.deploy.drivers import odrive, robstride
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant import serve
 from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
@@ -260,7 +260,7 @@ def test_a_scan_is_compared_to_yaml(shell: Shell, own_folder: Path, monkeypatch:
 def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
     shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.Found], status: int
 ) -> None:
-    known = set(scan.expected(wire(go1)))
+    known = set(scan.expected(wiring_of(go1)))
     monkeypatch.setattr(scan, "scan", lambda *_: known | extra)
     outcome = shell("can", "scan", "--bus", "virtual")
     assert outcome.status == status

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.audit import Audit
 from footfall.robots.description import Robot
 
@@ -16,25 +16,25 @@ class TestAudit:
 
     @pytest.fixture
     def audit(self, go1: Robot) -> Audit:
-        return Audit(go1, wire(go1), 0.002)
+        return Audit(go1, wiring_of(go1), 0.002)
 
-    def look(
+    def update(
         self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any, velocity: np.ndarray | None = None
     ) -> None:
         """The robot is in its default pose, at rest unless said otherwise."""
         values = np.zeros((5, 12))
         values[0], values[2] = position, kp
         moves = np.zeros(12) if velocity is None else velocity
-        audit.look(open_driver(wire(go1)).command(values), go1.default_pose, moves)
+        audit.update(open_driver(wiring_of(go1)).command(values), go1.default_pose, moves)
 
     def test_torque_beyond_a_motors_peak_is_reported_as_a_share(self, go1: Robot, audit: Audit) -> None:
         off = go1.default_pose.copy()
         off[0] += 0.5
         kp = 2.5 * go1.motor.peak_torque[0] / 0.5
-        self.look(go1, audit, off, kp)  # asks for 2.5 times the peak
+        self.update(go1, audit, off, kp)  # asks for 2.5 times the peak
         assert audit.torque_over == pytest.approx(1.5, abs=0.02)
         assert audit.stiff
-        self.look(go1, audit, go1.default_pose, kp)
+        self.update(go1, audit, go1.default_pose, kp)
         assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the worst of all
 
     def test_a_motor_at_its_no_load_speed_can_only_brake(self, go1: Robot, audit: Audit) -> None:
@@ -43,41 +43,41 @@ class TestAudit:
         spinning[4] = -(go1.motor.no_load_speed * np.ones(12))[4]
         kp = 0.1 * go1.motor.peak_torque[4] / 0.5
         off[4] += 0.5
-        self.look(go1, audit, off, kp, spinning)
+        self.update(go1, audit, off, kp, spinning)
         assert audit.torque_over == pytest.approx(0.0, abs=1e-9)
         off[4] -= 1.0
-        self.look(go1, audit, off, kp, spinning)
+        self.update(go1, audit, off, kp, spinning)
         assert audit.torque_over == pytest.approx(0.1, abs=0.005)
 
     @pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
     def test_targets_beyond_limits_are_reported(self, go1: Robot, audit: Audit, end: int, by: float) -> None:
         off = go1.default_pose.copy()
         off[2] = go1.soft_limits[end][2] + by
-        self.look(go1, audit, off, 1.0)
+        self.update(go1, audit, off, 1.0)
         assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
 
     def test_a_target_of_a_joint_without_stiffness_is_none(self, go1: Robot, audit: Audit) -> None:
         """All but the first are limp, and told to be far away."""
         far, kp = go1.default_pose + 3.0 * (np.arange(12) > 0), 1.0 * (np.arange(12) == 0)
-        self.look(go1, audit, go1.default_pose, kp)
-        self.look(go1, audit, far, kp)
+        self.update(go1, audit, go1.default_pose, kp)
+        self.update(go1, audit, far, kp)
         assert audit.stiff
         assert (audit.outside_rad, audit.rate_share) == (0.0, 0.0)
 
     @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
     def test_a_jumping_target_is_reported(self, go1: Robot, audit: Audit, jump_rad: float) -> None:
-        self.look(go1, audit, go1.default_pose, 1.0)
-        self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
-        self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
+        self.update(go1, audit, go1.default_pose, 1.0)
+        self.update(go1, audit, go1.default_pose + jump_rad, 1.0)
+        self.update(go1, audit, go1.default_pose + jump_rad, 1.0)
         rate = go1.description.target_rate_rad_s
         assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
 
     def test_a_target_after_damping_is_the_first(self, go1: Robot, audit: Audit) -> None:
         for position, kp in ((0.0, 1.0), (0.0, 0.0), (0.3, 1.0)):
-            self.look(go1, audit, go1.default_pose + position, kp)
+            self.update(go1, audit, go1.default_pose + position, kp)
         assert audit.rate_share == 0.0
 
     def test_damping_has_no_target(self, go1: Robot, audit: Audit) -> None:
-        self.look(go1, audit, go1.default_pose + 9.0, 0.0)
+        self.update(go1, audit, go1.default_pose + 9.0, 0.0)
         assert not audit.stiff
         assert audit.outside_rad == 0.0

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
@@ -33,7 +33,7 @@ def test_a_guards_thread_and_the_loops_take_turns() -> None:
 
 
 def test_frames_refused_by_a_full_wire_count_for_the_host(go1: Robot) -> None:
-    wires = SimulatedWires(wire(go1).buses, host_queue=3)
+    wires = SimulatedWires(wiring_of(go1).buses, host_queue=3)
     bus = SimulatedBus(wires, SimpleNamespace(time_us=1000))  # type: ignore[arg-type]
     channel = np.array([1] * 5 + [2] * 4)
     frames = Frames(channel, np.full(9, 1), np.zeros((9, 8), np.uint8), np.full(9, 8))

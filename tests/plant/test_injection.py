@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.frame_changes import (
     cut_short,
     dropped,
@@ -108,7 +108,7 @@ class TestReadings:
 
     @pytest.fixture
     def arriving(self, go1: Robot) -> list[Frames]:
-        end = open_motor_end(wire(go1))
+        end = open_motor_end(wiring_of(go1))
         return [end.reply(slice(None), report(self.VALUES, temperature_c=31)), of_imu()]
 
     @pytest.fixture
@@ -116,7 +116,7 @@ class TestReadings:
         bus: Any = SimpleNamespace(receive=lambda _: arriving)
         anything: Any = None
         command, rng = InjectingCommandSource(np.zeros(3)), np.random.default_rng(1)
-        return FaultInjector(go1, wire(go1), anything, InjectingBus(bus), anything, command, rng)
+        return FaultInjector(go1, wiring_of(go1), anything, InjectingBus(bus), anything, command, rng)
 
     def heard(self, injector: FaultInjector) -> list[list[list[int]]]:
         return [frames.data.tolist() for frames in injector.bus.receive(0)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.sample import Sample
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
@@ -15,7 +15,7 @@ TICKS, TICK_US = 500, 2000
 
 def replies(robot: Robot, sample: Sample) -> tuple[int, int]:
     """Frames of motors, and of the IMU, that arrive while 500 commands go out to motors that are enabled."""
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires, driver = SimulatedWires(wiring.buses), open_driver(wiring)
     body = SimulatedRobot(robot, wiring, wires, PlantConfig(sample=sample))
     zeros = np.zeros_like(robot.default_pose)

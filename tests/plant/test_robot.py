@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from plant_bodies import body_of, thrown
 
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
@@ -55,7 +55,7 @@ class TestStart:
         assert body.data.time == pytest.approx(0.004)
 
     def test_the_imu_reports_every_two_milliseconds_one_count_on(self, go1: Robot) -> None:
-        wiring = wire(go1)
+        wiring = wiring_of(go1)
         wires = SimulatedWires(wiring.buses)
         body = SimulatedRobot(go1, wiring, wires)
 
@@ -86,7 +86,7 @@ class TestStart:
 
 def test_a_robot_with_cut_wires_finally_lies_still(go1: Robot) -> None:
     """No frame, no torque: it sinks, and its joints come to rest by friction alone."""
-    wiring = wire(go1)
+    wiring = wiring_of(go1)
     wires = SimulatedWires(wiring.buses)
     body = SimulatedRobot(go1, wiring, wires)
     body.advance(1_500_000)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from footfall.deploy.frames import Frames, no_frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant import serve as module
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import MAX_STEP_US, not_before, serve
@@ -157,4 +157,4 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
     monkeypatch.setattr(module, "open_interfaces", Bus)
     with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:
         np.testing.assert_array_equal(body.encoder_bias, 0.25)
-    assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
+    assert made == [("vcan", wiring_of(go1).buses), 0]  # closed once nobody uses it

@@ -111,12 +111,12 @@ class TestStep:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         lifted: list[float] = []
 
-        def look(time_s: float, _: DirectPlant) -> None:
+        def record(time_s: float, _: DirectPlant) -> None:
             if policy.footwork.steps and not lifted:
                 lifted.append(time_s)
 
         shove = (0.8, np.array([0.5, 0.0, 0.0]))
-        assert not walk(policy, plant, STANDING, 2.0, push=shove, frame=look).fell
+        assert not walk(policy, plant, STANDING, 2.0, push=shove, frame=record).fell
         assert lifted[0] < 0.8 + 0.1
 
     def test_undisturbed_it_does_not_step(self) -> None:

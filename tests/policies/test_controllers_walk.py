@@ -48,11 +48,11 @@ def tilted(
     """A walk by the true base velocity, and the largest tilt, rad; `change` is called with each tick."""
     tilts: list[float] = []
 
-    def look(time_s: float, plant: DirectPlant) -> None:
+    def record(time_s: float, plant: DirectPlant) -> None:
         tilts.append(float(tilt(plant.data.qpos[3:7])))
         change(round(time_s * 500))
 
-    result = walk(policy, DirectPlant(ROBOT), lambda _: np.array(command), duration_s, frame=look)
+    result = walk(policy, DirectPlant(ROBOT), lambda _: np.array(command), duration_s, frame=record)
     return result, max(tilts)
 
 

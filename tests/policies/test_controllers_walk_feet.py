@@ -66,9 +66,11 @@ class TestRolling:
         legs, pose = robot.legs, robot.default_pose
         tips, step = legs.default_foot, 1e-4
         rolling = rolling_of(legs, tips, pose)
-        before = legs.turn(legs.scatter(legs.solve(tips), pose)).copy()
+        before = legs.tip_rotation(legs.scatter(legs.solve(tips), pose)).copy()
         for axis in np.eye(3)[:2]:
-            turned = legs.turn(legs.scatter(legs.solve(tips + step * axis), pose)) @ before.transpose(0, 2, 1)
+            turned = legs.tip_rotation(legs.scatter(legs.solve(tips + step * axis), pose)) @ before.transpose(
+                0, 2, 1
+            )
             spin = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1) / step
             under = axis + np.cross(spin, np.outer(legs.foot_radius, [0.0, 0.0, -1.0]))
             assert np.all(under @ axis > 1.05)

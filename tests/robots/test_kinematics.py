@@ -93,24 +93,24 @@ class TestLoad:
         robot = load_robot("g1")
         legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
         pose = robot.default_pose + 0.1
-        turn, torque = legs.turn(pose).copy(), legs.holding_torque(pose, down)
+        turn, torque = legs.tip_rotation(pose).copy(), legs.holding_torque(pose, down)
         legs.pose(robot.default_pose)
-        assert not np.allclose(legs.turn(robot.default_pose), turn)
-        np.testing.assert_array_equal(legs.turn(pose), turn)
+        assert not np.allclose(legs.tip_rotation(robot.default_pose), turn)
+        np.testing.assert_array_equal(legs.tip_rotation(pose), turn)
         legs.solve(legs.default_foot + 0.02)
-        np.testing.assert_array_equal(legs.turn(pose), turn)
+        np.testing.assert_array_equal(legs.tip_rotation(pose), turn)
         np.testing.assert_array_equal(legs.holding_torque(pose, down), torque)
 
     def test_a_sole_turns_with_its_joints(self) -> None:
         """In the default pose g1's soles are level; hip, knee and ankle pitch add up."""
         robot = load_robot("g1")
-        np.testing.assert_allclose(robot.legs.turn(robot.default_pose), [np.eye(3)] * 2, atol=1e-4)
+        np.testing.assert_allclose(robot.legs.tip_rotation(robot.default_pose), [np.eye(3)] * 2, atol=1e-4)
         pose = robot.default_pose.copy()
         for joint, angle in (("hip_pitch", 0.3), ("knee", -0.1), ("ankle_pitch", 0.05)):
             pose[robot.joint_index(f"right_{joint}_joint")] += angle
         cos, sin = np.cos(0.25), np.sin(0.25)
         expected = [[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]
-        np.testing.assert_allclose(robot.legs.turn(pose)[1], expected, atol=0.01)
+        np.testing.assert_allclose(robot.legs.tip_rotation(pose)[1], expected, atol=0.01)
 
 
 class TestRolling:

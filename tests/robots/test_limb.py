@@ -154,7 +154,7 @@ class TestSoles:
         robot = robots[SOLES]
         legs = robot.legs
         places = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
-        turn = legs.turn(legs.scatter(legs.solve(places), robot.default_pose))
+        turn = legs.tip_rotation(legs.scatter(legs.solve(places), robot.default_pose))
         np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
 
     def test_the_geoms_of_a_foot_belong_to_one_body(self, tmp_path: Path) -> None:

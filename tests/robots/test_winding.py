@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from footfall.common.errors import UserError
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
@@ -117,7 +117,7 @@ def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> Sim
 
 class TestBehindTheBus:
     def motors(self, robot: Robot, sample: dict[str, np.ndarray]) -> SimulatedMotors:
-        end = open_motor_end(wire(robot))
+        end = open_motor_end(wiring_of(robot))
         return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
 
     def held(self, motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:

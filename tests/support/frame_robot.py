@@ -8,7 +8,7 @@ from reports import report
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.policies.policy import PolicyInput
@@ -28,7 +28,7 @@ class FrameRobot:
     """A robot on a bus that is what its attributes say: it answers every tick and keeps what it was sent."""
 
     def __init__(self, robot: Robot, wiring: Wiring | None = None) -> None:
-        self.wiring = wiring or wire(robot)
+        self.wiring = wiring or wiring_of(robot)
         self._end = open_motor_end(self.wiring)
         self.readings = np.array([robot.default_pose, np.zeros(12), np.zeros(12)])
         self.quaternion = (1.0, 0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ from fault_kinds import KINDS
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.session import Session, SessionResult, run_session
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -30,7 +30,7 @@ class Injected:
         command: np.ndarray | None = None,
         config: DeployConfig | None = None,
     ) -> None:
-        self.robot, self.wiring, self.config = robot, wire(robot), config or DeployConfig()
+        self.robot, self.wiring, self.config = robot, wiring_of(robot), config or DeployConfig()
         wires = SimulatedWires(self.wiring.buses, self.config.host_queue)
         self.body = SimulatedRobot(robot, self.wiring, wires, plant)
         self.bus = InjectingBus(SimulatedBus(wires, self.body))

@@ -23,7 +23,7 @@ from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.recovery import Recovery
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.steering import Steering
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
@@ -60,7 +60,7 @@ def loop_on(
     **settings: Any,
 ) -> ControlLoop:
     """A loop on a bus, by default in lockstep at 500 Hz."""
-    wiring = wiring or wire(robot)
+    wiring = wiring or wiring_of(robot)
     safety = replace(safety or SafetyConfig(), still_s=still_s)
     config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
     clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
@@ -99,7 +99,7 @@ def simulated_loop(
     robot: Robot, policy: Policy, pose: np.ndarray | None = None, **settings: Any
 ) -> ControlLoop:
     """A loop on a simulated robot that stands in a pose, the default one if none is given."""
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses)
     body = SimulatedRobot(robot, wiring, wires)
     if pose is not None:

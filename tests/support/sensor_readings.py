@@ -99,7 +99,7 @@ class BodyWindows:
         self.before = before
         self._position = robot.default_pose
 
-    def look(
+    def update(
         self,
         *inertials: Inertial,
         speed_rad_s: float = 0.0,

@@ -5,7 +5,7 @@ from typing import Any
 
 from footfall.deploy.drivers import mit
 from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus
 from footfall.plant.motor_ends.mit import MitMotorEnd
@@ -18,7 +18,7 @@ class Simulation:
     """A robot whose motors wait for 30 s unless told otherwise, its bus, and what was sent to it."""
 
     def __init__(self, robot: Robot, **plant: Any) -> None:
-        self.wiring, config = wire(robot), PlantConfig(**{"motor_timeout_s": 30.0, **plant})
+        self.wiring, config = wiring_of(robot), PlantConfig(**{"motor_timeout_s": 30.0, **plant})
         wires = SimulatedWires(self.wiring.buses, host_queue=20)
         self.body = SimulatedRobot(robot, self.wiring, wires, config)
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
@@ -28,7 +28,7 @@ class Simulation:
 
 def asked_of_motors(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
     """What motors were asked for, tick after tick: what, and how many ticks in a row."""
-    end = MitMotorEnd(wire(robot))
+    end = MitMotorEnd(wiring_of(robot))
 
     def asked(frames: Frames) -> str:
         word = mit.words(frames.data)[0]

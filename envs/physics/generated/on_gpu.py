@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 from footfall.envs.physics.generated import driver, handler, kernels, nvrtc
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.cuda import kernel_source, layout
@@ -26,7 +26,7 @@ THREADS, BLOCKS = 64, 4  # per block; blocks per multiprocessor: docs/results.md
 def unavailable() -> str:
     """Why a kernel cannot be called here; empty if it can."""
     if importlib.util.find_spec("llvmlite") is None:
-        return f"llvmlite, which compiles its call, is not installed: {install_extras('train')}"
+        return f"llvmlite, which compiles its call, is not installed: {extras_command('train')}"
     if handler.version()[0] != handler.KNOWN_MAJOR:
         return f"this jaxlib calls foreign functions by version {handler.version()[0]} of XLA's interface"
     try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 from footfall.common.outside import one_line
 from footfall.common.processors import usable_cores
 from footfall.envs.physics.generated import handler
@@ -36,7 +36,7 @@ def unavailable() -> str:
     try:
         import_module("llvmlite.binding")
     except (ImportError, OSError) as error:  # not installed, or its library does not load here
-        return f"llvmlite, which compiles it, does not load ({one_line(error)}): {install_extras('train')}"
+        return f"llvmlite, which compiles it, does not load ({one_line(error)}): {extras_command('train')}"
     if handler.version()[0] != handler.KNOWN_MAJOR:
         return f"this jaxlib calls foreign functions by version {handler.version()[0]} of XLA's interface"
     return ""

@@ -59,7 +59,7 @@ def _difference(a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
 
 
 def _residuals(contacts: list[Rows], x: list[Scalar], reference: bool) -> list[list[Scalar]]:
-    """J x of each contact's rows, with `reference` less the reference acceleration."""
+    """J x of each contact's rows; with `reference`, minus the reference acceleration."""
     found = []
     for contact in contacts:
         along = [sum((j * x[dof] for dof, j in row.items()), start=0.0) for row in contact.jacobian]

@@ -45,7 +45,7 @@ def sole_levers(robot: Robot, share: float) -> np.ndarray:
         (legs, 3) m.
     """
     levers = []
-    for turn, spheres in zip(robot.legs.turn(robot.default_pose), robot.legs.spheres, strict=True):
+    for turn, spheres in zip(robot.legs.tip_rotation(robot.default_pose), robot.legs.spheres, strict=True):
         along, across, _ = np.abs(spheres.centre @ turn.T).mean(axis=0)
         levers.append([across, along, np.hypot(along, across)])
     return share * np.array(levers)

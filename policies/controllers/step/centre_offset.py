@@ -1,4 +1,4 @@
-"""Where the robot's centre of mass truly is, from the motors' torques while it stands."""
+"""True position of the robot's centre of mass, from the motors' torques while it stands."""
 
 import math
 
@@ -58,10 +58,10 @@ def centre_of_pressure(dynamics: Dynamics, joint_torque: np.ndarray) -> np.ndarr
         return None
     to_joints = dynamics.foot_jacobian[:, :, 6:].reshape(6 * feet, -1).T
     wrenches, _, rank, _ = np.linalg.lstsq(to_joints, dynamics.bias[6:] - joint_torque, rcond=None)
-    force, turning = wrenches.reshape(feet, 2, 3).transpose(1, 0, 2)
+    force, moment = wrenches.reshape(feet, 2, 3).transpose(1, 0, 2)
     up = force[:, 2]
     if rank < 6 * feet or up.sum() <= 0.0:
         return None
-    arms = np.column_stack([-turning[:, 1], turning[:, 0]])
+    arms = np.column_stack([-moment[:, 1], moment[:, 0]])
     pressure: np.ndarray = (up @ dynamics.foot[:, :2] + arms.sum(axis=0)) / up.sum()
     return pressure

@@ -141,9 +141,9 @@ def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
 @contextmanager
 def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     """Bus to the robot; a simulated robot starts as the step requires."""
-    from footfall.deploy.wiring import wire
+    from footfall.deploy.wiring import wiring_of
 
-    robot, wiring = setting.robot, wire(setting.robot)
+    robot, wiring = setting.robot, wiring_of(setting.robot)
     plant = None
     with ExitStack() as resources:
         if kind in (SIMULATED, VIRTUAL):

@@ -142,11 +142,11 @@ def clear(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> i
 
 def _wired(where: Target) -> "tuple[Robot, Wiring]":
     from footfall.deploy.drivers.choice import by_driver
-    from footfall.deploy.wiring import wire
+    from footfall.deploy.wiring import wiring_of
     from footfall.robots.description import load_robot
 
     robot = load_robot(where.robot)
-    wiring = wire(robot)
+    wiring = wiring_of(robot)
     by_driver(wiring)  # raises UserError for motors without a driver
     return robot, wiring
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from footfall.common.installation import install_extras
+from footfall.common.installation import extras_command
 from footfall.common.outputs import check_outputs, write_text
 from footfall.options import Names, OptionalPath, RobotName, Seconds, Seed
 
@@ -198,7 +198,7 @@ def _draw(folder: Path, results: "list[ControllerResult]", path: Path) -> None:
     try:
         from footfall.evaluate.report.stills import Walk, draw_walks
     except ImportError:
-        print(f"no picture: {install_extras('report')}")
+        print(f"no picture: {extras_command('report')}")
         return
     walks = [Walk(result.name, result.trouble, result.trace) for result in results]
     trouble = draw_walks(folder, walks, path)
