@@ -21,6 +21,7 @@ from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.mode_actions import ModeActions
 from footfall.deploy.modes import Mode
+from footfall.deploy.safety import State
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.scenarios import load_scenarios
@@ -64,9 +65,9 @@ def folding(robot: Robot, share: float | None, kd: float) -> Iterator[None]:
     frames, zero = ModeActions.frames, np.zeros(len(robot.joint_names))
     pose = robot.lying_pose if robot.lying_pose is not None else robot.default_pose
 
-    def folds(self: ModeActions, mode: Mode, time_s: float) -> object:
-        if mode is not Mode.FALLING or share is None:
-            return frames(self, mode, time_s)
+    def folds(self: ModeActions, state: State, now_us: int) -> object:
+        if state.mode is not Mode.FALLING or share is None:
+            return frames(self, state, now_us)
         return self._joints.command(JointCommand(pose, zero, share * robot.kp, zero + kd, zero))
 
     ModeActions.frames = folds  # type: ignore[method-assign,assignment]

@@ -88,13 +88,13 @@ def robot(name: str, bus: str, slow: bool) -> None:
     `start` puts a robot on the bus, `stop` removes it, any other line is a fault. Prints a JSON object
     whenever motors were enabled or disabled.
     """
-    import footfall.plant.robot as robot_module
+    import footfall.plant.imu_ends as imu_module
     import footfall.plant.serve as serve_module
     import footfall.robots.model as model_module
     from footfall.robots.description import load_robot
 
     if slow:
-        robot_module.IMU_PERIOD_S, model_module.PLANT_TIMESTEP_S, serve_module.PERIOD_US = 0.01, 0.002, 2000
+        imu_module.IMU_PERIOD_S, model_module.PLANT_TIMESTEP_S, serve_module.PERIOD_US = 0.01, 0.002, 2000
     description = load_robot(name)
     for line in sys.stdin:
         if line.strip() == "start":

@@ -74,7 +74,7 @@ class ControlLoop:
             wiring_check: check before the robot stands up and walks; None for none.
             recovery: consent to get up after a fall; None for none.
         """
-        self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
+        self._bus, self._clock, self._config = bus, clock, config
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         kd, battery = config.safety.damping_kd, battery_monitor(robot, config.safety.battery)
         imu, tick_s = open_imu(wiring, config.estimator.attitude), config.tick_us * 1e-6
@@ -104,7 +104,6 @@ class ControlLoop:
         self.state, self.now_us = State(), 0
         self.heartbeat_s = math.inf  # start of the last tick, by `time.perf_counter`
         self.walked_s = 0.0  # final value, once the robot no longer walks
-        self.ticks_skipped = 0  # skipped because the loop was late
 
     @property
     def walking(self) -> bool:
@@ -172,7 +171,7 @@ class ControlLoop:
         """
         before_us, self.now_us = self.now_us, self._clock.next_tick()
         if self.now_us > before_us:  # the first tick has no previous one
-            self.ticks_skipped += (self.now_us - before_us) // self._config.tick_us - 1
+            self.timing.ticks_skipped += (self.now_us - before_us) // self._config.tick_us - 1
         if self._taken_over():
             self._stand_back()
             return False
@@ -212,8 +211,7 @@ class ControlLoop:
             self._supervise(signals._replace(policy=runner.signals))
         if self.state.mode is Mode.STANDING:
             self._update_estimate()
-        since_s = now_us * 1e-6 - self.state.since_s
-        frames = self._driver.disable() if self.state.over else self._actions.frames(self.state.mode, since_s)
+        frames = self._actions.frames(self.state, now_us)
         if self._taken_over():  # since the tick's start: nothing may be sent after a guard's damping
             self._stand_back()
             return

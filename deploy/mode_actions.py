@@ -76,8 +76,11 @@ class ModeActions:
         self._runner.get_up(now_us)
         return True
 
-    def frames(self, mode: Mode, time_s: float) -> Frames:
-        """Frames for a mode that began `time_s` ago."""
+    def frames(self, state: State, now_us: int) -> Frames:
+        """Frames for this tick: commands of the state's mode, or the end of the run."""
+        if state.over:
+            return self._driver.disable()
+        mode, time_s = state.mode, now_us * 1e-6 - state.since_s
         decision = self._runner.decision
         if mode in COMMANDED and decision is not None:
             return self._joints.command(decision)

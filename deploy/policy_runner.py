@@ -33,6 +33,20 @@ class Notes(Protocol):
     def notes(self) -> Sequence[str]: ...
 
 
+class NoteSource:
+    """Notes of one source, each returned once."""
+
+    def __init__(self, source: Notes) -> None:
+        self._source = source
+        self._collected = 0
+
+    def new(self) -> Sequence[str]:
+        """Notes since the last call."""
+        notes, start = self._source.notes, self._collected
+        self._collected = len(notes)
+        return notes[start:]
+
+
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
 FORK_EXIT_STATUS = 1  # exit status of a forked copy of the process that returns from a policy step
 
@@ -89,17 +103,15 @@ class PolicyRunner:
         self._changes: list[Change] = []  # not logged yet
         self._notes_logged = 0
         scanning = [] if height_scans is None else [height_scans]
-        self._note_sources: list[Notes] = [*all_policies, *scanning, *note_sources]
-        self._notes_collected = [0] * len(self._note_sources)  # number of collected notes of each
+        sources: list[Notes] = [*all_policies, *scanning, *note_sources]
+        self._sources = [NoteSource(each) for each in sources]
 
     @property
     def notes(self) -> list[str]:
         """Notes of the run: changed requests and others, one line each."""
-        notes, collected = self.steering.notes, self._notes_collected
-        for index, each in enumerate(self._note_sources):
-            if len(each.notes) > collected[index]:
-                notes.extend(each.notes[collected[index] :])
-                collected[index] = len(each.notes)
+        notes = self.steering.notes
+        for source in self._sources:
+            notes.extend(source.new())
         return notes
 
     def log_step(self, now_us: int, log: RunLog, step: tuple[PolicyInput, np.ndarray] | None) -> None:

@@ -38,10 +38,11 @@ class Postures:
     def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool, stand_up: bool = True) -> None:
         """`lie_down`: whether the robot may lie down, if it can. Without `stand_up` it holds its initial
         pose."""
-        self._stands = stand_up
+        self._config, self._stands = config, stand_up
+        self._held_start = robot.description.held_start
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
-        self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
+        self._clearance = Clearance(robot)
         self._levelling, self._levels = Levelling(robot, config.levelling), False
         limit = robot.description.target_rate_rad_s
         self._rate = min(config.pose_rate_rad_s, limit)
@@ -52,15 +53,13 @@ class Postures:
             Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, limit)),
             Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, limit)),
         }
-        self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
         self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # the same damping ratio
-        self._gains, self._unfold_s = self._stiff, config.safety.recovery.unfold_s
+        self._gains = self._stiff
         self._fastest = limit
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
-        self._held_start, self._in_place_s = robot.description.held_start, config.in_place_s
 
     def stand_up(self, here: np.ndarray, quaternion: np.ndarray) -> None:
         """Start the path to the default pose; a lying robot folds its legs first.
@@ -71,13 +70,15 @@ class Postures:
         """
         self._gains, self._levels = self._stiff, self._stands
         if not self._stands:
-            self._path = PosePath([here, here], [self._rate], self._least_s)
+            self._path = PosePath([here, here], [self._rate], MOVING_SHARE * self._config.stand_s)
             return
-        lies = self._lying is not None and self._clearance.sunk_share(here, quaternion) >= self._sunk
+        sunk = self._config.safety.sensors.sunk
+        lies = self._lying is not None and self._clearance.sunk_share(here, quaternion) >= sunk
         poses = [here, self._standing]
         if lies and self._lying is not None:
             poses.insert(1, self._lying)
-        self._path = PosePath(poses, [self._rate] * (len(poses) - 1), self._least_s)
+        min_s = MOVING_SHARE * self._config.stand_s
+        self._path = PosePath(poses, [self._rate] * (len(poses) - 1), min_s)
         self._carried_s = self._path.duration_s if lies else 0.0
 
     def lie_down(self, target: np.ndarray, ending: Ending) -> None:
@@ -107,11 +108,12 @@ class Postures:
             here: joint positions, rad, (n,).
         """
         self._gains, self._levels = self._soft, False
-        self._path = PosePath([here, self._standing], [self._fastest], MOVING_SHARE * self._unfold_s)
+        min_s = MOVING_SHARE * self._config.safety.recovery.unfold_s
+        self._path = PosePath([here, self._standing], [self._fastest], min_s)
 
     def unfolded(self, time_s: float) -> bool:
         """Whether the time for unfolding is over."""
-        return time_s >= self._unfold_s - 1e-9
+        return time_s >= self._config.safety.recovery.unfold_s - 1e-9
 
     def command(self, time_s: float, sensed: Sensed | None = None) -> JointCommand:
         """Joint command at this time; with readings, a biped that stands up is levelled."""
@@ -122,11 +124,12 @@ class Postures:
 
     def done(self, time_s: float) -> bool:
         """Whether the pose is reached, and the robot has settled in it."""
-        return time_s >= self._path.duration_s + self._hold_s - 1e-9
+        hold_s = (1.0 - MOVING_SHARE) * self._config.stand_s
+        return time_s >= self._path.duration_s + hold_s - 1e-9
 
     def held_up(self, time_s: float, mode: Mode) -> bool:
         """Whether a person holds the robot, `time_s` after the start of the mode."""
-        walks = mode is Mode.WALKING and time_s >= self._in_place_s
+        walks = mode is Mode.WALKING and time_s >= self._config.in_place_s
         return self._held_start and mode in (Mode.CHECKING, *MOVING) and not walks
 
     def on_legs(self, time_s: float, mode: Mode) -> bool:

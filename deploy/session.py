@@ -207,7 +207,7 @@ def run_session(
             run_s=loop.now_us * 1e-6,
             wall_s=wall_s,
             compute_ms=loop.timing.policy_ms.values(),
-            timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
+            timing=loop.timing.summary(),
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
             notes=(*refused, *runner.notes, *filter(None, [lacking]), *at_the_end),

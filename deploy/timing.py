@@ -39,10 +39,12 @@ class Timing:
     tick_us: Durations = field(default_factory=Durations)  # duration of each tick's work
     policy_ms: Durations = field(default_factory=Durations)  # duration of each policy step
     overruns: int = 0  # ticks whose work took longer than the period; wall clock only
+    ticks_skipped: int = 0  # because the loop was late; wall clock only
 
     def summary(self, most: int = MAX_SAMPLES) -> dict[str, float]:
         """By name: p50 and p99 of up to `most` latest durations, the maximum of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
+        found["ticks_skipped"] = float(self.ticks_skipped)
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)
             values = durations.values(most) if durations.count else np.zeros(1)

@@ -10,6 +10,36 @@ from footfall.robots.description import Robot
 Holder = Frame | Clamp
 
 
+class Support:
+    """Keeps a robot still until its motors are commanded, and in its frame or stand until it is released.
+
+    Args:
+        holder: the frame or stand; None if the robot stands by itself.
+        steps: physics steps with commanded motors until it is released; infinite for never.
+        still: whether the robot does not move until its motors are commanded.
+    """
+
+    def __init__(self, holder: Holder | None, steps: float, still: bool) -> None:
+        self._holder, self._steps = holder, steps
+        self.still = still
+
+    def act(self, commanded: bool) -> None:
+        """Apply the holder's force in the next physics step, or release the robot.
+
+        Args:
+            commanded: whether the motors have been commanded.
+        """
+        self.still = self.still and not commanded
+        if self._holder is None:
+            return
+        self._steps -= commanded
+        if self._steps > 0:
+            self._holder.pull()
+        else:
+            self._holder.let_go()
+            self._holder = None
+
+
 def holder(
     robot: Robot,
     model: mujoco.MjModel,

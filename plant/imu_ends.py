@@ -10,8 +10,10 @@ from footfall.common.outside import find
 from footfall.deploy.drivers import imu, vectornav, xbus, xsens_can
 from footfall.deploy.drivers.choice import imu_driver_class
 from footfall.deploy.drivers.serial_imu import Sample, to_frames
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
+
+IMU_PERIOD_S = 0.002
 
 
 class ImuEnd(Protocol):
@@ -101,3 +103,22 @@ def open_imu_end(wiring: Wiring) -> ImuEnd:
         raise UserError(f"imu_protocol '{wiring.imu_protocol}' has no simulated IMU: it names no imu_end")
     end: type[ImuEnd] = find(driver.imu_end, "simulated IMU")
     return end(wiring.imu_channel)
+
+
+class SimulatedImu:
+    """A robot's IMU, which samples at its own rate."""
+
+    def __init__(self, wiring: Wiring, step_s: float) -> None:
+        """`step_s` is the physics step."""
+        self._end, self._frames = open_imu_end(wiring), no_frames()
+        self._every = round(IMU_PERIOD_S / step_s)
+
+    def due(self, step: int) -> bool:
+        """Whether a sample is due in this physics step."""
+        return step % self._every == 0
+
+    def frames(self, measure: Callable[[], imu.Inertial], stuck: bool) -> Frames:
+        """Frames of the next sample; a stuck IMU repeats its last one."""
+        if not stuck:
+            self._frames = self._end.encode(measure())
+        return self._frames

@@ -8,27 +8,14 @@ import numpy as np
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
-from footfall.domain_rand.sample import (
-    Sample,
-    randomised_command,
-    randomised_motor,
-    randomised_winding,
-    sensor_bias,
-)
+from footfall.domain_rand.sample import Sample, randomised_command, sensor_bias
 from footfall.plant.delays import Delay
+from footfall.plant.drivetrain import Drivetrain
 from footfall.plant.motor_ends.motor_end import DEFAULT_SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
-from footfall.robots.actuator import (
-    JointCommand,
-    Motor,
-    at_supply,
-    friction_torque,
-    lag_over,
-    lagged,
-    motor_torque,
-)
-from footfall.robots.actuator_net import ActuatorNet, inputs_of, learned_torque
-from footfall.robots.winding import Winding, at_temperature, warmed
+from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.actuator_net import ActuatorNet
+from footfall.robots.winding import Winding
 
 TEMPERATURE_C = 30
 HOTTEST_REPORTED_C = 127  # limit of a signed byte, which some frames carry
@@ -76,12 +63,7 @@ class SimulatedMotors:
         n = joints
         self._end = end
         self.broadcasts = end.broadcasts
-        self._motor = randomised_motor(motor, sample)
-        self._lag = None if self._motor.lag_s is None else lag_over(self._motor.lag_s, step_s)
-        self._winding, self._step_s = randomised_winding(winding, sample), step_s
-        self.winding_c = None if self._winding is None else np.array(self._winding.start_c)
-        self._lagged = np.zeros(n)  # torque at the end of the last step, of motors with lag
-        self._net, self._memory = net, None if net is None else net.rest()
+        self.drivetrain = Drivetrain(motor, n, sample, step_s, winding, net)
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
         if bias is not None:
@@ -118,25 +100,15 @@ class SimulatedMotors:
             self.enabled &= ~late
             self._note_enabled()
         if not self._any_enabled:
-            return self._delivered(np.zeros(len(position)))
+            return self.drivetrain.delivered(np.zeros(len(position)))
         ratio = None
         if self._geared is not None:
             ratio, about = self._geared
             position, velocity = about + ratio * (position - about), ratio * velocity
-        measured = position + self.encoder_bias
-        motor = at_temperature(self._motor, self.winding_c, self._winding)
-        torque = motor_torque(self._command, measured, velocity, motor)
+        torque = self.drivetrain.demand(self._command, position + self.encoder_bias, velocity)
         if ratio is not None:
             torque = ratio * torque
-        return self._delivered(torque if self._all_enabled else self.enabled * torque)
-
-    def _delivered(self, demand: np.ndarray) -> np.ndarray:
-        """Mean torque over this step after the motors' lag, N m, (n,). It warms their windings."""
-        mean = demand
-        if self._lag is not None:
-            mean, self._lagged = lagged(demand, self._lagged, self._lag)
-        self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
-        return mean
+        return self.drivetrain.delivered(torque if self._all_enabled else self.enabled * torque)
 
     def reboot(self, motors: np.ndarray) -> None:
         """Disable motors (joint indices), as after power-up."""
@@ -145,7 +117,11 @@ class SimulatedMotors:
 
     def weaken(self, strength: np.ndarray) -> None:
         """Scale the delivered torque of each motor from now on, (n,)."""
-        self._motor = self._motor._replace(strength=self._motor.strength * strength)
+        self.drivetrain.weaken(strength)
+
+    def sag(self, share: float) -> None:
+        """Scale the supply voltage by `share` from now on."""
+        self.drivetrain.sag(share)
 
     def rewire(self, end: MotorEnd) -> None:
         """Replace the motors' end of the wires: from now on other frames reach each motor."""
@@ -161,14 +137,6 @@ class SimulatedMotors:
         """
         self._geared = ratio, about
 
-    def sag(self, share: float) -> None:
-        """Scale the supply voltage by `share` (see `at_supply`)."""
-        self._motor = at_supply(self._motor, share)
-
-    def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """Gearbox friction at the joint, N m, (n,), of gearboxes that transmit a torque (n,)."""
-        return friction_torque(velocity, self._motor, torque)
-
     def at_joint(self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Torque at the joint behind gearboxes that transmit a torque (n,), N m, (n,).
 
@@ -179,15 +147,8 @@ class SimulatedMotors:
             velocity: true joint velocities, rad/s.
             torque: torque of the motors, as `torque` returns it.
         """
-        behind = torque + self.friction(velocity, torque)
-        if self._net is None:
-            return behind
-        command = self._command._replace(kp=self.enabled * self._command.kp)
-        inputs = inputs_of(self._net, command, position + self.encoder_bias, velocity, torque)
-        learned = learned_torque(self._net, inputs, self._memory, self._step_s)
-        self._memory = learned.memory
-        result: np.ndarray = behind + learned.torque
-        return result
+        measured = position + self.encoder_bias
+        return self.drivetrain.behind_gearbox(self._command, self.enabled, measured, velocity, torque)
 
     def answer(self, step: int, frames: Frames, readings: np.ndarray) -> Frames | None:
         """Process frames; returns the replies of the addressed motors.
@@ -270,9 +231,10 @@ class SimulatedMotors:
 
     def _reported_c(self) -> int | np.ndarray:
         """Temperature that motors report, whole degrees Celsius: of all, or (n,)."""
-        if self.winding_c is None:
+        winding_c = self.drivetrain.winding_c
+        if winding_c is None:
             return TEMPERATURE_C
-        return np.rint(self.winding_c).clip(0, HOTTEST_REPORTED_C).astype(int)
+        return np.rint(winding_c).clip(0, HOTTEST_REPORTED_C).astype(int)
 
     def _report(self, readings: np.ndarray) -> Report:
         """The current report of every motor; a stuck one repeats its last report."""

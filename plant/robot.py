@@ -3,6 +3,7 @@
 Frames take effect, and readings are taken, at the nearest physics step.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,32 +15,31 @@ from footfall.common.arrays import as_slice
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, require_parts
 from footfall.domain_rand.sample import Sample, battery_charge
 from footfall.plant.battery import SimulatedBattery
-from footfall.plant.delays import Losses
+from footfall.plant.connection import Connection
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.engines.choice import open_engine
 from footfall.plant.foot_sensors import SimulatedFootSensors
 from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
-from footfall.plant.holder import Holder, holder
-from footfall.plant.imu_ends import open_imu_end
+from footfall.plant.holder import Support, holder
+from footfall.plant.imu_ends import SimulatedImu
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.placing import first_pose, put_down
 from footfall.plant.sensors import Layout, SimulatedSensors
-from footfall.plant.wires import Side, SimulatedWires
+from footfall.plant.wires import SimulatedWires
 from footfall.robots import kinds
 from footfall.robots.description import Robot
 from footfall.robots.model import Plant, joint_addresses, read_plant
 from footfall.terrain.ground import Ground
 
-IMU_PERIOD_S = 0.002
 HELD_UP_S = DeployConfig().held_up_s
 BROADCAST_PERIOD_US = 1000  # of frames that motors send without a request
 
@@ -109,13 +109,11 @@ class SimulatedRobot:
         configured_s = config.motor_timeout_s
         timeout_s = robot.motor_figures("timeout_s") if configured_s is None else np.array(configured_s)
         self._step, self._step_us = 0, round(step_s * 1e6)
-        self._wires = wires
         self._motors = SimulatedMotors(
             open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s, robot.winding, seed,
             robot.actuator_net,
         )  # fmt: skip
-        self._command_losses = Losses(sample, "actions", seed)
-        self._reply_losses = Losses(sample, "readings", seed)
+        self._connection = Connection(wires, sample, seed)
         self._sensors = SimulatedSensors(
             self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
         )
@@ -130,8 +128,7 @@ class SimulatedRobot:
             plant, self.data, self._engine, self._layout, robot.description.standing_height_m
         )
         self._torque = np.zeros(len(qpos))
-        self._imu_every = round(IMU_PERIOD_S / step_s)
-        self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
+        self._imu = SimulatedImu(wiring, step_s)
         self.foot_sensors: SimulatedFootSensors | None = None  # None: the robot has none
         if robot.foot_sensors:
             force = self._ground_truth.foot_force
@@ -139,14 +136,12 @@ class SimulatedRobot:
         self.faults = Faults(self._motors.faults)
         put_down(robot, self.model, self.data, self._layout, first_pose(robot, config.lying))
         height_m = 0.0 if config.lowered else robot.description.standing_height_m
-        self._frame = holder(
+        frame = holder(
             robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped, height_m
         )
-        self._held_steps = (
-            np.inf if config.hanging or config.clamped else round(config.let_go_after_s / step_s)
-        )
-        self._held = config.held
-        if self._held:
+        held_steps = math.inf if config.hanging or config.clamped else round(config.let_go_after_s / step_s)
+        self._support = Support(frame, held_steps, config.held)
+        if self._support.still:
             self._keep_still()
 
     @property
@@ -216,26 +211,23 @@ class SimulatedRobot:
         position, velocity = true[0], true[1]
         if self.foot_sensors is not None:
             self.foot_sensors.remember()
-            if self._step % self._imu_every == 0:
+            if self._imu.due(self._step):
                 self._send(self.foot_sensors.sample(), now_us)
-        for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
-            arrived = self._command_losses.pass_on(frames)
-            replies = motors.answer(self._step, arrived, sensors.joints(motors.encoder_bias))
+        for frames in self._connection.receive(now_us + self._step_us / 2):
+            replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._send(replies, now_us)
         if motors.broadcasts and now_us % BROADCAST_PERIOD_US == 0:
             broadcast = motors.broadcast(now_us, sensors.joints(motors.encoder_bias))
             if broadcast is not None:
                 self._send(broadcast, now_us)
-        if self._step % self._imu_every == 0 and not self.faults.imu_silent:
-            self._report_imu(now_us)
+        if self._imu.due(self._step) and not self.faults.imu_silent:
+            self._send(self._imu.frames(sensors.inertial, self.faults.imu_stuck), now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
         self._applied[joints] = motors.at_joint(position, velocity, torque)
-        self._held = self._held and not motors.commanded
-        if self._frame is not None:
-            self._hold_up(self._frame)
-        if self._held:
+        self._support.act(motors.commanded)
+        if self._support.still:
             self._keep_still()
         else:
             self._engine.step()
@@ -244,15 +236,6 @@ class SimulatedRobot:
         if self.battery is not None:
             self.battery.add(torque, velocity, after)
         self._step += 1
-
-    def _hold_up(self, frame: Holder) -> None:
-        """Hold the robot for the next step, or release it."""
-        self._held_steps -= self._motors.commanded
-        if self._held_steps > 0:
-            frame.pull()
-        else:
-            frame.let_go()
-            self._frame = None
 
     def _keep_still(self) -> None:
         """A step without motion: the accelerometer measures the support of the robot."""
@@ -263,17 +246,10 @@ class SimulatedRobot:
         mujoco.mj_rnePostConstraint(model, data)
         mujoco.mj_sensorAcc(model, data)
 
-    def _report_imu(self, now_us: float) -> None:
-        if not self.faults.imu_stuck:
-            self._imu_frames = self._imu.encode(self._sensors.inertial())
-        self._send(self._imu_frames, now_us)
-
     def _send(self, frames: Frames, now_us: float) -> None:
         if self.faults.on_wire is not None:
             frames = self.faults.on_wire(frames)
-        frames = self._reply_losses.pass_on(frames)
-        if len(frames.id):
-            self._wires.send(Side.ROBOT, frames, now_us)
+        self._connection.send(frames, now_us)
 
 
 def _check_sample(sample: Sample, plant: Plant, robot: Robot) -> None:

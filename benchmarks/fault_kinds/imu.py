@@ -18,8 +18,8 @@ from footfall.plant.frame_changes import (
     nothing,
     turned,
 )
+from footfall.plant.imu_ends import IMU_PERIOD_S
 from footfall.plant.injection import FaultInjector, Injection
-from footfall.plant.robot import IMU_PERIOD_S
 
 
 def imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Injection:

@@ -12,8 +12,8 @@ from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.frames import Frames, joined
 from footfall.plant.frame_changes import Batches, dropped, flipped, from_imu
+from footfall.plant.imu_ends import IMU_PERIOD_S
 from footfall.plant.injection import FaultInjector, Injection
-from footfall.plant.robot import IMU_PERIOD_S
 
 TICK_S = 0.002  # period of the loop in these runs
 LIMP = 1e-9  # share of its torque that a limp motor keeps; not 0, so that it can be undone

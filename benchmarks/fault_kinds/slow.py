@@ -7,8 +7,8 @@ from fault_kinds.intermittent import TICK_S, each_tick
 from fault_kinds.kind import FaultKind
 from footfall.deploy.drivers.imu import Inertial
 from footfall.plant.frame_changes import turned
+from footfall.plant.imu_ends import IMU_PERIOD_S
 from footfall.plant.injection import FaultInjector, Injection
-from footfall.plant.robot import IMU_PERIOD_S
 
 
 def leaning_ahrs(rate_rad_s: float) -> Injection:

@@ -8,17 +8,16 @@ from footfall.common.rotations import heading_matrix, multiply, rotation_matrix,
 from footfall.deploy.estimation.attitude import Attitude, advanced, began_as, leveled
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.estimation.contact import ContactEstimator
+from footfall.deploy.estimation.doubts import Doubts
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
 from footfall.deploy.estimation.gyro import GyroBias
+from footfall.deploy.estimation.height import StanceHeight
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Lateness, Odometry
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
-
-DOUBTED = "the force sensor of {} is silent or contradicts the motors: its contact is estimated from torques"
-_SOME_CONTACT = 0.5  # sum of contacts below which no height is measured
 
 
 class BaseEstimator:
@@ -33,16 +32,19 @@ class BaseEstimator:
         self._config = config or EstimatorConfig()
         self._legs = robot.legs
         self._imu = imu_position(robot)
-        self._radius = self._legs.foot_radius
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
-        self._feet = [foot.name for foot in robot.description.feet]
-        self._doubted = np.zeros(len(self._feet), bool)  # force sensors with a note
-        self.notes: list[str] = []  # without repetition
+        self._doubts = Doubts(robot, self._config.contact.sensor_trial_s)
+        self._height = StanceHeight(self._legs.foot_radius, self._config.odometry.height_filter_s)
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
         self.motion = MotionFilter(self._config.filter)
         self._drift = Drift(self._config.odometry)
         self._lateness = Lateness(self._config.odometry)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on force sensors that are not used, without repetition."""
+        return self._doubts.notes
 
     def reset(self, sensed: Sensed) -> None:
         """Start at rest, with all feet in contact and a pose of zero."""
@@ -55,9 +57,8 @@ class BaseEstimator:
         if self._config.own_attitude:
             self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
         self._take(sensed)
-        self._height = -float((self._position @ self._up + self._radius).mean())
-        self._since_rest_s = 0.0
-        self._height_deviation = 0.0  # m, standard deviation in addition to that above stance feet
+        self._height.reset(self._position, self._up)
+        self._doubts.reset()
         self.start()
 
     def start(self) -> None:
@@ -96,9 +97,8 @@ class BaseEstimator:
         rotation, rows, across = self._rotation, self._rotation.tolist(), skew(self._turning).T
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
-        self._since_rest_s += dt_s
-        if self._since_rest_s > self._config.contact.sensor_trial_s and len(sensed.foot_force):
-            self._note_doubts(~self._contact.believed)
+        if len(sensed.foot_force):
+            self._doubts.update(~self._contact.believed, dt_s)
         # Velocity of the contact points relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._position.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
@@ -106,7 +106,7 @@ class BaseEstimator:
         if self._attitude is not None:
             self._attitude, bias = leveled(self._attitude, self.motion.bias, self._config.attitude)
             self.motion.bias = list(bias)
-        self._follow_height(contact, dt_s)
+        self._height.update(self._position, self._up, contact, self.motion, dt_s)
         self._drift.advance(self.motion.velocity, dt_s)
         self._lateness.advance(self.motion.velocity, dt_s)
         self._velocity = np.array(self.motion.velocity).dot(rotation) - self._imu.dot(across)
@@ -132,7 +132,7 @@ class BaseEstimator:
         if config.level_ground:
             position[2] = self._base_height() - self._start_height
             covariance[2] = covariance[:, 2] = 0.0
-            covariance[2, 2] = config.height_noise**2 + self._height_deviation**2
+            covariance[2, 2] = config.height_noise**2 + self._height.deviation**2
         turn = np.eye(7)
         turn[POSITION, POSITION] = heading_matrix(-self._start_yaw)
         turn[VELOCITY, VELOCITY] = self._rotation.T
@@ -168,29 +168,8 @@ class BaseEstimator:
             return pose.jacobian + self._legs.rolling_offset(pose.axes, up)
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
 
-    def _note_doubts(self, doubted: np.ndarray) -> None:
-        """Add notes on force sensors that are not used, (legs,) bool."""
-        for foot in np.flatnonzero(doubted & ~self._doubted):
-            self.notes.append(DOUBTED.format(self._feet[foot]))
-        self._doubted |= doubted
-
-    def _follow_height(self, contact: list[float], dt_s: float) -> None:
-        """Update the IMU's height above the mean stance foot: integrated velocity, corrected by stance legs.
-
-        In flight it is not corrected: its uncertainty grows with that of the velocity.
-        """
-        self._height += self.motion.velocity[2] * dt_s
-        total = sum(contact)
-        if total > _SOME_CONTACT:
-            measured = -float((self._position.dot(self._up) + self._radius).dot(contact)) / total
-            share = 1.0 - math.exp(-dt_s / self._config.odometry.height_filter_s)
-            self._height += share * (measured - self._height)
-            self._height_deviation -= share * self._height_deviation
-        else:
-            self._height_deviation += math.sqrt(self.motion.vv) * dt_s
-
     def _base_height(self) -> float:
-        return self._height - float(self._up.dot(self._imu))
+        return self._height.value - float(self._up.dot(self._imu))
 
     def _yaw(self) -> float:
         return math.atan2(self._rotation[1, 0], self._rotation[0, 0])

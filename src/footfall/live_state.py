@@ -95,7 +95,8 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
         parts.append("velocity {:+.2f} {:+.2f} m/s".format(*velocity[:2]))
     if (battery := loop.battery).known:
         parts.append(f"battery {battery.charge:.0%}")
-    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{_count(loop.ticks_skipped, 'tick')} late"]
+    late = _count(loop.timing.ticks_skipped, "tick")
+    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{late} late"]
     return hold + ", ".join(parts)
 
 

@@ -117,8 +117,7 @@ def _with_cockpit(
     def more() -> dict[str, Any]:
         found: dict[str, Any] = {"robot": robot.name, "steers": steers, "mission": steering.line() or None}
         if loops:
-            skipped = {"ticks_skipped": loops[0].ticks_skipped}
-            found["timing"] = loops[0].timing.summary(TIMED) | skipped
+            found["timing"] = loops[0].timing.summary(TIMED)
         return found
 
     served = cockpit(inbox, options.page_host, options.cockpit_port, robot, feed, more)

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from footfall import live_state as module
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.timing import Timing
 from footfall.live_state import describe, live_state
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
@@ -41,7 +42,7 @@ def loop() -> Any:
         walking=True, walking_s=1.26, walked_s=4.2,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
         asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
-        ticks_skipped=7, held_up=False, battery=BatteryState(charge=0.42),
+        timing=Timing(ticks_skipped=7), held_up=False, battery=BatteryState(charge=0.42),
     )  # fmt: skip
 
 

@@ -105,7 +105,7 @@ class TestMotors:
         expected[:, [2, 0]] = other
         np.testing.assert_allclose(stand.torque(1), torque_of(expected))
         np.testing.assert_allclose(
-            stand.motors.friction(VELOCITY, np.zeros(3)), friction_torque(VELOCITY, MOTOR)
+            stand.motors.drivetrain.friction(VELOCITY, np.zeros(3)), friction_torque(VELOCITY, MOTOR)
         )
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
@@ -126,7 +126,7 @@ class TestMotors:
             theirs = effort(position, velocity, memory)
             np.testing.assert_allclose(ours, theirs.torque, rtol=1e-4, atol=1e-4)
             memory = theirs.net_memory
-            learned = ours - torque - stand.motors.friction(velocity, torque)
+            learned = ours - torque - stand.motors.drivetrain.friction(velocity, torque)
         assert (np.abs(learned) > 0.01).all()
 
     def test_a_latched_error_keeps_a_motor_off_until_it_is_cleared(self) -> None:
@@ -296,7 +296,7 @@ def test_torque_follows_a_first_order_lag() -> None:
 def test_friction_grows_with_the_load_that_the_gearbox_transmits() -> None:
     stand = Stand(load_friction=np.full(3, 0.1), stribeck_friction=np.full(3, 0.2))
     torque = np.array([1.0, -2.0, 3.0])
-    more = stand.motors.friction(VELOCITY, torque) - friction_torque(VELOCITY, MOTOR)
+    more = stand.motors.drivetrain.friction(VELOCITY, torque) - friction_torque(VELOCITY, MOTOR)
     half = 5.0 * MOTOR.friction_speed
     expected = 0.1 * np.abs(torque) + 0.2 / (1.0 + (VELOCITY / half) ** 2)
     np.testing.assert_allclose(more, -np.sign(VELOCITY) * expected)

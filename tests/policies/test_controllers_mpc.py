@@ -119,7 +119,7 @@ class TestSwingBegins:
         policy = Mpc(ROBOT)
         policy.reset(standing())
         policy.act(standing())
-        monkeypatch.setattr(policy._solver, "solve", lambda problem: None)
+        monkeypatch.setattr(policy.forces.solver, "solve", lambda problem: None)
         for tick in range(3):
             policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0)))
         pressed = policy.force[:, 2] > 1.0
@@ -164,7 +164,7 @@ class TestTicks:
         policy.reset(standing())
         policy.act(standing())
         assert policy.late == 0
-        policy._solver = BoundedSolver(daqp_iterations=0)
+        policy.forces.solver = BoundedSolver(daqp_iterations=0)
         policy.reset(standing())
         policy.act(standing(velocity=(0.0, 3.0, 0.0)))  # pushed: friction counts
         assert policy.late == 1
@@ -181,13 +181,13 @@ class TestPlan:
     def planned(self, policy: Mpc, monkeypatch: pytest.MonkeyPatch) -> list[Planned]:
         """All plans of the policy."""
         plans = []
-        build = policy._problems.build
+        build = policy.forces.problems.build
 
         def seen(*situation: Any) -> object:
             plans.append(Planned(*situation[:2], situation[2].copy(), *situation[3:]))
             return build(*situation)
 
-        monkeypatch.setattr(policy._problems, "build", seen)
+        monkeypatch.setattr(policy.forces.problems, "build", seen)
         return plans
 
     def test_it_counts_all_feet_as_on_the_ground(self, policy: Mpc, planned: list[Planned]) -> None:

@@ -134,7 +134,7 @@ class TestBehindTheBus:
         motors = self.motors(heated, {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)})
         self.held(motors, 4.0, TIME_CONSTANT_S)
         rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
-        np.testing.assert_allclose(motors.winding_c, 10.0 + rise, rtol=1e-9)
+        np.testing.assert_allclose(motors.drivetrain.winding_c, 10.0 + rise, rtol=1e-9)
 
     def test_a_hot_motor_delivers_its_derated_torque(self, heated: Robot) -> None:
         motors = self.motors(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current

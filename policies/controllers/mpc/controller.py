@@ -5,12 +5,10 @@ joint commands. At `solve_hz` it computes new forces.
 """
 
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix
 from footfall.policies.controllers.command import ShapedCommand
@@ -25,35 +23,29 @@ from footfall.policies.controllers.mpc.base import (
 )
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points
+from footfall.policies.controllers.mpc.forces import ForcePlanner
 from footfall.policies.controllers.mpc.grip import Grip
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.live import LiveMpc
-from footfall.policies.controllers.mpc.problem import ForceProblems
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
-from footfall.policies.controllers.mpc.wrenches import Wrenches, sole_levers
+from footfall.policies.controllers.mpc.wrenches import Wrenches
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import Slope
-from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
-from footfall.policies.live_settings import Applied
+from footfall.policies.live_settings import Applied, Span
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-from footfall.robots.kinematics import LegPose
+from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import nominal_body
-
-_TIMINGS_KEPT = 100_000
 
 
 class Mpc:
     """Convex model-predictive control with Raibert footholds and swing impedance.
 
     Attributes:
-        wrenches: planned wrench of each foot, world.
         stands: planned contact of each foot, (feet,) boolean.
-        solve_ms: duration of each build and solve.
-        late: number of solves that failed, so that the previous forces were kept.
     """
 
     name = "mpc"
@@ -63,14 +55,11 @@ class Mpc:
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
         self.rate_hz = config.rate_hz
-        self._robot, self._legs = robot, robot.legs
+        self._robot = robot
         if config.foothold.catch is not None and self._legs.count != 2:
             raise UserError(f"robot '{robot.name}' cannot use foothold.catch: the robot must have two feet")
         self._body = nominal_body(robot)
-        sole = config.contact.sole_share
-        levers = sole_levers(robot, sole) if sole else None
-        self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact, levers)
-        self._solver = BoundedSolver()
+        self.forces = ForcePlanner(robot, self._body, config)
         self._grip = Grip(self._legs, config.contact)
         self._lookahead = Lookahead(robot.motor, 1.0 / config.rate_hz)
         self.clock = config.gait.clock(robot)
@@ -84,8 +73,6 @@ class Mpc:
         self.reference = Reference(config, self._body.centre)
         self.swing_feet = SwingFeet(config, positions, self._legs.foot_radius, self._body.centre)
         self._live = LiveMpc(robot, config)
-        self.gaits, self.live_settings = config.gaits, self._live.spans
-        self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
 
     @property
@@ -93,14 +80,38 @@ class Mpc:
         return ()
 
     @property
+    def gaits(self) -> Sequence[str]:
+        """See `Steerable`."""
+        return self._config.gaits
+
+    @property
+    def live_settings(self) -> Mapping[str, Span]:
+        """See `Steerable`."""
+        return self._live.spans
+
+    @property
+    def wrenches(self) -> Wrenches:
+        """Planned wrench of each foot, world."""
+        return self.forces.wrenches
+
+    @property
     def force(self) -> np.ndarray:
         """Planned force on each foot, (feet, 3) N, world."""
-        return self.wrenches.force
+        return self.forces.wrenches.force
+
+    @property
+    def solve_ms(self) -> Sequence[float]:
+        """Duration of each build and solve."""
+        return self.forces.solve_ms
 
     @property
     def late(self) -> int:
         """Number of solves that daqp did not finish within its iteration limit."""
-        return self._solver.fallbacks
+        return self.forces.solver.fallbacks
+
+    @property
+    def _legs(self) -> Legs:
+        return self._robot.legs
 
     def reset(self, inputs: PolicyInput) -> None:
         yaw = roll_pitch_yaw(rotation_matrix(inputs.sensed.quaternion))[2]
@@ -121,11 +132,9 @@ class Mpc:
         self.reference.begin(yaw, height)
         self.swing_feet.reset()
         self.swing_feet.height_m = self._config.swing.height_m
-        weight = [0.0, 0.0, GRAVITY_M_S2 * self._body.mass / count]
-        self.wrenches = Wrenches(np.tile(weight, (count, 1)), np.zeros((count, 3)))
+        self.forces.reset()
         self.stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
-        self._legs_turn = np.zeros(3)
         self._ticks_to_solve = 0
 
     @property
@@ -147,7 +156,6 @@ class Mpc:
         pose = self._legs.pose(inputs.sensed.joint_position)
         inputs = self.slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
         base = self.follower.follow(inputs, dt_s)
-        self._legs_turn = self._turn_of_legs(inputs)
         self._step_clock(inputs, base, pose, dt_s)
         planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
@@ -173,7 +181,7 @@ class Mpc:
             lifting = [leg for leg in swinging if leg not in self._swinging]
             self.swing_feet.lift_off[lifting] = feet[lifting]
             self._swinging, self.stands = swinging, stands
-            self._plan(base, feet)
+            self._plan(base, feet, self._turn_of_legs(inputs))
             self._ticks_to_solve = max(1, round(self.rate_hz / self._config.horizon.solve_hz))
 
         swing = self.swing_feet.motion(swinging, progress, base, self.clock.timing.swing_s)
@@ -243,13 +251,13 @@ class Mpc:
             self._live.take_up(self.clock)
         self.clock.advance(dt_s, settled and walk and not self._live.gait)
 
-    def _plan(self, base: Base, feet: np.ndarray) -> None:
+    def _plan(self, base: Base, feet: np.ndarray, legs_turn: np.ndarray) -> None:
         """Solve for the feet's forces; if that fails, keep the previous forces of the feet in stance."""
         began = time.perf_counter()
         contacts = self.clock.planned_stance(self.reference.middle_of_step)
         contacts[0] = self.stands
         to_heading = heading_matrix(base.yaw)
-        state = body_state(base, self._body.centre, to_heading, self._legs_turn)
+        state = body_state(base, self._body.centre, to_heading, legs_turn)
         reference = self.reference.over_horizon(base, self.command.value)
         points = np.array([feet, self.swing_feet.target]) - base.position
         points[:, :, 2] = 0.0  # on the ground
@@ -258,15 +266,7 @@ class Mpc:
         arms = contact_points(
             contacts, current, targets, self.swing_feet.shifted_positions, centre, reference.pose[:, 2]
         )
-        before = self.force.dot(to_heading)
         gravity = self.slope.gravity.dot(to_heading)
         friction = self._grip.friction(float(np.hypot(*self.slope.gradient)))
-        problem = self._problems.build(state, reference, contacts, arms, before, friction, gravity)
-        solution = self._solver.solve(problem)
-        if solution is None:
-            force, moment = self.wrenches
-            self.wrenches = Wrenches(force * self.stands[:, None], moment * self.stands[:, None])
-        else:
-            wrenches = self._problems.wrenches(solution, problem, self._legs.count)
-            self.wrenches = wrenches.dot(to_heading.T)
-        self.solve_ms.append(1e3 * (time.perf_counter() - began))
+        self.forces.plan(state, reference, contacts, arms, to_heading, friction, gravity)
+        self.forces.solve_ms.append(1e3 * (time.perf_counter() - began))
