@@ -70,7 +70,7 @@ class TestContactPoints:
 
     def test_the_thickest_of_level_spheres_touches(self) -> None:
         spheres = FootSpheres(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
-        legs = SimpleNamespace(spheres=[spheres], count=1, turn=lambda _: np.eye(3)[None])
+        legs = SimpleNamespace(spheres=[spheres], count=1, tip_rotation=lambda _: np.eye(3)[None])
         arms = ContactPoints(legs, 0.001).arms(np.zeros(0), UP)  # type: ignore[arg-type]
         np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
 
