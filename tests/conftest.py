@@ -95,7 +95,7 @@ LONGEST = (
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """A file's tests stay in one worker, since they share what is slow to make; so do those of some files."""
+    """A file's tests stay in one worker, since they share slow preparations; so do those of some files."""
     from xdist.scheduler import LoadFileScheduling
 
     class Scheduling(LoadFileScheduling):

@@ -71,7 +71,7 @@ def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
 
 
 class TestARun:
-    """What it depends on."""
+    """Versions that the result depends on."""
 
     def test_draws_by_its_kinds_name_whatever_stands_beside_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The joint whose encoder is off is drawn: the same of the seed in a table of one row."""
@@ -83,7 +83,7 @@ class TestARun:
         assert len(draws) == 4
 
     def test_has_a_policy_of_its_own(self) -> None:
-        """`step` goes on from where it was: the run before would be seen in the next."""
+        """`step` keeps state: an earlier run would affect the next one."""
         assert fault_subjects.policy_of("g1", "step") is not fault_subjects.policy_of("g1", "step")
 
     def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:

@@ -1,4 +1,4 @@
-"""The fuzzing of frames: what it holds a command against, and which ways through a driver it takes."""
+"""Fuzzing of frames: the limits of a command, and the branches of a driver that it covers."""
 
 from collections import Counter
 from typing import Any
@@ -57,7 +57,7 @@ def test_motor_torque_by_its_speed(go1: Robot, velocity: float, torque: float, e
 
 @pytest.mark.parametrize(("model", "driver"), [("", MitDriver), ("DM4310", DamiaoDriver)])
 def test_the_short_way_of_a_known_driver(monkeypatch: pytest.MonkeyPatch, model: str, driver: Any) -> None:
-    """Replies in the arrays of the batch before are of everybody: no index for each is looked up."""
+    """Replies in the arrays of the previous batch are those of all motors: no index is looked up."""
     ways, decoded = Counter[bool](), driver._decoded
 
     def counted(self: Any, frames: Any, motor: Any, *rest: Any) -> Any:

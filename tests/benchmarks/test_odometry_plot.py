@@ -1,4 +1,4 @@
-"""The picture of the odometry benchmark: what is drawn, by hand, and that it is drawn."""
+"""The picture of the odometry benchmark: curves computed by hand, and that it is drawn."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The benchmark of the loop's timing: it knows the parts of the present loop."""
+"""The benchmark of the loop's timing: it measures all parts of the current loop."""
 
 from pathlib import Path
 

@@ -168,7 +168,7 @@ def test_versions_of_python_and_of_each_package() -> None:
 
 
 class TestRequirements:
-    """Of a package with nested extras, as a distribution's metadata tells of them."""
+    """A package with nested extras, as in a distribution's metadata."""
 
     LINES = (
         "numpy>=1.26",

@@ -57,7 +57,7 @@ def test_a_name_that_is_too_long_is_refused_and_the_longest_is_written(tmp_path:
 
 
 def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path: Path) -> None:
-    """Whoever opens a named pipe waits for the other end."""
+    """Opening a named pipe waits for the other end."""
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
     with pytest.raises(UserError, match="named pipe"):

@@ -54,7 +54,7 @@ def test_a_private_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "cache"
     make_private_folder(folder)
     assert folder.stat().st_mode & 0o777 == 0o700
-    (folder / "one").touch(0o664)  # where nobody else gets
+    (folder / "one").touch(0o664)  # no other user has access
     (folder / "one").chmod(0o664)
     make_private_folder(folder)
 

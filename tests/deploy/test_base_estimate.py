@@ -14,7 +14,7 @@ from footfall.robots.description import Robot
 
 
 class Note:
-    """Keeps what it is given, and estimates the number of its updates."""
+    """Keeps its arguments, and estimates the number of its updates."""
 
     def __init__(self) -> None:
         self.plans: list[object] = []
@@ -80,7 +80,7 @@ def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
 
 
 def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
-    """Not what it was some ms before: a mission counts from the first pose that it is given."""
+    """Not the pose of some ms before: a mission counts from its first pose."""
 
     class Walked(Note):
         def pose(self) -> tuple[float, float, float]:

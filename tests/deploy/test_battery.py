@@ -58,7 +58,9 @@ def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemi
     pack.resistance, pack.reported_current = 1.2, 0.9
     errors = [pack.draw(6.0, 10.0).charge - pack.charge for _ in range(55)]
     assert pack.charge < 0.15
-    assert np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]  # a flat curve says less
+    assert (
+        np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]
+    )  # a flat curve determines the charge less
 
 
 def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot) -> None:
@@ -79,8 +81,8 @@ def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot
     ("change", "fault"),
     [
         ({}, ""),
-        ({"resistance": 3.0}, ""),  # old and cold: less is allowed, and the robot goes on
-        ({"resistance": 12.0}, "empty|differs"),  # it sags below what its cells bear
+        ({"resistance": 3.0}, ""),  # old and cold: less is allowed, and the robot continues
+        ({"resistance": 12.0}, "empty|differs"),  # below the cells' limit
         ({"off_v": np.full(MOTORS, -8.0)}, "differs"),
         ({"off_v": np.full(MOTORS, 8.0)}, "differs"),
         ({"off_v": np.where(np.arange(MOTORS) < 3, -30.0, 0.0)}, ""),  # the other motors' count

@@ -1,4 +1,4 @@
-"""A robot on a stand: its motors asked, switched on, zeroed and watched; who is on its buses."""
+"""A robot on a stand: motors queried, enabled, zeroed and watched; motors found on its buses."""
 
 import math
 import os
@@ -189,7 +189,7 @@ class TestScan:
         assert stand.scan() == set(expected(stand.wiring))
 
     def test_no_probe_has_an_identifier_of_an_odrive(self, go1: Robot) -> None:
-        """With id 1 it has 0x020 to 0x03f: what switches off motor 0x36 in MIT mode would start it anew."""
+        """With id 1 it uses 0x020 to 0x03f: the frame that disables MIT motor 0x36 would restart it."""
         stand, sent = OnStand(with_motors(go1, hip="ODrive", knee="ODrive")), []
         send = stand.bus.send
 

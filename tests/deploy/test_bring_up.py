@@ -141,7 +141,7 @@ class TestCriteria:
         ("up", "finds"),
         [
             ((0.0, 0.0), []),
-            ((-np.sin(0.2), 0.0), ["pitch +0.20"]),  # front down: what is up points to its back
+            ((-np.sin(0.2), 0.0), ["pitch +0.20"]),  # front down: the vertical points to its back
             ((np.sin(0.2), 0.0), ["pitch -0.20"]),
             ((0.0, np.sin(0.2)), ["roll +0.20"]),  # right side down: to its left
             ((0.0, -np.sin(0.2)), ["roll -0.20"]),

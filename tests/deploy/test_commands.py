@@ -1,4 +1,4 @@
-"""Commands stay inside what a policy was trained for, and a run says when they had to."""
+"""Commands stay within the ranges of the training, and a run notes when they were clipped."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ class TestLimits:
 
 
 def test_a_run_notes_and_uses_the_trained_ranges(go1: Robot, contract: Contract, tmp_path: Path) -> None:
-    """The trace keeps what was asked for: a policy is scored against that."""
+    """The trace keeps the requested command: a policy is scored against it."""
     policy = Hold(go1)
     policy.contract = contract
     log = tmp_path / "run.mcap"

@@ -17,7 +17,7 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
-# What a file may not say: a figure out of its range, and figures that do not fit each other.
+# Refused in a file: a figure out of its range, and figures that contradict each other.
 REFUSED = (
     "joint_rate_hz: .nan",
     "realtime_priority: 200",
@@ -27,7 +27,7 @@ REFUSED = (
     "estimator: {filter: {leg_velocity_noise: 0}}",
     "estimator: {odometry: {scale_error: -0.01}}",
     "estimator: {odometry: {level_ground: 1}}",
-    "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, whatever a file says
+    "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, independently of the file
     "safety: {silence_timeout_s: .nan}",
     "safety: {silence_timeout_s: 0.0039}",  # two ticks are 4 ms
     "safety: {silence_timeout_s: 0.11}",
@@ -37,7 +37,7 @@ REFUSED = (
     "safety: {late_limit_s: 0.09}",
     "safety: {guard_share: 1.5}",  # times 0.07 s and a tick: 0.107 s
     "safety: {start_timeout_s: 0.019, still_s: 0}",  # nine ticks and a half
-    "safety: {start_timeout_s: 0.069}",  # likewise, after keeping still for 0.05 s
+    "safety: {start_timeout_s: 0.069}",  # the same, after resting for 0.05 s
     "safety: {still_s: 0.99}",  # of the second in which it has to start
     "safety: {pause_limit_s: .inf}",
     "safety: {sensors: {drift_rad: .nan}}",
@@ -72,7 +72,7 @@ def refused(settings: type, name: str, value: float) -> bool:
 
 
 def test_no_setting_may_be_nan_or_infinite() -> None:
-    """Those of which None or a table is the default have rows of their own."""
+    """Settings whose default is None or a table have rows of their own."""
     classes = (DeployConfig, SafetyConfig, SensorLimits, BringUpConfig, BringUpLimits, WiringCheckConfig)
     for settings in classes:
         numbers = [each.name for each in fields(settings) if isinstance(each.default, float)]

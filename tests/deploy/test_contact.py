@@ -71,7 +71,7 @@ class TestContact:
         assert not contact.believed.any()
 
     def test_without_torques_sensors_are_believed(self) -> None:
-        """A recording that has none."""
+        """A recording without force sensors."""
         force = self.EVEN * np.array([1.0, 0.5, 0.1, np.nan])
         sensed = self.SENSED._replace(foot_force=force, joint_torque=np.full(12, np.nan))
         found = self.after(ROBOT, self.begun(ROBOT, self.SENSED), sensed, 200)
@@ -80,7 +80,7 @@ class TestContact:
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
     def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
-        """None below 0.2 of an even share of the weight, full above 0.8, half in the middle."""
+        """0 below 0.2 of an even share of the weight, 1 above 0.8, half in the middle."""
         robot = load_robot(name)
         even = 9.81 * nominal_body(robot).mass / robot.legs.count
         sensed = carried(robot, np.tile(share * even * UP, (robot.legs.count, 1)))
@@ -88,7 +88,7 @@ class TestContact:
         np.testing.assert_allclose(found, trust, atol=0.01)
 
     def test_legs_in_the_air_do_not_stand_however_heavy_they_are(self) -> None:
-        """The hexapod's weigh as much as its body: held up, then yanked down faster than they would fall."""
+        """The hexapod's legs weigh as much as its body: held up, then pulled down faster than free fall."""
         robot = load_robot("hexapod")
         for felt in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
             hanging = carried(robot, np.zeros((6, 3)), felt)
@@ -110,7 +110,7 @@ class TestContact:
         assert self.after(ROBOT, self.begun(ROBOT, standing), standing, 40).min() > 0.9
 
     def test_a_stretched_leg_does_not_stop_it(self, tmp_path: Path) -> None:
-        """All links in a line: no torque tells of a force along it."""
+        """All links in a line: no torque depends on a force along it."""
         robot = bodies(tmp_path)["biped without ankles"]
         straight = held_out(robot, np.zeros(6))
         jacobian = robot.legs.pose(straight.joint_position).jacobian

@@ -74,7 +74,7 @@ class TestFrames:
 
     @pytest.mark.parametrize(("length", "first"), [(7, 0x13), (8, 0x14)])
     def test_a_partly_invalid_batch_is_decoded(self, driver: DamiaoDriver, length: int, first: int) -> None:
-        """The knee's reply is too short, or says another id: also where the very arrays come again."""
+        """The knee's reply is too short, or has another id; also if the same arrays come again."""
         usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
         usual.data[1, 0] = first
         frames = usual._replace(length=np.array([8, length]))
@@ -141,7 +141,7 @@ class TestRobots:
         assert driver.error_name(5, 2) == "sensor error"
 
     def test_own_ranges_are_used_on_a_mixed_robot(self, go1: Robot) -> None:
-        """The knees say 20 N m of themselves; the table has 54 for a DM8009."""
+        """The knees report a limit of 20 N m; the table has 54 for a DM8009."""
         wiring = wiring_of(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)
         before = driver.highest.copy()

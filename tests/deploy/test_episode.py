@@ -93,7 +93,7 @@ class TestPushesAndFalls:
     def test_a_tilt_of_70_degrees_is_a_fall_without_a_supervisors_limit(self, go1: Robot) -> None:
         def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.walking and 0.2 <= loop.walking_s < 0.4:
-                body.data.qpos[2] = 1.0  # in mid-air, so that nothing but the tilt tells
+                body.data.qpos[2] = 1.0  # in mid-air, so that only the tilt shows it
                 body.data.qvel[3] = 8.0
 
         relaxed = DeployConfig(stand_s=0.4, safety=SafetyConfig(tilt_limit_rad=1.57))
@@ -152,7 +152,7 @@ class TestFaults:
 
 
 def test_a_randomised_robot_has_its_samples_bias_and_load(go1: Robot, trace: Trace) -> None:
-    """Encoders that read 0.02 rad too much leave the joints as much behind; a load shows under the feet."""
+    """Encoders that read 0.02 rad too much shift the joints by as much; a load shows under the feet."""
     sample = Sample(
         action_delay_s=np.array(0.007),
         observation_delay_s=np.array(0.004),
@@ -163,4 +163,4 @@ def test_a_randomised_robot_has_its_samples_bias_and_load(go1: Robot, trace: Tra
     assert heavy.final_state == "IDLE"
     assert heavy.foot_force[-1].sum() - trace.foot_force[-1].sum() == pytest.approx(1.5 * 9.81, abs=2.0)
     shift = heavy.joint_position[-1] - trace.joint_position[-1]
-    np.testing.assert_allclose(shift.reshape(4, 3)[:, 0], -0.02, atol=0.006)  # hips, which bear little
+    np.testing.assert_allclose(shift.reshape(4, 3)[:, 0], -0.02, atol=0.006)  # hips, which carry little load

@@ -27,7 +27,7 @@ from footfall.robots.rigid_body import nominal_body
 ROBOT = load_robot("go1")
 UP = np.array([0.0, 0.0, 1.0])
 NO_YAW = np.array([1.0, 0.0, 0.0, 0.0])
-SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # where readings say that it turns, and never how far
+SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # where readings give the rate, never the angle
 
 
 def yawed(angle: float) -> np.ndarray:
@@ -149,7 +149,7 @@ class TestAgainstTheTruth:
         follower = Follower(plant)
         walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 2.0, follower)
         error = follower.errors()[500:]
-        assert np.abs(error[:, :2]).max() < 0.006  # most of it before the gyro's bias is known to be none
+        assert np.abs(error[:, :2]).max() < 0.006  # most of it before the gyro's bias is known to be 0
         assert np.abs(error[:, 3:]).max() < 0.03
         assert follower.poses[-1].height == pytest.approx(plant.height(), abs=0.003)
 
@@ -167,7 +167,7 @@ class TestAgainstTheTruth:
         assert np.abs(velocity).max() < 0.001
 
     def test_a_push_is_followed_within_30_ms(self) -> None:
-        """So short that the accelerometer misses it: 30 ms later the legs have told."""
+        """Too short for the accelerometer: the legs show it 30 ms later."""
         plant, estimator = DirectPlant(ROBOT), BaseEstimator(ROBOT)
         push = (1.0, np.array([0.0, 0.4, 0.0]))
         result = walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 1.05, estimator, push)
@@ -234,7 +234,7 @@ class TestPose:
         assert found.yaw == pytest.approx(0.0, abs=1e-9)
 
     def test_a_circle_is_followed(self) -> None:
-        """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is where trigonometry says."""
+        """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is at the calculated point."""
         velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
         yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.008) + 1)
         estimator, sensed = self.moving(2.5, velocity)
@@ -340,7 +340,7 @@ class TestPose:
 
 class TestHeight:
     def test_the_height_is_that_over_the_centre_of_standing_feet(self) -> None:
-        """Of all at first; then the two on the left are drawn up by bent knees and bear nothing."""
+        """All feet at first; then the two on the left are raised by bent knees and carry no load."""
         robot, standing = ROBOT, held()
         estimator = BaseEstimator(robot)
         estimator.reset(standing)
@@ -402,7 +402,7 @@ class TestReadings:
         np.testing.assert_allclose(found, expected, atol=0.01)
 
     def test_a_foot_is_trusted_only_where_the_plan_lets_it_stand(self) -> None:
-        """Feet that press and slide: with a plan to swing, they say nothing about the base."""
+        """Feet that press and slide: planned to swing, they do not correct the base's velocity."""
         sliding = held()._replace(joint_velocity=np.full(12, 0.5))
         moved = {}
         for planned in (0.0, 1.0):

@@ -1,4 +1,4 @@
-"""The feed of a run: what subscribers read, and that none of them costs the run or another one anything."""
+"""The feed of a run: content for subscribers, none of whom delays the run or another subscriber."""
 
 import json
 import os
@@ -37,7 +37,7 @@ HEALTH = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
 
 @pytest.fixture
 def log(go1: Robot, tmp_path: Path) -> Iterator[McapLog]:
-    """A run with a log and a feed, which has begun and stands."""
+    """A run with a log and a feed that has started and stands."""
     log = McapLog(tmp_path / "run.mcap", go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
     log.begin(START_NS)
     log.state(0, State(Mode.STANDING, 0.0))

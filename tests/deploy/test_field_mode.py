@@ -1,4 +1,4 @@
-"""The modes that operators know."""
+"""Operators' modes."""
 
 import numpy as np
 import pytest

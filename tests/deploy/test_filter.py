@@ -78,7 +78,7 @@ class TestFilter:
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_bias_is_the_bodys(self) -> None:
-        """It takes what the legs say in the body's axes, however the robot is turned: R' e, by scipy."""
+        """The legs' correction in the body's axes, for any orientation: R' e, by scipy."""
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
             bias, seen = np.array(motion.bias), np.array(motion.velocity) + error
@@ -121,7 +121,7 @@ class TestFilter:
 
     @pytest.mark.parametrize(("ticks", "follows"), [(1, False), (15, True)])
     def test_a_push_is_believed_once_it_lasts(self, ticks: int, follows: bool) -> None:
-        """All legs say 0.4 m/s, which the accelerometer did not see: for 2 ms a shock, for 30 ms a push."""
+        """All legs measure 0.4 m/s, which the accelerometer did not: for 2 ms a shock, for 30 ms a push."""
         motion = MotionFilter(FilterConfig())
         motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
         for _ in range(500):
@@ -135,7 +135,7 @@ class TestFilter:
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     def test_how_far_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
-        """In 2 ms of 10: a fifth of what the legs say, then a fifth of the rest; a third of squares."""
+        """In 2 ms of 10: a fifth of the legs' velocity, then a fifth of the rest; a third of squares."""
         motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
         seen[axis], motion.vv = -2.0, 0.0
         motion._look_for_push(seen.tolist(), 0.9, 0.002)
@@ -156,7 +156,7 @@ class TestFilter:
         assert abs(motion.velocity[0]) < 0.01
 
     def test_a_tilted_accelerometer_is_found_out(self) -> None:
-        """0.2 m/s^2 sideways for ever, on legs that stand: the velocity stays none."""
+        """A constant 0.2 m/s^2 sideways on standing legs: the velocity stays 0."""
         motion = MotionFilter(FilterConfig())
         for _ in range(5000):
             motion.predict([0.2, 0.0, 9.81], LEVEL, 0.002)

@@ -1,4 +1,4 @@
-"""Whether gravity is where the IMU says, of a robot that keeps still before its motors get stiffness."""
+"""Gravity in the IMU's readings, of a robot that rests before its motors get stiffness."""
 
 import numpy as np
 import pytest

@@ -113,7 +113,7 @@ def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: obj
 
 
 def each_otherwise(body: SimulatedRobot) -> None:
-    """The first one is silent, the others say no force, too much and less than none."""
+    """The first one is silent, the others report no force, too much, and a negative one."""
     assert body.foot_sensors is not None
     body.foot_sensors.silent[0] = True
     body.foot_sensors.lie = lambda true: np.array([0.0, 0.0, 3000.0, -50.0])

@@ -45,7 +45,7 @@ def test_the_bias_does_not_rotate_with_the_orientation(rate: np.ndarray) -> None
 def test_the_bias_is_trusted_more_with_time(seconds: float, share: float) -> None:
     """t^2 / (t^2 + 0.2^2)."""
     estimator = GyroBias(GyroConfig(bias_half_s=0.2))
-    follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has none before it
+    follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has no predecessor
     assert estimator.bias == pytest.approx((share * BIAS).tolist(), rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""Which height scans reach a policy: fresh ones of the right grid, and what is said of the others."""
+"""Which height scans reach a policy: recent ones of the right grid; notes on the others."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ HEIGHTS = np.linspace(-0.4, 0.0, SCAN.size)
 
 
 class Source:
-    """Hands over what it is given."""
+    """Returns its given scan."""
 
     def __init__(self, scanned: Scanned | None) -> None:
         self.scanned = scanned

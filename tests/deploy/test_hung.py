@@ -1,4 +1,4 @@
-"""What never comes back: a policy that sleeps or spins, code outside Python, and motors that do not hear."""
+"""Code that never returns: a policy that sleeps or spins, code outside Python; motors that do not reply."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ def spin(_: JointCommand) -> JointCommand:
     while True:
         try:
             sum(range(1000))
-        except Exception:  # such a policy swallows whatever it can
+        except Exception:  # such a policy catches every exception
             continue
 
 
@@ -162,7 +162,7 @@ class TestGuard:
 
 
 class TestMotorsOff:
-    """EXIT is asked for until every motor has answered it."""
+    """EXIT is repeated until every motor has replied."""
 
     def run(self, go1: Robot, simulation: Simulation) -> list[str]:
         session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2), lie_down=False)

@@ -10,7 +10,7 @@ from footfall.deploy.interface_time import Pacing
 
 class TestPacing:
     def test_a_frame_waits_while_the_queue_would_overflow(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """A queue of three: the fourth frame waits for the first to leave, another interface for nobody."""
+        """A queue of three: the fourth frame waits for the first, frames of another interface do not."""
         fake = FakeTime()
         monkeypatch.setattr(interface_time, "time", fake)
         pacing = Pacing(2, queue_frames=3)

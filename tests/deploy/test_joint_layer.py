@@ -69,7 +69,7 @@ class TestOut:
             layer.command(command(go1, go1.default_pose, torque=side * torque))
         layer.absorb([replies(wiring, go1.default_pose - side * 0.04)], 2000)
         np.testing.assert_allclose(layer.expected_torque(), side * 2.0, atol=0.02)
-        layer.command(command(go1, go1.default_pose, torque=-side * 2.0))  # -1.2 N m here, the one before 2
+        layer.command(command(go1, go1.default_pose, torque=-side * 2.0))  # -1.2 N m here, 2 before
         np.testing.assert_array_equal(layer.expected_torque(), 0.0)
 
     def test_targets_stay_inside_the_soft_limits(self, go1: Robot, layer: JointLayer) -> None:
@@ -125,7 +125,7 @@ class TestReadingsOfEveryKind:
         return open_motor_end(wiring_of(robot)).reply(motors, report(values, error))
 
     def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
-        """Unlike readings and commands; half of the joints are asked for more than they can give."""
+        """Unlike readings and commands; half of the requested torques exceed the motors' limits."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
         velocity = RNG.uniform(-8.0, 8.0, 12)
         layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)
@@ -154,7 +154,7 @@ class TestReadingsOfEveryKind:
         np.testing.assert_array_equal(layer.target, wanted.position)
 
     def test_each_target_moves_at_most_its_rate_at_each_tick(self, go1: Robot, layer: JointLayer) -> None:
-        """60 rad/s over 2 ms are 0.12 rad; a second tick goes on from the first."""
+        """60 rad/s over 2 ms are 0.12 rad; a second tick continues from the first."""
         start = go1.default_pose + 0.01 * ROWS
         layer.begin_at(start)
         start += 5.0  # the layer has a copy
@@ -193,7 +193,7 @@ class TestReadingsOfEveryKind:
         assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
 
     def test_a_motor_has_the_time_of_its_frames_arrival(self, go1: Robot, layer: JointLayer) -> None:
-        """Not when the loop got round to it; where nobody knows, then."""
+        """Arrival time, not processing time; processing time where the arrival is unknown."""
         values, times = np.zeros((3, 12)), 1000.0 + ROWS
         frames = self.replies(go1, slice(None), values)
         for _ in range(2):  # the second time from arrays that were seen before
@@ -203,7 +203,7 @@ class TestReadingsOfEveryKind:
         assert layer.last_heard().motor_us.tolist() == [2000] * 12
 
     def test_temperature_and_voltage_are_nan_where_not_reported(self, go1: Robot, layer: JointLayer) -> None:
-        """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
+        """A reply of six bytes has no temperature; no motor in MIT mode reports its voltage."""
         frames = self.replies(go1, slice(None), np.zeros((3, 12)))
         short = np.where(ROWS == 4, 6, 8)
         layer.absorb([frames._replace(length=short)], 1)

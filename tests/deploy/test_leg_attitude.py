@@ -120,7 +120,7 @@ def test_three_collinear_feet_and_two_soles_give_no_estimate() -> None:
 
 @pytest.mark.parametrize("up", [LEVEL, nose_up(0.3), np.array([0.0, 0.6, 0.8])])
 def test_the_force_on_a_foot_excludes_the_legs_weight(up: np.ndarray) -> None:
-    """A hexapod's legs weigh as much as its body; each foot is pressed by another force, along what is up."""
+    """A hexapod's legs weigh as much as its body; different vertical forces press on its feet."""
     stander, forces = Stander(load_robot("hexapod")), np.array([0.0, 5.0, 10.0, 15.0, 20.0, 25.0])
     legs, pose = stander.robot.legs, stander.robot.default_pose
     torque = legs.torque(legs.pose(pose).jacobian, forces[:, None] * up)

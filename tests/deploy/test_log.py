@@ -66,7 +66,7 @@ def whole(logged: tuple[Path, Trace]) -> LogFile:
 
 
 def log_of(robot: Robot, folder: Path, may_wait: bool = True) -> tuple[Path, McapLog]:
-    """The log of a run that has just begun, and its path."""
+    """The log of a run that has just started, and its path."""
     log = McapLog(folder / "a.mcap", robot, Hold(robot), facts={}, may_wait=may_wait)
     log.begin(0)
     return folder / "a.mcap", log
@@ -98,7 +98,7 @@ class TestContent:
         absent = {"/policy/observation", "/policy/action"}  # Sway has no network
         absent |= {"/notes", "/orders", "/policy/changes", "/policy/applied"}
         absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # nor does it ask for an estimate
-        absent |= {"/foot_forces"}  # go1 has no such sensors
+        absent |= {"/foot_forces"}  # go1 has no foot sensors
         absent |= {"/battery_state", "/loop_timing", "/from_can_bus", "/to_can_bus"}
         absent |= {"/from_can_bus_fd", "/to_can_bus_fd"}
         assert found == {topic: how.kind for topic, how in TOPICS.items() if topic not in absent}
@@ -110,7 +110,7 @@ class TestContent:
         assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
 
     def test_commands_are_logged_while_there_are_any(self, whole: LogFile) -> None:
-        """From the first tick of STANDING to the one before motors are switched off."""
+        """From the first tick of STANDING to the last one before motors are disabled."""
         found = whole.entries
         state = {entry.message.data: entry.time_ns for entry in found if entry.topic == "/state"}
         for topic in ("/joint_commands", "/joint_gains"):
@@ -259,7 +259,7 @@ def logged_us(log: LogFile) -> int:
 
 
 def wait_for_end(pid: int) -> None:
-    """Of somebody else's child."""
+    """Of another process's child."""
     deadline = time.monotonic() + 20.0
     while Path(f"/proc/{pid}").exists() and time.monotonic() < deadline:
         if "(zombie)" in Path(f"/proc/{pid}/status").read_text():
@@ -268,7 +268,7 @@ def wait_for_end(pid: int) -> None:
 
 
 class TestKilledRun:
-    """A loop that keeps to the wall clock, and a reader who sees each tick as it happens."""
+    """A loop in real time, and a reader that sees each tick as it happens."""
 
     SCRIPT = """
 import os, sys
@@ -304,7 +304,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
     def test_a_killed_run_keeps_its_log(
         self, run: subprocess.Popen[bytes], tmp_path: Path, with_its_writer: bool
     ) -> None:
-        """Readings reach the file while the run goes on, even if it does not live to write its end."""
+        """Readings reach the file during the run, even if the run is killed."""
         (writer,) = children(run.pid)
         path, whole = tmp_path / "killed.mcap", tmp_path / "whole.mcap"
         assert run.stdout is not None
@@ -473,7 +473,7 @@ Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
 class TestDamage:
-    """Logs with bytes changed, lost or added give what is left of them, or one line."""
+    """Logs with changed, lost or added bytes give their intact part, or one line."""
 
     @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
     def test_a_damaged_chunk_is_skipped(
@@ -494,7 +494,7 @@ class TestDamage:
         assert [each[:2] for each in recovered.entries] == [each[:2] for each in log.entries]
 
     def test_without_first_chunk_and_end_a_log_keeps_its_types(self, tmp_path: Path) -> None:
-        """Its second schema and channel are the copy's first ones; what the first were of, nobody knows."""
+        """Its second schema and channel are the copy's first ones; the lost first ones are unknown."""
         hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
         with hurt.open("wb") as file:
             writer = Writer(file, compression=CompressionType.NONE)
@@ -511,7 +511,7 @@ class TestDamage:
                 writer.flush()  # a chunk of its own
         content = hurt.read_bytes()
         hurt.write_bytes(content.replace(b"of /a", b"of /c", 1))
-        assert recover(hurt, whole) == (1, 2)  # the chunk, and a message of a kind that it alone told
+        assert recover(hurt, whole) == (1, 2)  # the chunk, and a message whose schema only this chunk had
         (left,) = decoded(whole)
         assert (left.topic, left.kind, left.message.data) == ("/b", "std_msgs/msg/String", "of /b")
         with whole.open("rb") as file:
@@ -523,7 +523,7 @@ class TestDamage:
     def test_definitions_that_are_none_are_counted_and_nothing_is_printed(
         self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
     ) -> None:
-        """mcap_ros2 prints on stderr what it does not understand."""
+        """mcap_ros2 prints unknown content on stderr."""
         path = tmp_path / "hurt.mcap"
         with path.open("wb") as file:
             writer = Writer(file)

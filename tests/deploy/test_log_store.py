@@ -1,4 +1,4 @@
-"""Logs that are written unasked: the space that they take, and what is never removed."""
+"""Automatic logs: the space that they take, and files that are never deleted."""
 
 import os
 from pathlib import Path

@@ -31,7 +31,7 @@ WITH_SETTINGS = pytest.mark.parametrize("wiring", [DAMIAO, ROBSTRIDE], ids=["Dam
 
 
 def both_ends(wiring: Wiring) -> tuple[Any, Any]:
-    """A driver that knows all settings, and its simulated motors."""
+    """A driver that has read all settings, and its simulated motors."""
     driver, end = open_driver(wiring), open_motor_end(wiring)
     if wiring is not ODRIVE:
         introduce(driver, end)
@@ -95,7 +95,7 @@ def test_a_motor_that_is_suddenly_off_has_rebooted(wiring: Wiring) -> None:
         told.append(bool(replies.error[0]))
         assert replies.error[1] == 0
     assert told == [False, False, True, False]
-    assert driver.not_confirmed_off().all()  # their last replies say that they are on
+    assert driver.not_confirmed_off().all()  # their last replies report that they are enabled
 
 
 @WITH_SETTINGS
@@ -160,7 +160,7 @@ class TestRobots:
 
         trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
         assert trace.faults == (f"motor {wiring_of(robot).label(joint)} reports that it is disabled",)
-        assert maker == "ODrive" or trace.walked_s < 0.12  # an axis says so with its next heartbeat
+        assert maker == "ODrive" or trace.walked_s < 0.12  # an axis reports it with its next heartbeat
 
 
 IDENTIFIERS = [

@@ -215,7 +215,7 @@ class TestAddressing:
             found = driver.replies(backwards)
             np.testing.assert_allclose(
                 found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
-            )  # whichever way it is told
+            )  # by either setting
 
     def test_motors_take_whole_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends

@@ -1,4 +1,4 @@
-"""Motors of several makers on one robot: each maker's driver is given, and gives, what is its joints' own."""
+"""Motors of several makers on one robot: each maker's driver handles its own joints."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -93,7 +93,7 @@ def test_each_motor_gets_its_joints_command(driver: MixedDriver) -> None:
 
 
 def test_each_reply_is_its_joints_with_its_time(driver: MixedDriver) -> None:
-    """Of five frames, in any order, one is of nobody here."""
+    """Of five frames, in any order, one belongs to no motor."""
     heard = frames([0x22, 0x11, 0x7F, 0x20, 0x10], np.array([5.0, 6.0, 7.0, 8.0, 9.0]))
     replies = driver.replies(heard)
     order = np.argsort(replies.motor)
@@ -126,7 +126,7 @@ def test_only_motors_that_are_not_ready_are_queried() -> None:
 
 
 def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:
-    """Two of one and three of the other: after six all begin anew."""
+    """Two of one and three of the other: after six all start again."""
     driver = mixed(Maker(0x10, 2, turns=2), Maker(0x20, 3, turns=3))
     sent = [batch.id.tolist() for batch in driver.damping(np.zeros(5))]
     assert sent == [[0x10 + turn % 2, 0x20 + turn % 3] for turn in range(6)]

@@ -1,4 +1,4 @@
-"""ODrive axes: their frames by the maker's manual, the joint law on the host, what is asked at the start."""
+"""ODrive axes: their frames by the maker's manual, the joint law on the host, queries at the start."""
 
 import struct
 from collections import Counter
@@ -54,7 +54,7 @@ def hexed(frames: Frames) -> list[tuple[int, str]]:
 
 
 def answer_all(driver: OdriveDriver) -> None:
-    """Both axes say that they are on, and stand at zero."""
+    """Both axes report that they are enabled, at position zero."""
     for channel in (0, 1):
         for said in (pair(0x069, 0, 0, channel), pair(0x07C, 0, 0, channel), heartbeat(8, channel=channel)):
             driver.replies(said)
@@ -62,7 +62,7 @@ def answer_all(driver: OdriveDriver) -> None:
 
 @pytest.fixture
 def driver() -> OdriveDriver:
-    """Both axes have told all, are on, and stand at zero."""
+    """Both axes have reported all settings, are enabled, at position zero."""
     driver = OdriveDriver(TWO)
     driver.enable()
     answer_all(driver)
@@ -174,7 +174,7 @@ class TestJointLaw:
         assert knee == pytest.approx((10.0 * 2.0 + 2.0 * 0.5 + 0.25) / 8.0, rel=1e-6)
 
     def test_an_old_reading_makes_no_torque(self, driver: OdriveDriver) -> None:
-        """The hip goes on reporting, the knee does not."""
+        """The hip continues to report, the knee does not."""
         for tick in range(8):
             driver.replies(pair(0x069, 0.0, 0.0))
             hip, knee = command(driver, kp=10.0, position=1.0)
@@ -182,7 +182,7 @@ class TestJointLaw:
             assert (knee == 0.0) == (tick >= 5), tick
 
     def test_a_command_is_clamped_to_the_motors_limit(self, go1: Robot) -> None:
-        """Frames know no limit: the motor's own is all that counts."""
+        """Frames have no limit: only the motor's own counts."""
         robot = with_motors(go1, **MAKERS["ODrive"])
         wiring = wiring_of(robot)
         driver = open_driver(wiring)
@@ -329,7 +329,7 @@ class TestMotorEnd:
             assert (reading.voltage.tolist(), reading.temperature_c.tolist()) == ([24.0], [41.0])
 
     def hear(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
-        """All that two axes at rest, at 41 degrees, say in a tenth of a second."""
+        """All reports of two axes at rest, at 41 degrees, in a tenth of a second."""
         end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
         said = [end.broadcast(now_us, BOTH, report(rest, error, 41)) for now_us in range(0, 100_000, 1000)]
         frames = joined([each for each in said if each is not None])

@@ -66,7 +66,7 @@ def test_an_upward_bias_is_the_accelerometers_own() -> None:
 
 
 def test_tilt_that_legs_keep_correcting_is_the_gyros_bias() -> None:
-    """Legs pull the vertical towards the body's x axis: the body turns about y more than the gyro says."""
+    """Legs pull the vertical towards the body's x axis: the body turns more about y than the gyro does."""
     config = AttitudeConfig()
     attitude = at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
     corrected, _ = leveled(attitude, [0.1, 0.0, 0.0], config)

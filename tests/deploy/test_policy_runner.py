@@ -1,4 +1,4 @@
-"""A policy at its own rate: what it is given and when, and what counts as late or failed."""
+"""A policy at its own rate: its inputs and their times, late steps and failures."""
 
 import math
 import sys
@@ -54,7 +54,7 @@ def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[floa
 
 
 class Stopwatch:
-    """Stands in for `time`: it moves on only when it is told to."""
+    """Replaces `time`: it advances only on request."""
 
     now_s = 0.0
 

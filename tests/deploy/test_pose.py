@@ -1,4 +1,4 @@
-"""Whether joints can be where their encoders say when a run begins."""
+"""Whether joints can be at the positions that their encoders report at the start of a run."""
 
 import math
 from dataclasses import replace
@@ -14,7 +14,7 @@ TURN = math.tau
 
 
 def found(robot: Robot, position: float, lower: float, upper: float, margin_rad: float = 0.0) -> str:
-    """What is found of joint 4 at a position, if this were its range; the others are at home."""
+    """Finding for joint 4 at a position with this range; the others are in the default pose."""
     joint = np.arange(12) == 4
     ranged = replace(
         robot,

@@ -1,4 +1,4 @@
-"""Buses through python-can, with as much of python-can as they use made up here."""
+"""Buses through python-can, with a fake python-can."""
 
 import re
 import sys
@@ -17,7 +17,7 @@ from footfall.deploy.python_can_bus import PythonCanBus
 
 
 class FakeCan:
-    """As much of python-can as the bus uses."""
+    """The part of python-can that the bus uses."""
 
     VALID_INTERFACES = frozenset({"slcan", "virtual", "udp_multicast"})
 

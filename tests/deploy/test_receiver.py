@@ -1,4 +1,4 @@
-"""The latest readings: of each motor its own, and none that changes after it was handed out."""
+"""The latest reading of each motor; a returned reading never changes."""
 
 import numpy as np
 import pytest

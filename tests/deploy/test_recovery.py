@@ -70,7 +70,7 @@ class Wishing:
 
 
 def fallen(robot: Robot, consent: bool = True, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
-    """A loop whose robot walked and lies on its side; its policy, and the one that gets it up."""
+    """A loop whose robot walked and lies on its side; its policy, and the get-up policy."""
     walks, rises = Hold(robot), Hold(robot)
     rises.name = "rises"
     loop, body = loop_of(robot, walks, get_up=rises if consent else None, **{"safety": SAFETY, **settings})

@@ -234,7 +234,7 @@ class TestRecover:
 
 
 class Seeing(Hold):
-    """A policy with an observation and an action of its own."""
+    """A policy with its own observation and action."""
 
     observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)
     action = np.array([-0.5, 0.25], dtype=np.float32)
@@ -329,7 +329,7 @@ class TestWritten:
         assert Contract.from_json(json.dumps(kept), "log") == contract
 
     def test_messages_reach_the_file_before_the_end(self, log: McapLog, tmp_path: Path) -> None:
-        assert FLUSH_EVERY_S <= 0.1  # with as much again to write it, a killed run lacks 0.2 s at most
+        assert FLUSH_EVERY_S <= 0.1  # with as much again for writing, a killed run loses at most 0.2 s
         for k in range(20):
             log.note(k, f"note {k}")
         deadline = time.monotonic() + 20.0
@@ -345,7 +345,7 @@ NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
 
 
 def test_definitions_are_those_of_ros_2() -> None:
-    """A tool reads the bytes by its own definition, whatever the file says."""
+    """A tool decodes the bytes by its own definition, independently of the file's."""
     ours, theirs = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY)
     for kind in {topic.kind for topic in TOPICS.values()} - NOT_OF_ROS:
         found = get_types_from_msg(definition(kind), kind)

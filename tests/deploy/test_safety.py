@@ -130,7 +130,7 @@ class TestTable:
     def test_a_stop_during_lying_down_is_latched_and_does_not_interrupt(self) -> None:
         stopped = with_changes(QUIET, {"stop": Stop("stopped by x"), "end.may_lie": True})
         state = advance(State(L, 4.0), stopped, CONFIG)
-        assert state == State(L, 4.0, ("stopped by x",))  # it goes on where it is
+        assert state == State(L, 4.0, ("stopped by x",))  # it continues where it is
         assert advance(state, stopped, CONFIG) == state
         done = advance(state, with_changes(stopped, {"posture_done": True}), CONFIG)
         assert done == State(E, 5.0, ("stopped by x",))
@@ -170,13 +170,13 @@ class TestStart:
         assert after(N, STARTED) == State(S, 0.5)
 
     def test_a_dead_bus_counts_also_while_motors_are_silent(self) -> None:
-        """Nothing else would tell why they are."""
+        """Otherwise the reason would be missing."""
         silent = STARTED | {"motors.silence_s": 9e9}
         assert after(N, silent, **{"bus.fault": "bus can2 is bus-off"}).mode is E
         assert after(N, silent, **{"bus.frames_refused": 3}).mode is E
 
 
-# Who asks for what, in which mode, and where that leads a robot that can lie down.
+# Each request in each mode, and the mode to which it leads a robot that can lie down.
 WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
     (S, {}, S),
     (S, {"posture_done": True}, W),
@@ -300,9 +300,9 @@ def test_the_documented_diagram_has_the_transitions_of_the_tables() -> None:
     }
     faults |= {(mode, check.leads_to) for mode in (N, S) for check in CHECKS if C in check.modes}
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    faults |= {(F, E)}  # likewise, of a robot that might get up
+    faults |= {(F, E)}  # the same, of a robot that may get up
     faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
-    faults -= {(L, L)}  # a stop is latched while it goes on lying down
+    faults -= {(L, L)}  # a stop is latched while it continues to lie down
     progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
     progress |= {(F, U)}  # with consent
     end = {(mode, R) for mode in Mode if mode not in (*DAMPED, U)} | {(W, P), (S, L), (C, L), (U, F)}

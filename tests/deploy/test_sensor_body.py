@@ -132,7 +132,7 @@ class TestGravity:
 
     @pytest.mark.parametrize("quaternion", ATTITUDES)
     def test_at_rest_the_mean_of_all_windows_counts(self, go1: Robot, quaternion: list[float]) -> None:
-        """Four windows of one reading and four of another are 0.32 s, and 0.3 s are asked for."""
+        """Four windows of one reading and four of another are 0.32 s; 0.3 s are required."""
         windows, world = BodyWindows(go1, RestError), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
         felt = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
         errors = [
@@ -167,7 +167,7 @@ class TestSunk:
     """How much of the base's clearance is gone: by the legs, the IMU, and the lowest corner of the base."""
 
     def test_it_is_looked_at_every_third_window_of_a_robot_on_its_legs(self, go1: Robot) -> None:
-        """Its joints read zero: legs straight down, longer than they stand, which is less than none."""
+        """Its joints read zero: legs straight down, longer than the standing height: a negative share."""
         windows, straight = BodyWindows(go1, Sunk), np.zeros(12)
         sunk = [windows.update(STILL, on_legs=update != 3, position=straight) for update in range(6)]
         gone = Clearance(go1).sunk_share(straight, LEVEL)

@@ -1,4 +1,4 @@
-"""Checks of joint readings: travel by positions and by velocities, torques asked for and reported."""
+"""Checks of joint readings: travel by positions and by velocities, commanded and reported torques."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -96,7 +96,7 @@ class TestWander:
     @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize("late_ms", [5, 10])
     def test_late_frames_of_a_fast_swing_pass(self, go1: Robot, late_ms: int, seed: int) -> None:
-        """10 ms at 7.5 rad/s are 0.075 rad: frames that come unevenly tell how late they may be."""
+        """10 ms at 7.5 rad/s are 0.075 rad: unevenly timed frames show the possible delay."""
 
         def fast(time_s: float) -> tuple[float, float]:
             return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
@@ -122,7 +122,7 @@ class TestWander:
 
 
 class TestStuck:
-    """A position or a velocity that is to the last digit the one before, where the other one moves."""
+    """A position or a velocity equal to the previous one to the last digit, while the other one changes."""
 
     @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
     def test_a_stuck_reading_is_noticed_earlier_than_a_wandering_one(
@@ -143,7 +143,7 @@ class TestStuck:
         assert (stuck[1:] == 0.0).all()
 
     def test_it_restarts_where_both_move(self, go1: Robot) -> None:
-        """One of ten readings is another one: a velocity that is 0.2 rad/s too high is no stuck one."""
+        """One of ten readings differs: a velocity that is 0.2 rad/s too high is not stuck."""
 
         def alive(time_s: float) -> tuple[float, float]:
             other = 1e-4 * (round(time_s / 0.004) % 10 == 5)
@@ -159,10 +159,10 @@ class TestStuck:
 
 
 class TestTorqueStuck:
-    """A torque that is to the last digit the one before, while what is asked moves. Of the peak torque."""
+    """A torque that equals the previous one to the last digit while the command changes. In peak torques."""
 
     def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
-        """What is asked rises by the peak torque a second: 0.04 from each window to the next."""
+        """The command rises by the peak torque a second: 0.04 from each window to the next."""
         peak = float(robot.motor.peak_torque[0])
         torque = lambda t: (reported * peak, t * peak)  # noqa: E731
         share = measured(robot, TorqueStuck, torque=torque, samples=samples, stiffness=stiffness)
@@ -196,7 +196,7 @@ class TestTorqueStuck:
     def test_does_not_count_of_a_sound_motor(
         self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
     ) -> None:
-        """Shares of the peak torque that are reported and asked for; frames are ten times less coarse."""
+        """Reported and commanded shares of the peak torque; frames are ten times finer."""
         peak = float(go1.motor.peak_torque[0])
 
         def torque(time_s: float) -> tuple[float, float]:
@@ -207,7 +207,7 @@ class TestTorqueStuck:
 
 
 class TestOpposing:
-    """What a motor reports against what is asked of it."""
+    """A motor's report against its command."""
 
     def asked(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
         """A tenth of the peak torque and a half, to and fro, of which a share is reported, later."""
@@ -227,7 +227,7 @@ class TestOpposing:
         assert self.asked(go1, 1.0, lag_s=0.05) < 0.0
 
     def test_a_lag_behind_a_moving_target_passes(self, go1: Robot) -> None:
-        """A stiff joint bears a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""
+        """A stiff joint carries a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""
         stiffness, load = 200.0, 0.1 * float(go1.motor.peak_torque[0])
 
         def target(time_s: float) -> float:

@@ -161,7 +161,7 @@ class TestSlow:
         assert measured(go1, Creep, stride, samples=5000).max() <= LIMITS.creep_rad
 
     def test_a_quick_swing_and_a_slow_stance_are_no_drift(self, go1: Robot) -> None:
-        """A swing of one window: a filtered velocity lags at its start, and as much after its end."""
+        """A swing of one window: a filtered velocity lags at its start and after its end."""
         swing_s, stance_s, fast = 0.04, 0.28, 0.6
         slow = -fast * swing_s / stance_s
 

@@ -1,4 +1,4 @@
-"""A session about its loop: signals, interfaces that are let go of, and what it is told by default."""
+"""A session around its loop: signals, interfaces that are released, and defaults."""
 
 import math
 import signal

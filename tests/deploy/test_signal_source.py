@@ -164,7 +164,7 @@ def test_a_few_skipped_ticks_are_forgiven(go1: Robot) -> None:
 
 
 def test_the_share_of_skipped_ticks_fades() -> None:
-    """Of a pause of 60 ms 58 ms, of the last second; of 2 ms none; of two seconds one counts."""
+    """58 ms of a pause of 60 ms within the last second; 0 of 2 ms; one second of two."""
     skipped = SkippedTicks(TICK_US)
     shares = [skipped.share(elapsed_us) for elapsed_us in (TICK_US, 60_000, TICK_US, 0, 2_000_000)]
     assert shares == pytest.approx([0.0, 0.058, 0.058 * 0.998, 0.058 * 0.998, 0.999])

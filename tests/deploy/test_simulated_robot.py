@@ -71,7 +71,7 @@ class Bench:
 class TestMotors:
     @pytest.mark.parametrize("start", [{}, {"lying": True}, {"hanging": True}])
     def test_it_does_not_move_before_its_motors_are_enabled(self, go1: Robot, start: dict[str, bool]) -> None:
-        """Off or on, standing, lying or hanging: somebody or something holds it. Then nobody does."""
+        """Off or on, standing, lying or hanging: the robot is held at first, then released."""
         bench = Bench(go1, held=True, **start)
         before = bench.body.data.qpos.copy()
         bench.tick(bench.hold())  # they are off

@@ -172,7 +172,7 @@ class TestFaults:
 
 
 class FakeSocket:
-    """Takes down what is asked of a CAN socket."""
+    """Records the calls to a CAN socket."""
 
     made: list["FakeSocket"] = []  # noqa: RUF012
 
@@ -203,7 +203,7 @@ class TestOpening:
         return FakeSocket.made
 
     def test_the_kernel_filters_and_stamps(self, sockets: list[FakeSocket]) -> None:
-        """Masks hold the bits that tell 29-bit identifiers and remote frames: none passes for another."""
+        """Masks include the bits of 29-bit identifiers and remote frames: none passes for another kind."""
         SocketCanBus(("can3",), FILTERS)
         (opened,) = sockets
         assert opened.kind == (29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
@@ -251,7 +251,7 @@ class TestKernel:
         (got,) = host.receive(0)
         assert got.id.tolist() == [0x101, EXTENDED | 0x0200_0001, 0x17F]
         assert [row.tobytes() for row in got.data] == [b"plain\0\0\0", b"extended", bytes(8)]
-        assert robot.receive(0) == []  # nobody hears what they sent themselves
+        assert robot.receive(0) == []  # a socket does not receive its own frames
         host.close()
         robot.close()
 

@@ -154,7 +154,7 @@ class TestKey:
 
 
 class Presses(Hold):
-    """Holds the default pose; after a while somebody presses the button."""
+    """Holds the default pose; after a while the button is pressed."""
 
     def __init__(self, robot: Robot, button: can.BusABC) -> None:
         super().__init__(robot)

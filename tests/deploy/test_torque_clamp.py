@@ -24,30 +24,32 @@ WIRING = wiring_of(ROBOT)
 N = 12
 WIRINGS = {
     "go1": WIRING,
-    "stiff": replace(WIRING, models=("MIT-65-500",) * N),  # frames that can say ten times what motors can do
+    "stiff": replace(
+        WIRING, models=("MIT-65-500",) * N
+    ),  # frames whose range is ten times the motors' limits
     "Damiao": replace(WIRING, models=("DM8009",) * N),
     "RobStride": replace(WIRING, models=("RS03",) * N),
     "ODrive": replace(WIRING, models=("ODrive",) * N),
     "mixed": replace(WIRING, models=("RS03", "DM8009", "ODrive") * 4, motor_id=np.arange(4, 4 + N)),
 }
 FLOAT_ROUNDING = 2.0**-24  # of a number with 24 significant bits, half of the last one
-USUAL_READING = np.array([[12.5], [40.0], [40.0]])  # where a frame can say anything
+USUAL_READING = np.array([[12.5], [40.0], [40.0]])  # where a frame's range is unlimited
 
 anything = st.floats(-1e300, 1e300)
 usual = st.floats(-3.0, 3.0)
 decisions = arrays.arrays(float, (5, N), elements=st.one_of(usual, st.floats(-600.0, 600.0), anything))
-readings = arrays.arrays(float, (3, N), elements=st.floats(-1.0, 1.0))  # of what a frame can say
+readings = arrays.arrays(float, (3, N), elements=st.floats(-1.0, 1.0))  # of a frame's range
 wirings = st.sampled_from(sorted(WIRINGS)).map(WIRINGS.__getitem__)
 
 
 class Ends:
-    """A joint layer that has read something, and the motors that hear it."""
+    """A joint layer that has received readings, and the motors that receive its frames."""
 
     def __init__(self, wiring: Wiring, share: np.ndarray, target: np.ndarray) -> None:
         self.driver: Driver = open_driver(wiring)
         self.motors: MotorEnd = open_motor_end(wiring)
         self.layer = JointLayer(ROBOT, self.driver, open_imu(WIRING), 0.002)
-        self.motors.requests(self.driver.query_settings())  # which tells ODrives to take torques
+        self.motors.requests(self.driver.query_settings())  # which switches ODrives to torque control
         most = self.driver.highest[[0, 1, 4]]
         reading = share * np.where(np.isfinite(most), most, USUAL_READING)
         errors = np.zeros(N, np.uint64)
@@ -67,7 +69,7 @@ class Ends:
         return JointCommand(*values)
 
     def excess(self, frames: Frames) -> np.ndarray:
-        """Torque that the motors are asked for beyond what they can do, N m, less what rounding may cost."""
+        """Requested torque beyond the motors' limits, N m, less what rounding may cost."""
         sensed, heard = self.layer.sensed(), self.heard(frames)
         error, speed_error = heard.position - sensed.joint_position, heard.velocity - sensed.joint_velocity
         torque = heard.kp * error + heard.kd * speed_error + heard.torque
@@ -122,7 +124,7 @@ def test_damping_stays_within_motor_limits(wiring: Wiring, kd: float, share: np.
 def test_damping_without_readings_stays_within_motor_limits(
     wiring: Wiring, kd: float, share: np.ndarray
 ) -> None:
-    """Frames made of the speeds read last, which motors hear over and over."""
+    """Frames made from the latest speeds, which motors receive repeatedly."""
     ends = Ends(wiring, share, ROBOT.default_pose)
     for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
         heard = ends.heard(frames)
@@ -133,7 +135,7 @@ def test_damping_without_readings_stays_within_motor_limits(
 def test_damping_is_lowered_only_as_far_as_necessary() -> None:
     """go1's hips and thighs brake with 23.7 N m, its calves with 35.55: 2.37 and 3.0 at 10 rad/s."""
     speed = np.zeros((3, N))
-    speed[1] = 10.0 / 50.0  # of what a frame can say
+    speed[1] = 10.0 / 50.0  # of a frame's range
     np.testing.assert_allclose(
         Ends(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
     )

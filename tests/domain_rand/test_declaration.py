@@ -25,7 +25,7 @@ def fixed(numbers: np.ndarray):
 
 
 def everything() -> Randomisation:
-    """The default, and what it leaves out from a range of its own."""
+    """The default, and the values that it takes from a range of its own."""
     default = load_randomisation()
     left_out = {
         name: Distribution(max(quantity.lower, 0.0), quantity.upper)
@@ -87,7 +87,7 @@ def test_uniform_quantile(u: float, low: float, width: float) -> None:
 def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
     distribution = Distribution(0.1, 10.0, "log_uniform")
     assert distribution.quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
-    lopsided = Distribution(0.5, 8.0, "log_uniform")  # from a half to sixteen times as much
+    lopsided = Distribution(0.5, 8.0, "log_uniform")  # from half to sixteen times as much
     assert lopsided.quantile(np.array([0.0, 0.25, 0.75, 1.0])) == pytest.approx([0.5, 1.0, 4.0, 8.0])
 
 

@@ -1,4 +1,4 @@
-"""Each named distribution changes the physics, or the reading, as its name says.
+"""Each named distribution changes the quantity of physics or readings in its name.
 
 Delays are tested with the loop and with the environment, which carry them out; so are pushes and
 initial states.

@@ -1,4 +1,4 @@
-"""Errors of height scans: each does what it declares, in NumPy and in JAX."""
+"""Errors of height scans act as declared, in NumPy and in JAX."""
 
 import jax.numpy as jnp
 import numpy as np

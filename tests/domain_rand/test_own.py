@@ -42,7 +42,7 @@ def test_a_quantity_may_be_left_nominal_and_an_empty_file_changes_nothing(
     assert own_ranges(robot) == {"payload_kg": None}
     assert set(load_scenarios(robot).scenarios["payload"].levels["payload_kg"]) == {
         0.0
-    }  # asked to carry none
+    }  # the robot carries none
     for empty in (go1, own_robot(own_folder, ""), own_robot(own_folder, "# nothing yet\n")):
         assert own_ranges(empty) == {}
         assert randomisation_of(empty) == load_randomisation()

@@ -61,7 +61,7 @@ class TestPictures:
 
     def test_each_robot_has_a_picture_of_its_own(self, renderer: list[Any]) -> None:
         many = GymnasiumVectorEnv(ROBOT, SMOKE, 2, "rgb_array")
-        assert many.render() is None  # nothing has begun
+        assert many.render() is None  # nothing has started
         places = np.zeros((2, 19))
         places[:, 0], places[:, 3] = [1.0, 2.0], 1.0
         many.state = type("S", (), {"qpos": places})()

@@ -95,7 +95,7 @@ class TestDisturbances:
             state = self.after(state)
             commands.append(float(state.command[0]))
         assert commands[:2] == [9.0, 9.0]
-        assert abs(commands[2]) < 9.0  # a fresh one, and the hold begins anew
+        assert abs(commands[2]) < 9.0  # a new one, with a new hold
         assert int(state.hold_steps) >= CONFIG.commands.hold_s.low * CONFIG.control_rate_hz - 2
 
     def test_a_push_comes_when_it_is_due_and_the_next_one_later(self, begun: State) -> None:
@@ -152,7 +152,7 @@ def test_only_due_commands_and_events_change(begun: State) -> None:
 
 class TestResetPose:
     def draw(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        scene = Scene(MODEL, ROBOT, FEET, 0.02)  # anew: the ground may be another
+        scene = Scene(MODEL, ROBOT, FEET, 0.02)  # a new scene: the ground may have changed
         rest: Any = Rest(jnp.asarray(scene.standing), jnp.zeros(18))
         state = reset_pose.change(
             rest, Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0), **SPREAD

@@ -1,4 +1,4 @@
-"""What is traced for a GPU with fewer kernels comes to the same, and only what is traced for one differs."""
+"""Tracing for a GPU with fewer kernels gives the same results, and changes only GPU programs."""
 
 import re
 from collections import Counter

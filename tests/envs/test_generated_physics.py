@@ -1,4 +1,4 @@
-"""The generated physics moves any robot as MuJoCo C does, and says what it cannot generate."""
+"""The generated physics moves any robot as MuJoCo C does, and names features that it cannot generate."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -116,7 +116,7 @@ CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
 
 
 def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
-    """As much of a robot as its motion asks for."""
+    """The part of a robot that its motion needs."""
     n, go1 = len(joints), load_robot("go1")
     return SimpleNamespace(
         joint_names=joints,
@@ -182,7 +182,7 @@ def test_each_foot_may_meet_the_edge_of_another_level(name: str, height: float) 
 
 
 def on_step(robot: Robot, low: float, high: float, away: np.ndarray, edge: float) -> mujoco.MjModel:
-    """The training model on a floor at one height, and a box to another one that ends at an edge."""
+    """The training model on a floor at one height, and on a box of another height that ends at an edge."""
     spec = training_spec(robot)
     floor, side = spec.geom("floor"), 20.0
     floor.pos = [0.0, 0.0, low]

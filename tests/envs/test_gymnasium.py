@@ -1,4 +1,4 @@
-"""The environment as gymnasium knows it: found by name, its contract kept, one episode like many."""
+"""The environment in gymnasium: found by name, its contract kept, one episode like many."""
 
 import os
 import subprocess
@@ -209,7 +209,7 @@ class TestMany:
     def test_gymnasiums_wrappers_take_it(
         self, many: GymnasiumVectorEnv, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        # Gymnasium 1.4 refuses this mode at once, although the wrapper's step knows it.
+        # Gymnasium 1.4 refuses this mode at once, although the wrapper's step supports it.
         monkeypatch.setattr(VectorObservationWrapper, "__init__", VectorWrapper.__init__)
         shorter = {"func": lambda x: x[:7], "observation_space": Box(-np.inf, np.inf, (7,))}
         env = RecordEpisodeStatistics(VectorizeTransformObservation(many, TransformObservation, **shorter))

@@ -74,7 +74,7 @@ def test_the_critic_sees_the_exact_scan(
 
 
 def test_scans_are_late_at_their_rate(env: LocomotionEnv, begun: tuple[State, dict[str, jax.Array]]) -> None:
-    """On a slope along x the first height tells where the robot was when the scan was taken."""
+    """On a slope along x the first height shows the robot's position at the time of the scan."""
     late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), env.scene.base, env.period_s)
     state = jax.tree.map(lambda leaf: leaf[0], begun[0])
     level = jnp.array([1.0, 0.0, 0.0, 0.0])

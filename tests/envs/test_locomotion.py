@@ -1,6 +1,6 @@
 """One control step in numbers that all differ: what goes into the physics, what comes out, in which order.
 
-The physics is a stand-in whose physics steps can be told apart, so that a step is plain arithmetic.
+The physics is a fake whose physics steps differ, so that a step is plain arithmetic.
 """
 
 from collections.abc import Callable
@@ -177,9 +177,7 @@ class TestStep:
         rate = max(sum(expected.values()), CONFIG.reward_floor)
         assert float(result.reward) == pytest.approx(rate / 40.0, rel=1e-4)
         assert not np.array_equal(after.command, due.command)
-        np.testing.assert_allclose(
-            result.observation["state"][3:6], after.command
-        )  # it is told of the new one
+        np.testing.assert_allclose(result.observation["state"][3:6], after.command)  # it observes the new one
         forward, left = TILTED.inv().apply(np.asarray(begun.qvel[:3]))[:2]
         error = np.hypot(0.4 - forward, -0.2 - left)
         assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(error, rel=1e-4)

@@ -1,4 +1,4 @@
-"""Optional effects of motors act alike in all physics, and only where they are asked for."""
+"""Optional effects of motors act alike in all physics, and only where they are enabled."""
 
 from dataclasses import replace
 

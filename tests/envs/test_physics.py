@@ -93,7 +93,7 @@ def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
 
 @IN_C
 def test_a_control_step_is_the_same_generated_and_in_c(begun: State, step) -> None:
-    """From many states of a walk, with the one Newton iteration of a training."""
+    """From many states of a walk, with the single Newton iteration of a training."""
     model = training_model(ROBOT, SMOKE.timestep_s)
     one, other = (jax.jit(jax.vmap(ENGINES[name](model, ROBOT))) for name in ("generated", "c"))
     state = begun
@@ -243,7 +243,7 @@ class TestDivergence:
 
 @IN_C
 def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
-    """MuJoCo compiles such a body so that it would overlook the offset."""
+    """MuJoCo compiles such a body in a way that would hide the offset."""
     plain, moved = training_model(ROBOT), training_model(ROBOT)
     for model in (plain, moved):
         model.body_ipos[1], model.body_sameframe[1] = 0.0, mujoco.mjtSameFrame.mjSAMEFRAME_BODY
@@ -292,7 +292,7 @@ def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> Non
     """21 end, more than begin at once."""
     ends = np.arange(len(begun.steps)) % 3 > 0
     assert ends.sum() > RESTARTED_AT_ONCE
-    level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which goes on
+    level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which continues
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))
     after, observation, result = jax.device_get(step(state, action))

@@ -1,4 +1,4 @@
-"""A compiled program is kept from one training to the next, and found again only by what it was made from."""
+"""A compiled program is kept from one training to the next, and found only by its inputs."""
 
 import os
 import pickle
@@ -65,7 +65,7 @@ def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
 
 @pytest.fixture(autouse=True)
 def _sources_are_as_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Even if somebody edits them while the tests run."""
+    """Even if the files are edited while the tests run."""
     monkeypatch.setattr(footfall, "IMPORTED_AT_NS", FAR_FUTURE_NS)
 
 
@@ -163,7 +163,7 @@ def test_every_package_of_ours_that_a_program_imports_counts() -> None:
 def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was traced is then not what the file says: it would be found under the new text for good."""
+    """The traced text then differs from the file: it would be found under the new text for good."""
     source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     source.write_text("new")

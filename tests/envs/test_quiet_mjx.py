@@ -1,4 +1,4 @@
-"""A library that is imported says nothing on stdout; the workaround for MJX goes when MJX agrees."""
+"""An imported library prints nothing on stdout; the workaround for MJX goes when MJX agrees."""
 
 import subprocess
 import sys

@@ -44,7 +44,7 @@ def slowest(model: mujoco.MjModel, robot: Robot, drive: Drive) -> float:
 
 
 def slowest_of_family(family: Randomisation, robot: Robot, timestep_s: float, draws: int) -> float:
-    """The most negative eigenvalue among so many robots of the family."""
+    """The most negative eigenvalue among randomised robots."""
     nominal, model = training_model(robot, timestep_s), training_model(robot, timestep_s)
     where, numbers = body_map(model, robot), np.random.default_rng(0)
     nothing, least = np.zeros(len(robot.joint_names)), np.inf

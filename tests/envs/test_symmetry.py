@@ -55,7 +55,7 @@ def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None
     seen_mirrored = _observed(env, mirrored=True)
     assert seen.keys() == seen_mirrored.keys() == mirror.observation.keys()
     for name, vector in seen.items():
-        assert np.mean(np.abs(vector - seen_mirrored[name]) > 1e-4) > 0.5  # the image is another one
+        assert np.mean(np.abs(vector - seen_mirrored[name]) > 1e-4) > 0.5  # the image differs
         np.testing.assert_allclose(mirror.observation[name](vector), seen_mirrored[name], atol=2e-5)
 
 

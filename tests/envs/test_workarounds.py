@@ -1,6 +1,6 @@
 """Each workaround of `envs/workarounds/` is still needed, and was tried with the releases that are installed.
 
-A test that fails here after an upgrade says: look at that file again; it may go.
+A test that fails here after an upgrade means: the workaround in that file may be obsolete.
 """
 
 import os
@@ -34,7 +34,7 @@ def test_they_were_tried_with_this_release(package: str) -> None:
 
 
 def time_spent(steps: int) -> float:
-    """What MuJoCo's own stopwatch says of some steps, in seconds."""
+    """MuJoCo's own stopwatch for some steps, in seconds."""
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
     data = mujoco.MjData(model)
     for _ in range(steps):

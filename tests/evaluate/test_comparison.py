@@ -15,7 +15,7 @@ from footfall.evaluate.table import print_results, warnings
 
 
 class TestComparison:
-    """What a report says of how it came about."""
+    """A report's statements about its origin."""
 
     def compared(
         self, config: EvaluationConfig, file: ScenarioFile = FILE, specs: Sequence[str] = ("b", "a")

@@ -1,4 +1,4 @@
-"""One episode as a worker runs it: what of its plan reaches the simulated robot, and what is scored."""
+"""One episode as a worker runs it: the parts of its plan that reach the simulated robot, and its scores."""
 
 from dataclasses import replace
 from typing import Any

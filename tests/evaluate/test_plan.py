@@ -36,7 +36,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def refusal(folder: Path, text: str) -> str:
-    """What is said of a scenario with this beside what every one has."""
+    """Conditions of a scenario with this change, without those of every scenario."""
     path = written(folder, text)
     with pytest.raises(UserError) as caught:
         load_scenarios(ROBOT, path)
@@ -276,7 +276,7 @@ class TestPlans:
         assert len(set(met[:12])) == 12
         assert met[12:] == met[:12]
         orders = [[each[1:] for each in met[:12] if each[0] == friction] for friction in levels["friction"]]
-        assert not orders[0] == orders[1] == orders[2]  # each has an order of its own
+        assert not orders[0] == orders[1] == orders[2]  # each has its own order
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
 
     def test_which_level_comes_first_is_drawn(self) -> None:

@@ -1,4 +1,4 @@
-"""Tasks in parallel processes: none is lost, whatever becomes of it."""
+"""Tasks in parallel processes: none is lost, however its process ends."""
 
 import os
 import subprocess

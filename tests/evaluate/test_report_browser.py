@@ -35,7 +35,7 @@ def page(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
 
 
 def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") -> None:
-    """As on a screen, or paper, so many pixels wide."""
+    """As on a screen or paper of this width, px."""
     page.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
     scheme = {"name": "prefers-color-scheme", "value": colours}
     page.ask("Emulation.setEmulatedMedia", media=media, features=[scheme])

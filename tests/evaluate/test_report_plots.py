@@ -59,7 +59,7 @@ class Drawn:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
-    """The panels of a plot, in the order in which they were drawn; none is made an SVG of."""
+    """The panels of a plot, in drawing order; no SVG is made of them."""
     panels: list[Drawn] = []
 
     def keep(panel: Panel, *_: Any) -> Markup:
@@ -171,7 +171,7 @@ class TestSweep:
 
 
 def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
-    """A trace with a velocity of its own on each axis, feet that differ, and motors that work."""
+    """A trace with a different velocity on each axis, feet that differ, and motors that work."""
     trace = walk(seconds)
     time_s, joint = trace.time_s[:, None], np.arange(12)
     velocity = np.column_stack(
@@ -279,7 +279,7 @@ class TestTiming:
             Walk(3, "d", self.timed(50.0, 60.0), 20.0),
         ]
         course_plots.timing(walks)
-        one, other = drawn  # who took no step has no panel
+        one, other = drawn  # a policy without steps has no panel
         bars = [(bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in one.bars]
         heights = {ms: [h for low, high, h in bars if low <= ms < high] for ms in (0.1, 0.4, 2.0)}
         assert heights == {0.1: [50.0], 0.4: [25.0], 2.0: [25.0]}

@@ -1,4 +1,4 @@
-"""Names of policies in a report: whole where there is room, without their middle where there is none."""
+"""Names of policies in a report: complete where there is room, otherwise without their middle."""
 
 import pytest
 

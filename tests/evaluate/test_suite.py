@@ -35,7 +35,7 @@ CONFIG = EvaluationConfig("go1", ("two", "one"), seed=7, plant=PLANT, ground_tru
 class TestSuite:
     @pytest.fixture
     def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """Tasks and workers of each call; a task's distance tells its policy, its index and its scenario."""
+        """Tasks and workers of each call; a task's distance encodes its policy, index and scenario."""
         calls: list[Any] = []
 
         def run_all(
@@ -117,7 +117,7 @@ class TestEpisode:
 
     @pytest.fixture
     def ran(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """What the simulation was called with; it hands back `trace`."""
+        """Arguments of the simulation's call; it returns `trace`."""
         seen = SimpleNamespace(trace=replace(walk(), compute_ms=np.array([0.1, 0.7]), notes=("no floor",)))
 
         def run_episode(*given: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Who is better, by intervals: what is marked as best, and the sentence that opens a report."""
+"""The better policy, by intervals: the mark of the best, and the sentence that opens a report."""
 
 import math
 from typing import Any
@@ -38,7 +38,7 @@ def scored(error: float, half_width: float = 0.0, falls: int = 0, episodes: int 
 
 
 def pushed(dv50: float | None, low: float | None, high: float | None, falls: int = 48) -> dict:
-    """A push scenario's summary; None is beyond the strongest push, 5 m/s."""
+    """A push scenario's summary; None stands for beyond the strongest push, 5 m/s."""
     return scored(1.0, 1.0, falls, 96) | {
         "dv50": dv50,
         "dv50_interval": [low, high],

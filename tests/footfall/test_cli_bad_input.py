@@ -1,4 +1,4 @@
-"""Every kind of bad input ends in one line that says what is wrong, status 2, and nothing written."""
+"""Every kind of bad input ends in one line with the reason, status 2, and nothing written."""
 
 import socket
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What each verb of `footfall can` tells of the motors. Motors and buses are stood in for; nothing moves."""
+"""The output of each verb of `footfall can`, with fake motors and buses; nothing moves."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ VERBS = ("monitor", "enable --yes", "zero --yes", "clear --yes")
 
 
 class Motors:
-    """Notes what it shall do, for how long it is watched or idle, and answers as it is told to."""
+    """Records its orders and their durations, and returns prepared answers."""
 
     def __init__(self) -> None:
         self.done: list[str] = []

@@ -47,7 +47,7 @@ class Turns:
 
     def __init__(self) -> None:
         self._asked, self._passed = threading.Semaphore(0), threading.Semaphore(0)
-        self._left_us = 0  # of what was asked for
+        self._left_us = 0  # of the requested ones
 
     def ask(self, us: int) -> None:
         """Wait until the robot's time has advanced by this much."""

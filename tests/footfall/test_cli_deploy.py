@@ -47,7 +47,7 @@ def stood(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 def test_its_log_shows_where_the_robot_is(stood: Made) -> None:
-    """Whoever decides: viewers draw nothing of balance without an estimate."""
+    """For every policy: viewers draw nothing of balance without an estimate."""
     log = read_log(stood.log, ("/odom", "/markers", "/contacts"))
     assert {entry.topic for entry in log.entries} == {"/odom", "/markers", "/contacts"}
 
@@ -147,7 +147,7 @@ def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: 
 
 
 def ran(**changes: Any) -> Any:
-    """What a run has to tell: it ended safely, after ticks that came late."""
+    """Figures of a run that ended safely, after late ticks."""
     timing = {
         "tick_us_p50": 1.0, "tick_us_p99": 2.0, "policy_ms_p50": 0.25, "policy_ms_p99": 4.0,
         "lateness_us_max": 9.0, "lateness_us_p50": 5.0, "lateness_us_p99": 6.0, "overruns": 7.0,

@@ -1,4 +1,4 @@
-"""The installed command, where it matters in a process of its own: what only a real process shows."""
+"""The installed command as a process: behaviour that only a real process shows."""
 
 import json
 import os
@@ -44,7 +44,7 @@ def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
 
 
 def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
-    """Both in one process: it walks without them, and says what training lacks."""
+    """Both in one process: it walks without them, and names the missing extra of training."""
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\n"
         "class Blocker:\n"

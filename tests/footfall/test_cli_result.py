@@ -1,4 +1,4 @@
-"""The result of a run reaches its user whatever ends or blocks it. Each run is a process of its own."""
+"""The result of a run reaches its user however the run ends. Each run is a process of its own."""
 
 import json
 import os
@@ -81,7 +81,7 @@ def test_a_pipe_without_a_reader(walk: list[str], tmp_path: Path) -> None:
     )
     os.close(reader)
     os.close(writer)
-    assert done.returncode == 0  # the figures are where they were asked for
+    assert done.returncode == 0  # the figures are in the requested file
     assert "cannot show the result" in done.stderr
     assert "the run ended: IDLE" in done.stderr
     assert figures(tmp_path)["final_state"] == "IDLE"

@@ -1,4 +1,4 @@
-"""What `footfall robot` tells of a robot: figures that are handed over here, in words and verdicts."""
+"""The output of `footfall robot`: given figures in words and verdicts."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""`footfall sweep`: what it is asked for, its tables and its exit status."""
+"""`footfall sweep`: its request, its tables and its exit status."""
 
 import math
 from importlib.util import find_spec

@@ -24,7 +24,7 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
     """A run of nearly the smoke preset, whose policy has walked two episodes of the usual ones."""
     folder = tmp_path_factory.mktemp("runs") / "smoke"
     with pytest.MonkeyPatch.context() as patch:
-        import_module("footfall.verbs.train")  # its options take their defaults from what is replaced here
+        import_module("footfall.verbs.train")  # the defaults of its options come from the replaced functions
         brief = partial(EvaluationConfig, episodes=2, workers=1)
         patch.setattr("footfall.evaluate.config.EvaluationConfig", brief)
         assert main(["train", "--preset", six_iterations, "--seed", "1", "--out", str(folder)]) == 0
@@ -86,7 +86,7 @@ def test_a_damaged_run_folder_is_named(shell: Shell, copied_run: Path, file: str
 
 
 class TestOptions:
-    """What they lead to, with a training that only notes what it is asked for."""
+    """The resulting requests, with a training that only records them."""
 
     @pytest.fixture
     def trained(self, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:

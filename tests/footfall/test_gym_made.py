@@ -1,4 +1,4 @@
-"""Which environments gymnasium is told of, and what each is made of; none is made here."""
+"""Environments registered with gymnasium, and their arguments; none is made here."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from footfall.train.config import load_preset
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What environments were asked for: kind, robot, settings and the rest."""
+    """Requested environments: kind, robot, settings and the rest."""
     asked: list[Any] = []
     for kind in ("GymnasiumEnv", "GymnasiumVectorEnv"):
         monkeypatch.setattr(

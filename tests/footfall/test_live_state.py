@@ -78,7 +78,7 @@ def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Rob
 
 
 def test_a_full_disk_is_reported_by_others(loop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thread that prints ends; nobody hears of it twice."""
+    """The printing thread ends; its failure is reported once."""
     tried, errors = threading.Event(), []
     monkeypatch.setattr(module, "LINE_EVERY_S", 0.001)
     monkeypatch.setattr(threading, "excepthook", errors.append)

@@ -1,4 +1,4 @@
-"""What doctor makes of what it finds."""
+"""The output of doctor for its findings."""
 
 import json
 import subprocess
@@ -24,7 +24,7 @@ def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """What a Python of its own answers: set `code`, `out` and `err`; `asked` keeps how it was called."""
+    """The answer of another Python: set `code`, `out` and `err`; `asked` keeps its calls."""
     answer = SimpleNamespace(code=0, out="", err="", asked=[], fails=lambda environment: False)
 
     def run(command: list[str], **options: Any) -> Any:

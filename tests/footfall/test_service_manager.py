@@ -1,4 +1,4 @@
-"""What a service manager hears of a run: a socket stands for systemd's."""
+"""Notifications of a run to a service manager, with a socket in place of systemd's."""
 
 import socket
 import time

@@ -31,7 +31,7 @@ def free_port() -> int:
 
 
 def topics_seen(viewer: ClientConnection, wanted: set[str], beat: Callable[[], None]) -> set[str]:
-    """Subscribe to topics as they are advertised; returns those of which a message came. `beat` goes on."""
+    """Subscribe to topics as they are advertised; returns those with a message. Calls `beat` meanwhile."""
     names: dict[int, str] = {}
     seen: set[str] = set()
     until = time.monotonic() + WAIT_S

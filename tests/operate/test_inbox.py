@@ -1,4 +1,4 @@
-"""Requests of operators: who steers, what is refused, what silence does, and who may stop."""
+"""Requests of operators: the owner of control, refusals, silence, and stops."""
 
 import math
 from typing import Any

@@ -23,7 +23,7 @@ class Sender:
         self.sent = b""
 
     def send(self, **request: object) -> str:
-        """What was refused; 'no reply' if there was none."""
+        """The refusal; 'no reply' without one."""
         self.head["number"] = int(self.head["number"]) + 1
         self.sent = pack(self.head | request, self._token, REQUEST)
         return self.again(self.sent)

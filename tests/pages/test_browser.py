@@ -26,7 +26,7 @@ METRICS = '{{"step": {step}, "reward/total": {reward}, "episode/length_s": 2.0}}
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """A run whose training has begun."""
+    """A run whose training has started."""
     made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
     folder = create_run(tmp_path / "run", made, load_preset("smoke")).folder
     lines = [METRICS.format(step=step, reward=1.0 + step / 1000) for step in range(0, 1001, 100)]
@@ -58,13 +58,13 @@ PANEL = (
 
 
 def place(page: Tab, element: str) -> list[int] | None:
-    """Where an element is, px: left, top, width, height; None if there is none."""
+    """Position and size of an element, px: left, top, width, height; None if it is missing."""
     sides = "['left', 'top', 'width', 'height'].map(side => Math.round(box[side]))"
     return page.value(f"(box => box && {sides})({element}?.getBoundingClientRect())")
 
 
 def middle(page: Tab, path: Path) -> np.ndarray:
-    """What is seen around the middle of the page, (h, w, 3), 0 to 1."""
+    """Pixels around the middle of the page, (h, w, 3), 0 to 1."""
     page.picture(path)
     seen = imread(path)[..., :3]
     height, width = seen.shape[:2]

@@ -1,4 +1,4 @@
-"""The cockpit's server as programs see it: who is let in, which commands count, and what a silence does."""
+"""The cockpit's server as programs see it: access, accepted commands, and the effect of silence."""
 
 import json
 import socket
@@ -200,7 +200,7 @@ def flood(visitor: Visitor) -> None:
 
 
 def asked(inbox: Inbox) -> np.ndarray:
-    """The velocity that the owner asked for last, however long ago."""
+    """The owner's last requested velocity, however old."""
     return inbox.poll(STANDING).velocity
 
 

@@ -71,7 +71,7 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     page.value("document.dispatchEvent(new Event('visibilitychange'))")
     assert stands()
     page.value("delete document.hidden")
-    assert not eventually(moves, 0.5)  # nobody has pressed a key since
+    assert not eventually(moves, 0.5)  # no key was pressed since
     hold()
 
     os.kill(opened.server, signal.SIGSTOP)  # the network stalls
@@ -106,5 +106,5 @@ def test_sliders_and_lists_show_current_and_requested_values(opened: SimpleNames
     inbox.poll(WALKING._replace(applied=WALKING.applied._replace(settings={"body_height_m": 0.22})))
     page.wait_for(lambda page: page.value(f"{slider}.nextElementSibling.textContent") == "0.220 m")
     assert "Height" in page.text
-    inbox.poll(WALKING._replace(mode=Mode.ESTOP, walking_s=0.0))  # what is not known of a robot that lies
+    inbox.poll(WALKING._replace(mode=Mode.ESTOP, walking_s=0.0))  # unknown values of a lying robot
     page.wait_for(lambda page: "ESTOP" in page.text and not {"Height", "Walked"} & set(page.text.split()))

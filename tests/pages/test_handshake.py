@@ -1,4 +1,4 @@
-"""Who may connect to the watch page's server, and what page it serves."""
+"""Access to the watch page's server, and the page that it serves."""
 
 import http.client
 import socket
@@ -34,7 +34,7 @@ def page(port: int) -> Iterator[int]:
 
 
 def answer(port: int, origin: str | None) -> int:
-    """HTTP status for a WebSocket client that gives this origin; 101 if viser then sends it what it shows."""
+    """HTTP status for a WebSocket client with this origin; 101 if viser then sends its content."""
     try:
         with connect(
             f"ws://localhost:{port}", origin=origin, subprotocols=WHAT_VISER_SPEAKS, max_size=None, proxy=None
@@ -46,9 +46,9 @@ def answer(port: int, origin: str | None) -> int:
 
 
 def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
-    """Status and text of what is served when the server is asked for by this name.
+    """Status and text served under this host name.
 
-    Its length is told once, and is right: a browser would wait for more, or drop what is beyond.
+    Content-Length occurs once and is right: a browser would wait for more, or drop the rest.
     """
     connection = http.client.HTTPConnection("localhost", port, timeout=20.0)
     connection.request("GET", path, headers={"Host": host, "Accept-Encoding": "gzip"})
@@ -62,7 +62,7 @@ def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
     ("origin", "status"),
     [
         ("http://localhost:{port}", 101),
-        (None, 101),  # no browser: whoever can run programs here needs no page
+        (None, 101),  # not a browser: a user who can run programs here needs no page
         (FOREIGN, 403),
         ("http://localhost:{port}.evil.example", 403),
         ("http://evil-localhost:{port}", 403),

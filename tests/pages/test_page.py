@@ -24,7 +24,7 @@ FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno
 
 
 def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
-    """Check a name that stands for two addresses, of which each is as it is said here."""
+    """Check a name that stands for two addresses, each as given here."""
     answers = iter(found)
     addresses = [
         (socket.AF_INET6, socket.SOCK_STREAM, 6, "", (HERE[0], 80, 0, 0)),
@@ -77,7 +77,7 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
 
 @pytest.fixture
 def port() -> int:
-    """One that nobody listens at."""
+    """An address without a listener."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return int(probe.getsockname()[1])

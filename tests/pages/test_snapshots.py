@@ -43,7 +43,7 @@ class TestSnapshots:
         return path
 
     def found(self, run: Path) -> tuple[Snapshots, SimpleNamespace]:
-        """With an exporter that is asked and answers when told to."""
+        """With an exporter that answers on request."""
         exporter = SimpleNamespace(asked=[], woken=0, answer=None)
         exporter.start = lambda *given: exporter.asked.append(given)
         exporter.poll = lambda: exporter.answer
@@ -151,7 +151,7 @@ class TestSnapshots:
         theirs.send(Exported(Path("a.onnx")))
         assert exporter.poll() == Exported(Path("a.onnx"))
         theirs.close()
-        exporter.start(Path("b.ckpt"), Path("b.onnx"))  # nobody is there to be told
+        exporter.start(Path("b.ckpt"), Path("b.onnx"))  # there is no visitor
         assert exporter.poll() == Exported(None, "the process that exports it died")
         assert ended == ["terminate", "join"]
         assert ours.closed
@@ -183,7 +183,7 @@ class TestSnapshots:
         found.close()
 
     def wait_for(self, snapshots: Snapshots) -> Snapshot | None:
-        """The next snapshot, or None if the newest checkpoint turns out to be of no use."""
+        """The next snapshot, or None if the newest checkpoint cannot be used."""
         end = time.monotonic() + 240.0
         while time.monotonic() < end:
             if (snapshot := snapshots.poll()) is not None:

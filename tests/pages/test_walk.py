@@ -164,7 +164,7 @@ class TestWalk:
     def test_newer_networks_take_over_during_a_visit(
         self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
     ) -> None:
-        """One of another contract changes nothing but what is said."""
+        """A policy with another contract changes nothing except the message."""
         other = tmp_path / "other.onnx"
         other.write_bytes(b"no policy")
         visitor.ready += [Snapshot(POLICY, 5), Snapshot(other, 6)]

@@ -7,7 +7,20 @@ import yaml
 
 from footfall.robots.description import Robot, load_robot
 
-ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it was nor beside its neighbour
+ORDER = [
+    7,
+    2,
+    11,
+    0,
+    5,
+    9,
+    4,
+    1,
+    10,
+    3,
+    8,
+    6,
+]  # of the joints, none at its old position or beside its old neighbour
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from footfall.robots.description import Robot
 
 
 class TestAudit:
-    """A controller that sends what it should not is caught."""
+    """A controller that sends forbidden commands is caught."""
 
     @pytest.fixture
     def audit(self, go1: Robot) -> Audit:
@@ -57,7 +57,7 @@ class TestAudit:
         assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
 
     def test_a_target_of_a_joint_without_stiffness_is_none(self, go1: Robot, audit: Audit) -> None:
-        """All but the first are limp, and told to be far away."""
+        """All but the first have no stiffness, and distant targets."""
         far, kp = go1.default_pose + 3.0 * (np.arange(12) > 0), 1.0 * (np.arange(12) == 0)
         self.update(go1, audit, go1.default_pose, kp)
         self.update(go1, audit, far, kp)

@@ -16,7 +16,7 @@ from footfall.robots.description import Robot
 
 
 class FakeBody:
-    """Counts what it is asked for; each truth is another one."""
+    """Counts its calls; each truth differs."""
 
     def __init__(self) -> None:
         self.model = SimpleNamespace(nq=19)
@@ -61,7 +61,7 @@ class FakeBody:
 
 
 class FakeLoop:
-    """As much of a control loop as a trial looks at."""
+    """The part of a control loop that a trial uses."""
 
     def __init__(self) -> None:
         self.state = SimpleNamespace(mode=Mode.WALKING)

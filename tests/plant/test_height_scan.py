@@ -75,7 +75,7 @@ def test_the_same_seed_gives_the_same_scans() -> None:
 
 @pytest.fixture
 def seeing(tmp_path: Path, contract: Contract, go1: Robot) -> LearnedPolicy:
-    """A policy that holds the default pose, but for what it sees of the ground."""
+    """A policy that holds the default pose, with an offset from the height scan."""
     reads = replace(contract, observation=(Term("height_scan"), Term("gyro")))
     weights = np.zeros((observation_size(reads), 12), np.float32)
     weights[:84] = 1e-4

@@ -185,7 +185,7 @@ class TestLooseImu:
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     def test_all_its_parts_agree(self, axis: int) -> None:
-        """Its gyro says how its orientation changes; gravity by its orientation is where it was."""
+        """Its gyro follows its change of orientation; gravity by its orientation stays the same."""
         now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
         changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
         np.testing.assert_allclose(now.gyro, changed, atol=1e-6)

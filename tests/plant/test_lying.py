@@ -1,4 +1,4 @@
-"""A robot lies, stands up and lies down again in simulation; a lying pose is found for one that has none."""
+"""A robot lies, stands up and lies down again in simulation; a missing lying pose is found."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -32,7 +32,7 @@ NO_FRAMES = Frames(*np.zeros((4, 0), dtype=int))
 
 
 class End:
-    """A motor protocol whose frames are handed over as requests; what is replied is kept."""
+    """A motor protocol whose frames are given as requests; replies are kept."""
 
     filters = ()
     time_out_error = 13
@@ -142,7 +142,7 @@ class TestMotors:
 
     @pytest.mark.parametrize("latches", [False, True])
     def test_so_does_a_latched_timeout(self, latches: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-        """All hear nothing for 20 ms and more."""
+        """None gets a frame for 20 ms and more."""
         monkeypatch.setattr(End, "time_out_latches", latches)
         stand = Stand()
         stand.on()

@@ -250,7 +250,7 @@ class TestRefusals:
 
 
 class Past:
-    """Sensors of two joints, listed in reverse, over a state that is another one at each step."""
+    """Sensors of two joints, listed in reverse, over a state that differs at each step."""
 
     def __init__(self, noise: Noise | None = None, seed: int = 3, **sample: Any) -> None:
         self.data = SimpleNamespace(qpos=np.zeros(10), qvel=np.zeros(9), sensordata=np.zeros(4))

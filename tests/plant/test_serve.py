@@ -1,4 +1,4 @@
-"""The simulated robot in a process of its own keeps the wall clock's time as long as the machine does."""
+"""The simulated robot in a process of its own follows the wall clock as long as the machine can."""
 
 import threading
 import time
@@ -21,7 +21,7 @@ from footfall.robots.description import Robot
 
 
 class Stub:
-    """A body, its wires and a bus in one, with nothing on them; notes the times that it is told."""
+    """A body, its wires and a bus in one, without frames; records its times."""
 
     def __init__(self, stop: threading.Event, stall_s: float) -> None:
         self.times_us: list[int] = []
@@ -96,7 +96,7 @@ def test_the_stand_in_robot_takes_its_options(monkeypatch: pytest.MonkeyPatch) -
 
 
 class FakeBus:
-    """Gives one batch at the second tick; keeps what is sent."""
+    """Gives one batch at the second tick; keeps sent frames."""
 
     def __init__(self, frames: Frames) -> None:
         self.frames, self.sent, self.asked = frames, [], []
@@ -157,4 +157,4 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
     monkeypatch.setattr(module, "open_interfaces", Bus)
     with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:
         np.testing.assert_array_equal(body.encoder_bias, 0.25)
-    assert made == [("vcan", wiring_of(go1).buses), 0]  # closed once nobody uses it
+    assert made == [("vcan", wiring_of(go1).buses), 0]  # closed once it is unused

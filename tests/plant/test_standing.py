@@ -16,7 +16,7 @@ from footfall.robots.description import Robot
 def stood(
     monkeypatch: pytest.MonkeyPatch, robot: Robot, **changes: Any
 ) -> tuple[standing.StandingResult, Any]:
-    """What is made of four samples, and the episode that was asked for. The second half counts as settled."""
+    """The result of four samples, and the requested episode. The second half counts as settled."""
     height = robot.description.standing_height_m
     turns = Rotation.from_euler("xyz", [[0, 0, 0], [0.3, 0, 2.0], [0, -0.1, 0], [0, 0, 0]])
     torque = np.zeros((4, 12))

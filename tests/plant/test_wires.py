@@ -209,7 +209,7 @@ class TestFaults:
         assert wires.busy_us().tolist() == [879, 135]
 
     def test_errors_count_for_eight_and_each_frame_that_gets_through_takes_one_off(self) -> None:
-        """ISO 11898-1; what is destroyed one time in ten never makes a controller passive."""
+        """ISO 11898-1; frames destroyed one time in ten never make a controller passive."""
         draws = iter([np.ones(4, np.intp), np.array([3, 1, 2, 1]), np.array([3, 1, 2, 1])])
         given: Any = SimpleNamespace(geometric=lambda *_: next(draws))
         wires, sent = FaultyWires(WireFaults(destroyed=0.1), 2, given), np.ones(4, np.intp)

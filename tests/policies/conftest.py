@@ -11,7 +11,7 @@ from footfall.robots.description import Robot
 
 @pytest.fixture(scope="session")
 def refusal() -> Callable[[str, Robot], str]:
-    """Loads a policy that must be refused, and returns the one line that says why."""
+    """Loads a policy that must be refused, and returns the message, which is one line."""
 
     def load(spec: str, robot: Robot) -> str:
         with pytest.raises(UserError) as caught:

@@ -94,7 +94,7 @@ class TestAnyRobot:
 @pytest.mark.parametrize("kind", [BIPED, SOLES])
 class TestTwoLegs:
     def test_it_carries_standing_feet_back_and_lifts_some(self, robots: dict[str, Robot], kind: str) -> None:
-        """The lowest point of a sphere goes as fast as the ground, its centre as much slower as it rolls."""
+        """The lowest point of a sphere moves with the ground, its centre slower because it rolls."""
         robot = robots[kind]
         config = controller_settings(GO1, "trot", WalkConfig)
         height = -float(robot.legs.default_foot[:, 2].mean()) + 0.01

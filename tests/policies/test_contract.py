@@ -45,7 +45,7 @@ def contracts(draw: st.DrawFn) -> Contract:
 def test_json_round_trip_is_exact(contract: Contract) -> None:
     again = Contract.from_json(contract.to_json(), "a test")
     assert again == contract
-    assert repr(again) == repr(contract)  # tells -0.0 from 0.0, which == does not
+    assert repr(again) == repr(contract)  # distinguishes -0.0 from 0.0, which == does not
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
 
 
 def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
-    """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
+    """Arguments of whole-body control: dynamics, position, velocity, wanted, most force."""
     told: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
     policy.act(inputs)

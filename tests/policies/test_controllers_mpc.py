@@ -55,7 +55,7 @@ def yaw_moment(force: np.ndarray) -> float:
 
 
 class Planned(NamedTuple):
-    """What `ForceProblems.build` was asked for."""
+    """Arguments of `ForceProblems.build`."""
 
     state: BodyState
     reference: BodyState

@@ -149,7 +149,7 @@ class TestMpc:
         state = BodyState(np.array([0, 0, 0, 0.1, -0.2, 0.25]), np.array([0, 0, 0, 0.9, -0.5, 0.4]))
         wanted = np.array([0.3, 0.2, 0.0])
         reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *wanted], (steps, 1)))
-        reference.rate[1:] += 1.0  # what is wanted now counts
+        reference.rate[1:] += 1.0  # the current target counts
         path = mpc.reference.path(state, reference)
         fine = np.linspace(0.0, 1.0, 200_001)
         speed = wanted + (state.rate[3:] - wanted) * np.exp(-fine / 0.2)[:, None]

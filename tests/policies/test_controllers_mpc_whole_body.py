@@ -46,7 +46,7 @@ Asked = tuple[Dynamics, Wanted, np.ndarray]
 
 @pytest.fixture
 def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
-    """What whole-body control was asked for: dynamics, accelerations, and most that points may press with."""
+    """Arguments of whole-body control: dynamics, accelerations, and maximum forces at points."""
     calls: list[Asked] = []
     command = policy.control.command
 

@@ -168,7 +168,7 @@ class TestHeading:
 
 
 class TestGround:
-    """Feet that stand by the clock and bear nothing, and feet that fly by it and bear something."""
+    """Feet that stand by the clock and carry no load, and feet that swing by it and carry some."""
 
     assert CONFIG.touch_down is not None
     TOUCH_DOWN = replace(CONFIG.touch_down, from_progress=0.5, probe_m=0.01, probe_m_s=0.03)
@@ -195,7 +195,7 @@ class TestGround:
         np.testing.assert_allclose(down, np.tile(expected, (4, 1)).T, atol=1e-6)
 
     def test_a_foot_has_not_landed_as_long_as_it_may_still_drag_behind(self) -> None:
-        """It bears a share all the time, and counts as landed in the second half of its swing."""
+        """It carries a share all the time, and counts as landed in the second half of its swing."""
         up = self.heights(self.bearing(), FORWARD, 1.0)
         np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)
 
@@ -210,7 +210,7 @@ def test_turning_is_limited_to_the_length_of_a_step_as_walking_is() -> None:
 
 
 class TestTempo:
-    """How much of a period, over its share of a tick, the gait's clock goes on by in each tick."""
+    """How much of a period, over its share of a tick, the gait's clock advances in each tick."""
 
     def tempos(self, monkeypatch: pytest.MonkeyPatch, *phases: tuple[float, float]) -> np.ndarray:
         """Of walks ahead, 0.6 s each, at commanded speeds that allow certain tempos: (phases, ticks)."""

@@ -34,7 +34,7 @@ def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
 
 
 def test_a_steady_swing_leads_from_behind_to_ahead_by_half_a_stance() -> None:
-    """Over ground that passes on meanwhile, so as seen from the body it first goes on backwards."""
+    """Over ground that passes meanwhile, so as seen from the body it first continues backwards."""
     feet = steady_cycle(FOOTING, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
     half = 0.6 * PASSING
     up = np.array([0.0, 0.0, 0.04])
@@ -155,7 +155,7 @@ class TestCycle:
 
     @pytest.mark.parametrize("seed", range(20))
     def test_the_time_until_lift_off_is_of_speed_and_period(self, cycle: FootCycle, seed: int) -> None:
-        """By trying all 24 clocks. A turn of the body counts in what has been, not in what is to come."""
+        """By trying all 24 clocks. A rotation of the body counts in the past, not in the future."""
         rng = np.random.default_rng(seed)
         timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
         velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
@@ -233,7 +233,7 @@ class TestWalk:
         np.testing.assert_allclose(policy.stance(), [0.0, 0.5, 1.0, 0.5, 1.0, 0.0], atol=1e-9)
 
     def test_a_foot_that_is_pushed_in_its_late_swing_touches_down(self, walk: SimpleNamespace) -> None:
-        """Three feet are in the air: one bears too little, one bears enough too early. Three stand."""
+        """Three feet are in the air: one carries too little, one carries enough too early. Three stand."""
         config = walk.config.touch_down
         cycle, (least, enough) = walk.policy.stepping.cycle, config.force_share
         lift_feet(cycle, 0, 1, 2)

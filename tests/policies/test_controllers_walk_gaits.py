@@ -73,9 +73,9 @@ UP = np.array([0.0, 0.0, 9.81])
 
 
 class Trial:
-    """Lets a policy act on a robot that is always where it was told to be.
+    """Lets a policy act on a robot that follows its commands exactly.
 
-    Its motors give the torque that the legs and their gearboxes take, and carry the weight as they are told.
+    Its motors give the torque that the legs and their gearboxes take, and carry the weight as commanded.
     """
 
     def __init__(self, policy: Walk, robot: Robot = ROBOT) -> None:

@@ -20,7 +20,7 @@ AHEAD = partial(Episode, config=half_rate(ROBOT))
 
 
 class Landings:
-    """What a walk takes for standing, beside what the simulator says. To be an episode's watch."""
+    """The walk's own estimate of stance, beside the simulator's contacts. Used as an episode's watch."""
 
     def __init__(self, policy: Walk) -> None:
         self._cycle = policy.stepping.cycle
@@ -60,7 +60,7 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str
     assert trace.base_position[:, 2].min() > 0.18
     assert np.abs(trace.joint_velocity).max() < 3.6  # targets move at 3.0 at most; the motors' PD lags behind
     assert [note.split(":")[0] for note in trace.notes] == [gait]
-    # None is thought to stand that is in the air, where its own leg's inertia is all it feels.
+    # No foot in the air counts as standing: there it carries only its own leg's inertia.
     assert all(touched for _, _, touched in landings.early)
     planned, touched = np.array(landings.planned), np.array(landings.touched)
     assert touched[planned].mean() > 0.98

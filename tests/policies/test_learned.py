@@ -48,7 +48,7 @@ def episode(policy: LearnedPolicy, seed: int = 1) -> np.ndarray:
 
 
 def test_a_second_episode_is_the_first_to_the_bit(policy: LearnedPolicy) -> None:
-    """Clock, last action and history start anew."""
+    """Clock, last action and history start again."""
     first = episode(policy)
     episode(policy, seed=2)
     np.testing.assert_array_equal(episode(policy), first)
@@ -108,7 +108,7 @@ def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract
 
 
 def test_its_action_is_the_networks_answer(tmp_path: Path, contract: Contract, go1: Robot) -> None:
-    """However large: what the targets may be is for the joint layer to say."""
+    """However large: the joint layer limits the targets."""
     weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
     episode(policy)

@@ -1,4 +1,4 @@
-"""The observation and the action: the same for NumPy and JAX, laid out as the contract says."""
+"""The observation and the action: the same for NumPy and JAX, in the contract's layout."""
 
 from dataclasses import replace
 from typing import Any

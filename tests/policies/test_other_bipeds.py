@@ -101,7 +101,7 @@ def test_six_hinges_walk_over_the_bus_with_the_settings_of_g1(robots: dict[str, 
 
 
 def assert_falls_safely(robot: Robot, policy: Policy) -> None:
-    """It does act, what it does is of no use, and the supervisor ends the run: damped, then off."""
+    """It acts without success, and the supervisor ends the run: damped, then off."""
     trace, motors_on = run(robot, policy, (0.2, 0.0, 0.0), 3.0)
     assert trace.final_state == "FALLING"
     assert trace.fell

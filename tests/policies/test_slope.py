@@ -94,7 +94,7 @@ class TestSeenFromTheGround:
         turn = Rotation.from_quat(plane_quaternion(np.array(gradient)), scalar_first=True)
         normal = np.array([-gradient[0], -gradient[1], 1.0])
         np.testing.assert_allclose(turn.apply([0.0, 0.0, 1.0]), normal / np.linalg.norm(normal))
-        assert turn.as_rotvec()[2] == pytest.approx(0.0)  # least turn: none about the vertical
+        assert turn.as_rotvec()[2] == pytest.approx(0.0)  # smallest rotation: none about the vertical
 
     @pytest.mark.parametrize("heading", HEADINGS)
     def test_a_robot_parallel_to_the_ground_is_level_at_its_own_height(self, heading: float) -> None:

@@ -89,7 +89,7 @@ class TestNextStep:
 
         def cost(x: np.ndarray) -> float:
             offset = np.array([0.01, 0.0]) + away * x[2] - x[:2]
-            # The step after it begins with the pressure's way from the one foot to the other.
+            # The step after it begins with the pressure's motion from one foot to the other.
             begins = pendulum(offset, x[:2], BOTH_S) - pendulum(
                 self.nominal.offset, self.nominal.foothold, BOTH_S
             )

@@ -314,7 +314,7 @@ def contradicting(solver: BoundedSolver) -> BoundedSolver:
 
 
 def blind(solver: BoundedSolver) -> BoundedSolver:
-    """Hands the solver numbers that are none."""
+    """Gives the solver NaN."""
     solve = solver.solve
     solver.solve = lambda problem: solve(problem._replace(gradient=problem.gradient * np.nan))  # type: ignore
     return solver
@@ -329,7 +329,7 @@ SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
 
 
 class TestJoints:
-    """What the motors are told beside the torques: gains, references, friction."""
+    """The command besides the torques: gains, references, friction."""
 
     def control(self, **joints: float) -> WholeBodyControl:
         return WholeBodyControl(G1, replace(CONFIG, joints=replace(CONFIG.joints, **joints)), dt_s=0.004)

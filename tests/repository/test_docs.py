@@ -1,4 +1,4 @@
-"""What the pages say can be followed: links and paths exist, command lines parse, snippets run."""
+"""Pages are correct: links and paths exist, command lines parse, snippets run."""
 
 import importlib
 import json

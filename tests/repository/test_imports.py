@@ -1,4 +1,4 @@
-"""Who may import whom, and what those that act may weigh."""
+"""Permitted imports between modules, and the weight of the acting wing."""
 
 import ast
 import subprocess
@@ -48,7 +48,7 @@ ACTING = (
     *("common", "robots", "domain_rand", "terrain", "policies", "deploy", "operate", "plant", "evaluate"),
     "identify",
 )
-# What of policies those that learn may know. `learned` runs an exported file to check it.
+# Modules of policies that the learning wing may import. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",
     "footfall.policies.observation",
@@ -126,7 +126,7 @@ def circles(room: str) -> list[str]:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_circles_inside_a_room(room: str) -> None:
-    """Also where an import stands inside a function: such a circle is one all the same."""
+    """Also if an import stands inside a function: it is a circle all the same."""
     assert circles(room) == []
 
 

@@ -1,4 +1,4 @@
-"""Robots are data: no code knows one, or a joint of one, by name, but for the one that is the default."""
+"""Robots are data: no code names a robot or a joint, except the default robot."""
 
 import ast
 import re

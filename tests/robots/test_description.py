@@ -204,7 +204,7 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
 
 
 def test_a_folder_is_known_by_its_full_path(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever changes the working folder later still finds its files."""
+    """Its files are found even if the working folder changes later."""
     monkeypatch.chdir(own_folder.parent)
     assert load_robot(own_folder.name).folder == own_folder.resolve()
 

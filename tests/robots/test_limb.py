@@ -120,7 +120,7 @@ class TestAnyLimb:
                 np.testing.assert_allclose(jacobian[leg, :, column], slope[leg], atol=1e-7)
 
     def test_torques_hold_the_forces_at_the_tips(self, robots: dict[str, Robot], kind: str) -> None:
-        """By virtual work: a small motion takes from the joints what it gives to the ground."""
+        """By virtual work: a small motion takes from the joints the work that it does on the ground."""
         robot = robots[kind]
         legs, rng = robot.legs, np.random.default_rng(3)
         joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))

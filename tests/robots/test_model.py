@@ -113,7 +113,7 @@ LEG = '<body pos="{x} 0 0"><joint name="{name}" type="{type}" range="-1 1"/><geo
 
 
 def write_plant(path: Path, robot: Robot, base: str = "<freejoint/>", **changes: str) -> Path:
-    """A plant of another kind that still carries the robot's joint names, apart from some changes."""
+    """A plant of another kind with the robot's joint names and some changes."""
     kind = changes.get("type", "hinge")
     legs = "".join(
         LEG.format(x=0.1 * i, name=changes.get(name, name), type=kind)
@@ -219,7 +219,7 @@ def changed_plant(robot: Robot, path: Path, *changes: tuple[str, str]) -> Path:
 @pytest.mark.parametrize(
     ("given", "friction", "damping"),
     [
-        # what is not said of a joint is 0 in a file that says it of others
+        # a value missing for one joint is 0 in a file that has it for others
         (('range="-2.818 -0.888" armature="0.00906"', "0.7", ""), [0.0, 0.0, 0.7], None),
         (('range="-0.863 0.863" armature="0.00403"', "", "0.4"), None, [0.4, 0.0, 0.0]),
         (('range="-0.863 0.863" armature="0.00403"', "0.5", "0.4"), [0.5, 0.0, 0.0], [0.4, 0.0, 0.0]),

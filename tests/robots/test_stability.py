@@ -1,4 +1,4 @@
-"""The bound on stiffness and damping is the one at which simulations become unstable."""
+"""Simulations become unstable at the bound on stiffness and damping."""
 
 from dataclasses import replace
 

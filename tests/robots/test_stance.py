@@ -1,4 +1,4 @@
-"""The standing height is the one at which the feet touch."""
+"""The feet touch the ground at the standing height."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def test_go1_stands_where_its_feet_touch(go1: Robot) -> None:
     ],
 )
 def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder: Path, foot: str) -> None:
-    """MuJoCo finds contact a tenth of a millimetre lower, and none a tenth higher."""
+    """MuJoCo finds contact a tenth of a millimetre lower, and no contact a tenth higher."""
     text = (own_folder / "robot.xml").read_text()
     wedge = '<mesh name="wedge" vertex="0 0 -0.03 0.05 0 0 0 0.04 0 0 0 0"/>'
     wedge = f'<mesh name="first" vertex="0 0 0 0.9 0 0 0 0.9 0 0 0 -0.9"/>{wedge}'

@@ -46,7 +46,7 @@ def as_read(text: str) -> mujoco.MjModel:
 
 
 def without_armature(robot: Robot) -> mujoco.MjModel:
-    """The MJCF, but for what a URDF lacks."""
+    """The MJCF, without features that a URDF cannot have."""
     model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
     model.dof_armature[:] = 0.0
     return model

@@ -73,14 +73,14 @@ class Tab:
         return str(self.value("document.body ? document.body.innerText : ''"))
 
     def wait_for(self, condition: "Callable[[Tab], bool]", limit_s: float = 90.0) -> None:
-        """Wait until a condition holds; an AssertionError says what the page showed instead."""
+        """Wait until a condition holds; an AssertionError shows the page's content instead."""
         end = time.monotonic() + limit_s
         while not condition(self):
             assert time.monotonic() < end, f"{self.text!r}, complaints: {self.complaints}"
             time.sleep(0.2)
 
     def picture(self, path: Path) -> None:
-        """Save what is seen as PNG."""
+        """Save a screenshot as PNG."""
         path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"]))
 
     def _note(self, message: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""A bridge that speaks to no ROS: it walks ahead, and tells where it got the run's telemetry."""
+"""A bridge without ROS: it walks ahead, and reports where it got the run's telemetry."""
 
 import sys
 

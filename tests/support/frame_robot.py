@@ -25,7 +25,7 @@ Vector = tuple[float, float, float]
 
 
 class FrameRobot:
-    """A robot on a bus that is what its attributes say: it answers every tick and keeps what it was sent."""
+    """A robot on a bus, given by its attributes: it replies every tick and keeps received frames."""
 
     def __init__(self, robot: Robot, wiring: Wiring | None = None) -> None:
         self.wiring = wiring or wiring_of(robot)
@@ -94,7 +94,7 @@ class Ticks:
 
 
 class Notebook:
-    """A log that keeps what it is told."""
+    """A log that keeps its records."""
 
     def __init__(self) -> None:
         self.told: list[tuple] = []

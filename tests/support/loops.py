@@ -98,7 +98,7 @@ def loop_of(robot: Robot, policy: Any, *args: Any, **settings: Any) -> tuple[Con
 def simulated_loop(
     robot: Robot, policy: Policy, pose: np.ndarray | None = None, **settings: Any
 ) -> ControlLoop:
-    """A loop on a simulated robot that stands in a pose, the default one if none is given."""
+    """A loop on a simulated robot that stands in a pose, by default the default pose."""
     wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses)
     body = SimulatedRobot(robot, wiring, wires)

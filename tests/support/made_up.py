@@ -1,4 +1,4 @@
-"""Robots that nobody built, for what must hold on any: limbs of other lengths, axes and numbers of hinges."""
+"""Invented robots, for tests that must hold on any: other lengths, axes and numbers of hinges."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -132,7 +132,7 @@ def quadruped_leg(name: str, x: float, y: float, scale: float = 1.0) -> Leg:
 
 
 def four_hinge_leg(name: str, x: float, y: float) -> Leg:
-    """Yaw, then roll, pitch and a knee whose axis is askew: of a kind that has none."""
+    """Yaw, then roll, pitch and a knee with an oblique axis: without a closed form."""
     out = 0.05 if y > 0 else -0.05
     return Leg(
         name,

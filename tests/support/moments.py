@@ -1,4 +1,4 @@
-"""What a policy is handed in a single moment: a robot at rest in its default pose, but for what is given."""
+"""A policy's input at a single time: a robot at rest in its default pose, with given changes."""
 
 from typing import Any
 
@@ -40,6 +40,6 @@ def policy_input(
     base_height: float = 0.3,
     **sensed: Any,
 ) -> PolicyInput:
-    """Inputs with such readings (see `readings`); base velocity in the body's axes, m/s, height in m."""
+    """Inputs with these readings (see `readings`); base velocity in the body's axes, m/s, height in m."""
     arrays = (np.array(values, dtype=float) for values in (command, base_velocity))
     return PolicyInput(time_s, readings(robot, **sensed), *arrays, base_height)

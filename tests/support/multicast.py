@@ -26,7 +26,7 @@ def robot_on_multicast(*options: str) -> Iterator[None]:
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with alone_on_multicast(), subprocess.Popen(command, **pipes, text=True) as server:  # type: ignore[call-overload]
         try:
-            if not server.stdout.readline():  # it says when it is there
+            if not server.stdout.readline():  # it reports that it is ready
                 pytest.skip(f"no multicast here: {server.communicate()[1].strip()}")
             yield
         finally:

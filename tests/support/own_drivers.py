@@ -88,7 +88,7 @@ class OwnMotorEnd(PolledMotorEnd):
 
 
 class OwnImu:
-    """Gyro in one frame, acceleration in another; it has no orientation and says level."""
+    """Gyro in one frame, acceleration in another; it has no orientation and reports level."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": IMU_IDS[0], "can_mask": 0x7FE, "extended": False},)
     identifiers: tuple[int, ...] = IMU_IDS

@@ -82,7 +82,7 @@ def page_of(go1: Robot, *results: PolicyResult) -> str:
 
 
 class Page(HTMLParser):
-    """What a page refers to and says; checks that its elements close."""
+    """References and texts of a page; checks that its elements close."""
 
     VOID = frozenset({"meta", "link", "br", "img", "hr", "input", "source"})
 

@@ -69,11 +69,11 @@ def hexed(frames: Frames) -> list[str]:
 
 
 def introduce(driver: Any, end: Any) -> int:
-    """Ask simulated motors until a driver knows all settings; returns how often that took."""
+    """Query simulated motors until a driver has all settings; returns the number of queries."""
     for count in range(10):
         if not driver.not_ready():
             return count
         answer = end.settings_replies(driver.query_settings())
         assert answer is not None
-        assert not driver.replies(answer).values.size  # what a motor tells is no reading
+        assert not driver.replies(answer).values.size  # a reported setting is not a reading
     raise AssertionError(driver.not_ready())

@@ -23,7 +23,7 @@ def some_net(joints: int, seed: int = 0) -> ActuatorNet:
 
 
 def with_net(robot: Robot, folder: Path, seed: int = 0) -> Robot:
-    """A copy of the robot's folder that names such a net."""
+    """A copy of the robot's folder with such a net."""
     shutil.copytree(robot.folder, folder)
     save_net(folder / "net.npz", some_net(len(robot.joint_names), seed), robot.joint_names)
     with (folder / "robot.yaml").open("a") as file:

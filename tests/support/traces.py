@@ -8,7 +8,7 @@ RATE_HZ = 100.0
 
 
 def walk(seconds: float = 5.0, command: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Trace:
-    """A robot that does exactly as it is told, without effort, feet still on the ground."""
+    """A robot that follows its commands exactly, without effort, feet still on the ground."""
     count = round(seconds * RATE_HZ)
     time_s = np.arange(count) / RATE_HZ
     commands = np.tile(command, (count, 1))

@@ -1,4 +1,4 @@
-"""What `train/test_devices.py` runs in a process of its own, on a machine of two (host) devices."""
+"""`train/test_devices.py` runs this in a process of its own, on a machine of two (host) devices."""
 
 import json
 from functools import cache
@@ -54,7 +54,7 @@ def side_by_side(one: Data, other: Data) -> Data:
 
 @cache
 def learner(devices: int) -> Any:
-    """The compiled update on so many devices; it gives the actor of each."""
+    """The compiled update on this number of devices; it gives the actor of each."""
     ppo = Ppo(NETWORKS, CONFIG.ppo, devices)
 
     def actor(*arguments: Any) -> Any:

@@ -42,7 +42,7 @@ class UserFolder:
         return self.python("-P", "-m", "footfall", *arguments)
 
     def refused(self, *arguments: str) -> str:
-        """The one line with which `footfall ARGUMENTS` is refused."""
+        """The line with which `footfall ARGUMENTS` is refused."""
         done = self._run("-P", "-m", "footfall", *arguments)
         assert done.returncode == 2, done.stdout + done.stderr
         (line,) = done.stderr.splitlines()

@@ -55,7 +55,7 @@ def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: floa
 
 
 def eventually(found: Callable[[], Any], patience_s: float = 30.0) -> Any:
-    """The first true value of a function, which is called again and again; its last value if none is."""
+    """The first true value of a repeatedly called function; its last value if there is none."""
     end_s = time.monotonic() + patience_s
     while not (value := found()) and time.monotonic() < end_s:
         time.sleep(0.005)

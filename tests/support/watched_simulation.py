@@ -15,7 +15,7 @@ from footfall.robots.description import Robot
 
 
 class Simulation:
-    """A robot whose motors wait for 30 s unless told otherwise, its bus, and what was sent to it."""
+    """A robot whose motors time out after 30 s by default, its bus, and the frames sent to it."""
 
     def __init__(self, robot: Robot, **plant: Any) -> None:
         self.wiring, config = wiring_of(robot), PlantConfig(**{"motor_timeout_s": 30.0, **plant})
@@ -27,7 +27,7 @@ class Simulation:
 
 
 def asked_of_motors(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
-    """What motors were asked for, tick after tick: what, and how many ticks in a row."""
+    """Commands to the motors, tick after tick: kind, and number of ticks in a row."""
     end = MitMotorEnd(wiring_of(robot))
 
     def asked(frames: Frames) -> str:

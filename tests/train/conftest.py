@@ -18,7 +18,7 @@ from footfall.train.runs.folder import Provenance, Run, create_run
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """A run of the preset smoke that has not begun: 16 iterations of 256 steps."""
+    """A run of the preset smoke that has not started: 16 iterations of 256 steps."""
     made = Provenance("go1", 5, "smoke", "brax", "cpu", "abc", "2026-01-01", {"jax": "1"})
     return create_run(tmp_path / "run", made, load_preset("smoke"))
 
@@ -41,7 +41,7 @@ def disk() -> Iterator[Path]:
 
 @pytest.fixture
 def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A cache of its own; afterwards JAX has its settings back."""
+    """A cache of its own; afterwards JAX's settings are restored."""
     names = [
         name for name in jax.config.values if name.startswith(("jax_compilation_cache_dir", "jax_persistent"))
     ]

@@ -1,4 +1,4 @@
-"""A net learns a torque that the joint law lacks, from motion alone."""
+"""A net learns a torque that is missing in the joint law, from motion alone."""
 
 import numpy as np
 from one_motor import ONE_MOTOR

@@ -79,7 +79,7 @@ def test_single_settings_are_replaced_by_their_keys() -> None:
 
 
 def test_a_whole_configuration_is_taken_as_it_is(own_folder: Path, tmp_path: Path) -> None:
-    """A run's config.yaml: what it was trained with counts, also where the robot's file has changed."""
+    """A run's config.yaml: its settings of the training count, even if the robot's file has changed."""
     robot = load_robot(own_training(own_folder, "env: {gait: {frequency_hz: 1.5}}"))
     (tmp_path / "config.yaml").write_text(dump(load_preset("cpu")))
     assert load_preset(str(tmp_path / "config.yaml"), robot) == load_preset("cpu")

@@ -52,7 +52,7 @@ class TestLines:
             " error 0.123 m/s, 0.568 rad/s\n"
         )
         without = {name: value for name, value in self.METRICS.items() if name != "episode/length_s"}
-        shown.update(2048, 0.5, without)  # the last is always said, though the one before was just now
+        shown.update(2048, 0.5, without)  # the last is always shown, even right after another
         last = out.getvalue().splitlines()[1]
         assert last.startswith("2,000 of 2,000 steps, 0 per s, 0 s left, reward 1.50, error 0.123 m/s")
 

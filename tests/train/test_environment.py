@@ -114,7 +114,7 @@ class TestStep:
 class TestDelays:
     @pytest.mark.parametrize("longest_s", [0.006, 0.015])
     def test_delays_at_the_motors_are_distributed_as_declared(self, longest_s: float) -> None:
-        """After a step of the goals from 0 to 1, the target lacks 1 for as long as its delay lasts."""
+        """After a step of the goals from 0 to 1, the target is 1 lower for the duration of its delay."""
         env = make(randomisation=Randomisation(action_delay_s=Distribution(0.0, longest_s)))
         states, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(14), 4000))
         near = 0.05  # rad from the default pose, which the rate limit lets pass at once
@@ -143,7 +143,7 @@ def test_an_unknown_reward_is_refused_by_name() -> None:
 
 
 def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:
-    """The motor holds what its encoder says, so in free fall the true joint ends up off by the bias."""
+    """The motor holds its encoder's position, so in free fall the true joint is off by the bias."""
 
     def settled(bias: float) -> np.ndarray:
         env = make(randomisation=Randomisation(encoder_bias=Distribution(bias, bias)), noise=Noise())

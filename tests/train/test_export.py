@@ -16,7 +16,7 @@ INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as the contract h
 
 
 def actor(scale: float = 2.0, shift: float = 0.0) -> Actor:
-    """A small ELU network, and its own idea of what it computes, which may be shifted."""
+    """A small ELU network, and its declared outputs, which may be shifted."""
     rng = np.random.default_rng(0)
     mean = np.linspace(-1.0, 1.0, INPUTS, dtype=np.float32)
     deviation = np.full(INPUTS, scale, np.float32)

@@ -46,7 +46,7 @@ class TestIteration:
         assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
 
     def test_a_reading_that_hardly_varies_is_not_blown_up(self) -> None:
-        state, _, _ = self.after(environment(shown=0.0))  # what it starts from: nothing deviates
+        state, _, _ = self.after(environment(shown=0.0))  # its start: nothing deviates
         np.testing.assert_allclose(state.normalizer.std["state"], np.full(SIZES["state"], 0.02))
 
     def test_the_normaliser_moves_after_learning(self) -> None:

@@ -13,7 +13,7 @@ from footfall.train.runs.folder import Run
 
 @pytest.fixture
 def told(run: Run, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A journal from the third iteration on, its clock and what it showed."""
+    """A journal from the third iteration on, its clock and its output."""
     now = SimpleNamespace(s=50.0)
     monkeypatch.setattr(journal, "time", SimpleNamespace(monotonic=lambda: now.s))
     shown: list[Any] = []

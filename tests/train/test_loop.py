@@ -1,4 +1,4 @@
-"""The training loop and what it says, with a trainer that computes nothing."""
+"""The training loop and its messages, with a trainer that computes nothing."""
 
 import io
 import json

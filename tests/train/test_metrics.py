@@ -41,7 +41,7 @@ def test_a_record_that_does_not_fit_leaves_no_part(disk: Path) -> None:
     log = MetricsLog(disk, 0)
     log.write(1, {"reward/total": 1.0})
     filler = fill(disk)
-    long = {f"reward/{k}": 1.0 for k in range(2000)}  # more than what is left of the last page
+    long = {f"reward/{k}": 1.0 for k in range(2000)}  # more than the rest of the last page
     with pytest.raises(CannotWriteError, match="No space left on device"):
         log.write(2, long)
     filler.unlink()

@@ -108,7 +108,7 @@ def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
 
 
 def test_environment_and_learning_settings_distinguish_programs() -> None:
-    """And nothing else does: how often a run is saved is no part of what is compiled."""
+    """And on nothing else: the interval of checkpoints is not part of a program."""
     go1, plain = load_robot("go1"), load_preset("smoke")
     env = plain.env
     others = {
@@ -126,7 +126,7 @@ def test_environment_and_learning_settings_distinguish_programs() -> None:
 
 
 def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All programs are asked for as they were read ahead; a resumed run has its state."""
+    """All programs are requested as they were read ahead; a resumed run has its state."""
     run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
     robot, asked, read = load_robot("go1"), [], []
     programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "act": "act", "learn": "learn"}

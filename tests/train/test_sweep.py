@@ -115,7 +115,7 @@ def test_a_mistake_is_named_before_anything_runs(
 
 
 def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> None:
-    """In a process of its own. It says which metrics there will be, and that there is no such reward."""
+    """In a process of its own. It names its metrics, and refuses an unknown reward."""
     config = load_preset(six_iterations)
     assert METRIC in (reported_metrics("go1", config, "brax") or [])
     env = replace(config.env, rewards=(RewardConfig("action_rte", weight=1.0),))
@@ -135,7 +135,7 @@ def test_a_folder_without_a_sweep_cannot_be_resumed(tmp_path: Path, shell: Shell
 
 @contextmanager
 def interrupted_once(begun: Callable[[], bool]) -> Iterator[None]:
-    """A Ctrl-C as soon as something has begun."""
+    """A Ctrl-C soon after the start."""
 
     def watch() -> None:
         while not begun():
@@ -185,7 +185,7 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)
-    # Told to go on, it finds its run, and nothing left to do.
+    # Resumed, it finds its run, and nothing left to do.
     train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     assert len(reports) == ITERATIONS
 

@@ -1,4 +1,4 @@
-"""The bridge, a process of another Python: it is fed, ends with the run, and says why if it fails."""
+"""The bridge, a process of another Python: it gets the feed, ends with the run, and reports its failure."""
 
 import subprocess
 import sys

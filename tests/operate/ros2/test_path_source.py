@@ -27,7 +27,7 @@ def source(inbox: Inbox) -> PathSource:
 
 
 def walk(source: PathSource, begin: Pose) -> Status:
-    """A point that moves exactly as it is told, until the walk is over."""
+    """A point that moves exactly as commanded, until the walk is over."""
     status = WALKING._replace(pose=begin)
     for _ in range(3000):
         forward, leftward, yaw_rate = source.poll(status).velocity

@@ -19,7 +19,7 @@ from footfall.operate.ros2.steering_socket import SteeringSocket
 
 @pytest.fixture
 def inbox() -> Inbox:
-    """An inbox that bears long pauses of its owner, as a busy machine makes them."""
+    """An inbox that tolerates long pauses of its owner, as a busy machine makes them."""
     inbox = Inbox(InboxConfig(still_after_s=60.0, lie_down_after_s=90.0))
     inbox.poll(WALKING)
     return inbox

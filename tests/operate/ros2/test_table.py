@@ -1,4 +1,4 @@
-"""The names in ROS: complete, unlike each other, and such that ROS accepts them."""
+"""The names in ROS: complete, unique, and valid in ROS."""
 
 import re
 

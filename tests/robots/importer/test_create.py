@@ -100,7 +100,7 @@ class TestWhatIsMade:
         assert any("knees bend backward" in guess for guess in made.guesses)
 
     def test_a_keyframe_that_stands_is_the_default_pose(self, tmp_path: Path) -> None:
-        """By its name, beside another one; a knee beyond the soft limits comes back within them."""
+        """By its name, beside another knee; a knee beyond the soft limits comes back within them."""
         joints = ("0.1 0.05 -0.4 0.9 -0.5 -0.05", "-0.1 -0.05 -0.3 0.0 -0.4 0.05")
         keys = "".join(
             f'<key name="{name}" qpos="0 0 1 1 0 0 0 {left} {right}"/>'
@@ -160,7 +160,7 @@ class TestWhatIsMade:
 
 class TestWishes:
     def test_a_torque_by_part_of_a_joints_name(self, tmp_path: Path) -> None:
-        """The longest part that fits counts; joints that nobody names keep the file's."""
+        """The longest part that fits counts; joints that are not named keep the file's."""
         wishes = {"knee": 11.0, "RR_knee": 12.5}
         robot, _ = make(
             tmp_path, quadruped(), peak_torque_nm=wishes, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
@@ -301,7 +301,7 @@ class TestCreate:
         assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
 
     def test_a_robot_that_cannot_be_loaded_leaves_no_folder(self, tmp_path: Path) -> None:
-        """Joints of so much damping that the plant's steps cannot follow it."""
+        """Joints of so much damping that the plant's steps are unstable."""
         request = self.request(tmp_path)
         request.source.write_text(quadruped().replace('damping="0.1', 'damping="900.1'))
         with pytest.raises(UserError, match="too much for its inertia"):

@@ -55,7 +55,7 @@ def paired(tmp_path: Path, text: str, seed: int = 0) -> LegPairs:
 
 
 def made(tmp_path: Path, text: str) -> tuple[Robot, list[str]]:
-    """The imported robot, and what was told of its legs."""
+    """The imported robot, and the notes on its legs."""
     (tmp_path / "m.xml").write_text(text)
     imported = import_robot(
         ImportRequest(tmp_path / "m.xml", tmp_path / "made", RANGES, peak_torque_nm={"": 20.0})

@@ -95,7 +95,7 @@ class TestDrive:
 
     @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
     def test_torque_is_at_most_3_weights(self, tmp_path: Path, torque: float, taken: bool) -> None:
-        """8 kg * 9.81 m/s^2 * 0.4 m * 3 = 94.2 N m; what the user says is not doubted."""
+        """8 kg * 9.81 m/s^2 * 0.4 m * 3 = 94.2 N m; the user's value is kept."""
         machine = rod_machine(self.HINGES)
         source = source_of(tmp_path, {"a": 10.0, "b": torque, "c": 10.0})
         if taken:

@@ -69,7 +69,7 @@ class TestTorques:
 
     @pytest.mark.parametrize(("aside", "left"), [(0.0, 0.5), (0.03, 0.6), (-0.06, 0.3)])
     def test_each_legs_load_balances_the_weight(self, aside: float, left: float) -> None:
-        """Of feet at 0.15 and -0.15 m the left one bears (0.15 + y) / 0.3 of 98.1 N, 0.05 m from its hip."""
+        """Of feet at 0.15 and -0.15 m the left carries (0.15 + y) / 0.3 of 98.1 N, 0.05 m from its hip."""
         torque = self.found((0.02, aside, 0.1)).torque_nm
         assert torque == pytest.approx([-0.05 * 98.1 * left, 0.05 * 98.1 * (1 - left)], abs=1e-3)
 

@@ -34,7 +34,7 @@ def machine_of(tmp_path: Path, mass: float) -> Machine:
 
 
 def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
-    """What is written for a quadruped of that mass, with legs of that reach."""
+    """The file for a quadruped of that mass, with legs of that reach."""
     pose = Pose({}, 0.3, 0.0, reach_m)
     return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS, "trot"))["env"]
 
