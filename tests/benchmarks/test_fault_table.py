@@ -26,7 +26,7 @@ def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
 
 
 @pytest.mark.parametrize(
-    ("title", "final_state", "says", "longest_s"),
+    ("title", "final_state", "message", "longest_s"),
     [
         ("quaternion frames lost", "ESTOP", "no new IMU reading (quaternion)", 0.055),
         ("ids of two motors swapped", "ESTOP", "", 0.1),
@@ -35,11 +35,11 @@ def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
     ],
 )
 def test_a_run_reports_faults_their_times_and_sent_commands(
-    title: str, final_state: str, says: str, longest_s: float
+    title: str, final_state: str, message: str, longest_s: float
 ) -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 5))
     assert run["detected"]
-    assert says in run["fault"]
+    assert message in run["fault"]
     assert run["final_state"] == final_state
     assert 0.0 < run["seconds"] <= longest_s
     assert run["stiff"] == ("start" not in title)
@@ -50,7 +50,7 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
 
 
 @pytest.mark.parametrize(
-    ("kind", "says"),
+    ("kind", "message"),
     [
         ("IMU on its side, all its parts alike", "tilt of 1.5"),
         ("robot on its side", "tilt of 1.57 rad exceeds the limit of 1.05 rad, by the IMU"),
@@ -63,10 +63,12 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
         ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
     ],
 )
-def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(kind: str, says: str) -> None:
+def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
+    kind: str, message: str
+) -> None:
     """A robot at rest feels 9.81 m/s^2: a fifth more is off by 20 %, 1 instead of 9.81 by 90 %."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
-    assert says in run["fault"]
+    assert message in run["fault"]
     assert not run["stiff"]
 
 
@@ -112,16 +114,18 @@ def test_every_learned_policy_that_walks_is_tried() -> None:
 
 
 @pytest.mark.parametrize(
-    ("title", "says"),
+    ("title", "message"),
     [
         ("IMU askew by 30 degrees, all its parts alike (at the start)", "the base is tilted by 0.5"),
         ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad against"),
     ],
 )
-def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(title: str, says: str) -> None:
+def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(
+    title: str, message: str
+) -> None:
     """30 degrees are 0.52 rad. Before the robot walks, and nothing else contradicts such an IMU."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
-    assert says in run["fault"]
+    assert message in run["fault"]
     assert (run["final_state"], run["fell"]) == ("ESTOP", False)
     assert run["seconds"] < 0.5
 
@@ -195,16 +199,16 @@ def test_rows_have_the_share_in_time_and_the_failures() -> None:
 
 
 @pytest.mark.parametrize(
-    ("title", "final_state", "says"),
+    ("title", "final_state", "message"),
     [
         ("one motor silent, getting up", "ESTOP", "no reply from"),
         ("policy interrupted at its deadline, getting up", "ESTOP", "the policy ran late"),
     ],
 )
-def test_a_robot_that_gets_up_meets_a_fault_and_is_damped(title: str, final_state: str, says: str) -> None:
+def test_a_robot_that_gets_up_meets_a_fault_and_is_damped(title: str, final_state: str, message: str) -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
     assert run["detected"]
-    assert says in run["fault"]
+    assert message in run["fault"]
     assert run["seconds"] < 0.06
     assert (run["final_state"], run["stiff"], run["stiff_when_damped"]) == (final_state, True, False)
 

@@ -54,14 +54,14 @@ def read(**changes: Any) -> Cart:
 
 
 @pytest.mark.parametrize(
-    ("data", "says"),
+    ("data", "message"),
     [
         (A_CART | {"steered": "left"}, "steered: 'left' is none of front, rear"),
         (A_CART | {"steered": ["rear"]}, "steered: ['rear'] is none of front, rear"),
         (A_CART | {"wheels": [ROUND, {"radius_m": -1.0}]}, "wheels[1]: radius_m must be above 0, not -1.0"),
         *(
-            (A_CART | {"first": ROUND | first}, f"first{says}")
-            for first, says in (
+            (A_CART | {"first": ROUND | first}, f"first{message}")
+            for first, message in (
                 ({"spokes": 1.0}, ".spokes: 1.0 is not a whole number"),
                 ({"spokes": True}, ".spokes: True is not a whole number"),
                 ({"radius_m": True}, ".radius_m: True is not a number"),
@@ -80,10 +80,10 @@ def read(**changes: Any) -> Cart:
         ([1], "expected a mapping of settings, found list"),
     ],
 )
-def test_a_wrong_value_is_refused_with_its_place(data: Any, says: str) -> None:
+def test_a_wrong_value_is_refused_with_its_place(data: Any, message: str) -> None:
     with pytest.raises(UserError) as caught:
         structure(data, Cart, "here")
-    assert str(caught.value) == f"here: {says}"
+    assert str(caught.value) == f"here: {message}"
 
 
 @pytest.mark.parametrize(

@@ -181,7 +181,7 @@ class TestRequirements:
     )
 
     @pytest.fixture(autouse=True)
-    def told(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def result(self, monkeypatch: pytest.MonkeyPatch) -> None:
         metadata = SimpleNamespace(
             get_all=lambda name: ["all", "train"] if name == "Provides-Extra" else None
         )

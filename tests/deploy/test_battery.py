@@ -118,18 +118,18 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
     """A pack of a few hundred joules: 1.2 s from low to empty."""
     battery = Battery(8, 0.25, 0.1, idle_w=60.0)
     robot = with_motors(go1, battery=battery, **MAKERS["ODrive"])
-    told: list[tuple[float, float, float]] = []
+    result: list[tuple[float, float, float]] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         battery = loop.battery
         if loop.walking and battery.allowed < 1.0:
-            told.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
+            result.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
 
     config = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
     episode = short_episode(duration_s=10.0, charge=0.35, lie_down=True, command_source=lambda _: FORWARD)
     episode = replace(episode, config=config)
     trace = run_episode(robot, Hold(robot), episode, watch)
-    error, allowed, forward = np.array(told).T
+    error, allowed, forward = np.array(result).T
     assert np.abs(error).max() < 0.03
     np.testing.assert_allclose(forward[-10:], allowed[-10:], atol=0.05)
     assert forward[-1] < 0.7

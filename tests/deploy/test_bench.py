@@ -69,8 +69,8 @@ class TestBench:
         np.testing.assert_allclose([s.position for s in states], truth.joint_position, atol=0.02)
         assert [s.temperature_c for s in states] == pytest.approx([30.0] * 12)
         assert all(s.error == "" and s.age_s < 0.1 for s in states)
-        told = [not math.isnan(s.voltage) for s in states]
-        assert told == [s.model in ("ODrive", "moteus") for s in states]
+        result = [not math.isnan(s.voltage) for s in states]
+        assert result == [s.model in ("ODrive", "moteus") for s in states]
 
     def test_a_zero_is_set_at_the_present_position(self, stand: OnStand) -> None:
         """The robot lies down with bent knees; the knee of one leg alone is zeroed."""

@@ -376,7 +376,7 @@ class TestLadder:
         assert (verdict.findings, verdict.outcome.final_state) == ((), "IDLE")
 
     @pytest.mark.parametrize(
-        ("steps", "inject", "says"),
+        ("steps", "inject", "message"),
         [
             (["hold"], FAULTS["motor pulls the other way"], "pulls the other way"),
             (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),
@@ -388,13 +388,13 @@ class TestLadder:
         ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
     )
     def test_the_first_step_that_can_notice_a_fault_fails(
-        self, go1: Robot, steps: list[str], inject: Injection, says: str
+        self, go1: Robot, steps: list[str], inject: Injection, message: str
     ) -> None:
         for earlier in steps[:-1]:
             assert verdict_of(go1, earlier, inject).passed
         verdict = verdict_of(go1, steps[-1], inject)
         assert not verdict.passed
-        assert says in " ".join(verdict.findings)
+        assert message in " ".join(verdict.findings)
         if steps[-1] == "joints":
             assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
 
@@ -514,11 +514,11 @@ def test_each_step_is_confirmed_before_it_moves(
 
 
 def test_a_bad_option_is_refused_in_one_line(shell: Shell) -> None:
-    for options, says in (
+    for options, message in (
         (["--steps", "jump"], "there are hold, joints, legs, wiring, stand, shift, walk, uneven"),
         (["--scale", "2"], "--scale"),
         (["--bus", "virtual"], "--yes"),  # no terminal for the confirmation
     ):
         refused = shell("bring-up", "stand", *options)
         assert refused.status == 2
-        assert says in refused.err
+        assert message in refused.err

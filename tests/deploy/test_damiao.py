@@ -44,12 +44,12 @@ class TestFrames:
         assert driver.replies(frame(0x203, "13 ff ff 00 0f ff 2e 2d")).temperature_c.tolist() == [46]
 
     @pytest.mark.parametrize(
-        ("first", "says"),
+        ("first", "message"),
         [("83", "over-voltage"), ("b3", "over-temperature of its MOSFETs"), ("d3", "timeout"), ("f3", "15")],
     )
-    def test_states_from_2_on_are_errors(self, driver: DamiaoDriver, first: str, says: str) -> None:
+    def test_states_from_2_on_are_errors(self, driver: DamiaoDriver, first: str, message: str) -> None:
         (error,) = driver.replies(frame(0x203, f"{first} 80 00 80 08 00 1e 1e")).error
-        assert says in driver.error_name(int(error))
+        assert message in driver.error_name(int(error))
 
     @pytest.mark.parametrize(
         ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]
@@ -107,14 +107,14 @@ class TestRegisters:
         np.testing.assert_allclose(back, wanted, atol=0.07)
 
     @pytest.mark.parametrize(
-        ("register", "value", "says"),
+        ("register", "value", "message"),
         [
             (damiao.MODE, 2, "control mode 2"),
             (damiao.TORQUE_MAX, -1.0, "-1 as its TMAX"),
             (damiao.VELOCITY_MAX, float("nan"), "nan as its VMAX"),
         ],
     )
-    def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, says: str) -> None:
+    def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, message: str) -> None:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         end.registers[1][register] = value
         for _ in range(6):
@@ -122,7 +122,7 @@ class TestRegisters:
             if answer is not None:
                 driver.replies(answer)
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
-        assert says in driver.not_ready()
+        assert message in driver.not_ready()
 
     def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
         driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))

@@ -41,9 +41,9 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
         introduce(driver, end)
     else:
         for _ in range(5):
-            told = end.settings_replies(driver.query_settings())
-            if told is not None:
-                driver.replies(told)
+            result = end.settings_replies(driver.query_settings())
+            if result is not None:
+                driver.replies(result)
     motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
     expected = np.array([motor.peak_torque_nm for motor in motors])
     if maker == "ODrive":
@@ -60,12 +60,12 @@ def test_a_drive_that_keeps_another_limit_is_not_enabled(go1: Robot, maker: str)
         reads = driver.query_settings()
         reads = reads.take(reads.id >> 24 & 0x1F != 18)  # RobStride's writes
         reads = reads.take((reads.id & 0x1F != 4) | (reads.data[:, 0] == 0) | (maker != "ODrive"))
-        told = end.settings_replies(reads)
+        result = end.settings_replies(reads)
         if maker == "moteus":
             end.torque_limit[:] = 3.0
-            told = end.settings_replies(reads._replace(data=_reads_alone(reads.data)))
-        if told is not None:
-            driver.replies(told)
+            result = end.settings_replies(reads._replace(data=_reads_alone(reads.data)))
+        if result is not None:
+            driver.replies(result)
     problem = driver.not_ready()
     assert "FR_hip_joint" in problem
     if maker != "ODrive":  # whose heartbeat is missing here, too

@@ -71,8 +71,8 @@ class TestFirstRest:
         assert rest.awaited(0) == ""  # nothing was heard yet
         for now_us in range(0, 200_000, TICK_US):
             rest.update(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
-        says = "the robot is not at rest for 0.05 s before it gets stiffness: "
-        assert rest.awaited(200_000) == (says + who if who else "")
+        message = "the robot is not at rest for 0.05 s before it gets stiffness: "
+        assert rest.awaited(200_000) == (message + who if who else "")
 
     def test_motion_before_does_not_hide_a_wrong_gravity_at_rest(self) -> None:
         """A fifth too much; without a time of rest nothing is checked."""

@@ -74,8 +74,8 @@ def typed(shell: Shell, walk: Walk, tmp_path: Path, **changes: Any) -> list[str 
 
 
 def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Path) -> None:
-    told = shell(*typed(shell, walk, tmp_path))
-    assert told.status == 0, told
+    result = shell(*typed(shell, walk, tmp_path))
+    assert result.status == 0, result
     columns, count = read_columns(tmp_path / "walk.mcap"), len(JOINTS)
     with walk[0].open() as file:
         rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])

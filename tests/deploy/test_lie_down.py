@@ -254,7 +254,7 @@ class TestRun:
 
 class TestDescription:
     @pytest.mark.parametrize(
-        ("old", "new", "says"),
+        ("old", "new", "message"),
         [
             ("lying_rad: -0.6, ", "", "joint FR_hip_joint has no lying_rad"),
             (
@@ -266,11 +266,11 @@ class TestDescription:
         ],
     )
     def test_an_impossible_lying_pose_is_refused(
-        self, own_folder: Path, old: str, new: str, says: str
+        self, own_folder: Path, old: str, new: str, message: str
     ) -> None:
         path = own_folder / "robot.yaml"
         path.write_text(path.read_text().replace(old, new, 1))
-        with pytest.raises(UserError, match=says):
+        with pytest.raises(UserError, match=message):
             load_robot(own_folder)
 
     def test_the_lying_pose_is_not_part_of_the_digest(self, go1: Robot, own_folder: Path) -> None:

@@ -89,12 +89,12 @@ class TestRounding:
 @WITH_SETTINGS
 def test_a_motor_that_is_suddenly_off_has_rebooted(wiring: Wiring) -> None:
     driver, end = both_ends(wiring)
-    told = []
+    errors = []
     for on in (False, True, False, True):
         replies = driver.replies(end.reply(slice(None), report(np.zeros((3, 2)), on=np.array([on, True]))))
-        told.append(bool(replies.error[0]))
+        errors.append(bool(replies.error[0]))
         assert replies.error[1] == 0
-    assert told == [False, False, True, False]
+    assert errors == [False, False, True, False]
     assert driver.not_confirmed_off().all()  # their last replies report that they are enabled
 
 
@@ -106,20 +106,20 @@ class TestSettings:
             return end.registers[1], damiao.TIME_OUT
         return end.parameters[1], robstride.TIME_OUT
 
-    @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
-    def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, told: int, kept: int) -> None:
+    @pytest.mark.parametrize(("setting", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
+    def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, setting: int, kept: int) -> None:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
-        settings[time_out] = told
+        settings[time_out] = setting
         introduce(driver, end)
         assert settings[time_out] == kept
 
-    @pytest.mark.parametrize(("told", "says"), [(0, "has no"), (20_000, "1 s")])
-    def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, told: int, says: str) -> None:
+    @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
+    def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
         """It confirms the write, and reports its old setting."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
-        settings[time_out] = told
+        settings[time_out] = setting
         for _ in range(8):
             asked = driver.query_settings()
             reads = asked.data[:, 2] == damiao.READ if wiring is DAMIAO else asked.id >> 24 & 0x1F == 0x11
@@ -127,7 +127,7 @@ class TestSettings:
             if (answer := end.settings_replies(asked.take(reads))) is not None:
                 driver.replies(answer)
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
-        assert says in driver.not_ready()
+        assert message in driver.not_ready()
 
     @pytest.mark.parametrize("settings_told", [True, False])
     def test_a_wrong_or_silent_motor_is_named(self, wiring: Wiring, settings_told: bool) -> None:

@@ -88,8 +88,8 @@ def test_limits_rounding_and_bits_are_each_joints_own(driver: MixedDriver) -> No
 
 def test_each_motor_gets_its_joints_command(driver: MixedDriver) -> None:
     sent = driver.command(np.tile(np.arange(5), (5, 1)))
-    told = dict(zip(sent.id.tolist(), sent.data[:, 0].tolist(), strict=True))
-    assert [told[identifier] for identifier in BY_JOINT] == [0, 1, 2, 3, 4]
+    result = dict(zip(sent.id.tolist(), sent.data[:, 0].tolist(), strict=True))
+    assert [result[identifier] for identifier in BY_JOINT] == [0, 1, 2, 3, 4]
 
 
 def test_each_reply_is_its_joints_with_its_time(driver: MixedDriver) -> None:

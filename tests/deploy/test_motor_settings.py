@@ -47,8 +47,8 @@ def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robo
     while driver.not_ready():
         step += 1
         assert step < 20, driver.not_ready()
-        if (told := motors.answer(step, driver.query_settings(), np.zeros((3, 12)))) is not None:
-            driver.replies(told)
+        if (result := motors.answer(step, driver.query_settings(), np.zeros((3, 12)))) is not None:
+            driver.replies(result)
     motors.answer(step, driver.enable(), np.zeros((3, 12)))
     on = []
     for later in range(1, 121):

@@ -124,7 +124,7 @@ class TestFrames:
         assert after.temperature_c[0] == 55.0
 
     @pytest.mark.parametrize(
-        ("bits", "says"),
+        ("bits", "reason"),
         [
             (0x200, "under-voltage"),
             (0x01000000, "timeout"),
@@ -134,10 +134,10 @@ class TestFrames:
             (0, "disabled"),  # it has rebooted
         ],
     )
-    def test_errors_are_bits_of_the_heartbeat(self, driver: OdriveDriver, bits: int, says: str) -> None:
+    def test_errors_are_bits_of_the_heartbeat(self, driver: OdriveDriver, bits: int, reason: str) -> None:
         driver.replies(heartbeat(1, bits))
         (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
-        assert says in driver.error_name(int(error))
+        assert reason in driver.error_name(int(error))
         driver.replies(heartbeat(8))
         assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [0]
 
@@ -239,7 +239,7 @@ class TestStart:
         assert [tick for tick in range(250) if driver.enable().id[0] & 0x1F == odrive.STATE] == [0, 100, 200]
 
     @pytest.mark.parametrize(
-        ("on", "waits_s", "says"),
+        ("on", "waits_s", "reason"),
         [
             (1, 0.1, ""),
             (1, 0.02, ""),
@@ -249,7 +249,7 @@ class TestStart:
             (1, 0.0, "watchdog of 0 s"),
         ],
     )
-    def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, says: str) -> None:
+    def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, reason: str) -> None:
         """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         answer_all(driver)
@@ -258,19 +258,19 @@ class TestStart:
         assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
-        assert (driver.not_ready() == "") == (says == "")
-        assert says in driver.not_ready()
+        assert (driver.not_ready() == "") == (reason == "")
+        assert reason in driver.not_ready()
         assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
     def test_a_simulated_axis_reports_its_watchdog(self) -> None:
         wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
         driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
         end.watchdog[:, 0] = 0.0, 0.05
-        told = [end.settings_replies(driver.query_settings())]
-        assert told[0] is not None
-        driver.replies(told[0])
-        told.append(end.settings_replies(driver.query_settings()))
-        assert [hexed(each) for each in told if each is not None] == [
+        result = [end.settings_replies(driver.query_settings())]
+        assert result[0] is not None
+        driver.replies(result[0])
+        result.append(end.settings_replies(driver.query_settings()))
+        assert [hexed(each) for each in result if each is not None] == [
             [(0x065, "00 05 00 00 00"), (0x065, "00 9a 01 00 01")],
             [(0x065, "00 06 00 00 cd cc 4c 3d"), (0x065, "00 99 01 00 cd cc cc 3d")],  # 0.05 and 0.1
         ]
@@ -284,13 +284,13 @@ class TestStart:
         """0x300 is node 24's 0x00; node 1 has 0x020 to 0x03f, commands of the motor with id 0x21."""
         mixed = replace(TWO, models=("AK80-9", "ODrive"), motor_id=np.array([0x21, 1]))
         open_driver(mixed)  # each on a bus of its own
-        for wiring, says in (
+        for wiring, reason in (
             (replace(TWO, motor_id=np.array([0, 3])), "hip has motor id 0: .* 1 to 62"),
             (replace(TWO, motor_id=np.array([63, 3])), "hip has motor id 63: .* 1 to 62"),
             (replace(TWO, motor_id=np.array([3, 24])), r"knee \(can1, id 24\) and the IMU .* 0x300"),
             (replace(mixed, channel=np.array([0, 0])), "0x021"),
         ):
-            with pytest.raises(UserError, match=says):
+            with pytest.raises(UserError, match=reason):
                 open_driver(wiring)
 
 

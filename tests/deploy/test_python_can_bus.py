@@ -98,7 +98,7 @@ class TestPythonCanBus:
 
         lacks = LacksLibraryError("The serial module is not installed")
         advice = re.escape(install_command("pyserial"))
-        for interface, error, says in (
+        for interface, error, reason in (
             ("slcan", OSError("no\nway"), "no way"),
             ("slcan", FakeCan.CanError("no way"), "no way"),
             ("slcan", ImportError("no way"), "no way"),
@@ -112,7 +112,7 @@ class TestPythonCanBus:
                 raise error
 
             monkeypatch.setattr(can, "Bus", fail)
-            with pytest.raises(UserError, match=rf"cannot open bus 'can0' on {interface}: {says}$"):
+            with pytest.raises(UserError, match=rf"cannot open bus 'can0' on {interface}: {reason}$"):
                 PythonCanBus(interface, ("can0",), ())
 
     @pytest.mark.parametrize("error", [OSError, FakeCan.CanError])
@@ -209,7 +209,7 @@ class TestPythonCanBus:
         np.testing.assert_allclose(batch.time_us, [8500, 9500, 8000, 10_000], atol=1.0)
 
     @pytest.mark.parametrize(
-        ("identifier", "data", "says"),
+        ("identifier", "data", "reason"),
         [
             (0x040, b"", "bus can1 is bus-off"),
             (0x004, b"\0\x20", "bus can1 is error-passive"),
@@ -222,13 +222,13 @@ class TestPythonCanBus:
         ],
     )
     def test_error_frames_report_the_bus_state(
-        self, can: FakeCan, identifier: int, data: bytes, says: str
+        self, can: FakeCan, identifier: int, data: bytes, reason: str
     ) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
         can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
         assert bus.receive(0) == []
-        assert bus.fault().startswith(says)
-        assert (bus.fault() == "") == (says == "")
+        assert bus.fault().startswith(reason)
+        assert (bus.fault() == "") == (reason == "")
         assert [each.errors for each in bus.statistics()] == [0, 1]
 
     def test_an_empty_error_frame_keeps_the_state_before_it(self, can: FakeCan) -> None:
@@ -251,10 +251,10 @@ class TestPythonCanBus:
         assert fake.slept == pytest.approx([frame_bits(8) * 1e-6])
 
     @pytest.mark.parametrize(
-        ("state", "says"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]
+        ("state", "reason"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]
     )
     def test_a_state_without_error_frames_is_read_ten_times_a_second(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, state: str, says: str
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, state: str, reason: str
     ) -> None:
         fake, asked = FakeTime(), []
         monkeypatch.setattr(python_can_bus, "time", fake)
@@ -265,6 +265,8 @@ class TestPythonCanBus:
         for _ in range(36):
             fake.ns += 10_000_000
             bus.fault()
-        assert [round((ns - begun_ns) / 1e8) for ns in asked] == ([1] if says else [1, 2, 3])  # a fault stays
-        assert says in bus.fault()
-        assert (bus.fault() == "") == (says == "")
+        assert [round((ns - begun_ns) / 1e8) for ns in asked] == (
+            [1] if reason else [1, 2, 3]
+        )  # a fault stays
+        assert reason in bus.fault()
+        assert (bus.fault() == "") == (reason == "")

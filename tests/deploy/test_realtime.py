@@ -40,20 +40,20 @@ class TestSimulatedBus:
         assert trace.timing["lateness_us_max"] >= trace.timing["lateness_us_p50"] > 0.0
 
     @pytest.mark.parametrize(
-        ("limit", "seconds", "says"),
+        ("limit", "seconds", "message"),
         [
             ({"late_limit_s": 0.1}, 0.15, "ran late: no decision within 100 ms"),
             ({"late_steps": 5}, 0.03, "5 steps in a row"),
         ],
     )
     def test_a_late_policy_stops_it(
-        self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
+        self, go1: Robot, limit: dict[str, Any], seconds: float, message: str
     ) -> None:
         config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(duration_s=20.0, realtime=True, config=config))
         assert trace.final_state == "ESTOP"
-        assert says in trace.faults[0]
+        assert message in trace.faults[0]
 
     @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
     def test_a_terminating_signal_ends_the_run_in_order(self, go1: Robot, number: signal.Signals) -> None:

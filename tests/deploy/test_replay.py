@@ -129,7 +129,7 @@ class TestReplay:
                 raise ZeroDivisionError("by\nnought")
 
         nameless: list[Any] = [[], "text", [1, 2], None]
-        for decisions, steps, names, policy, says in (
+        for decisions, steps, names, policy, reason in (
             ([], 1, joints, Counts, "has no policy steps"),
             ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], Counts, "is from a robot with 8 joints"),
             ([np.zeros(59)], 1, joints, Counts, "step 0 has 59 numbers for 12 joints"),
@@ -137,7 +137,7 @@ class TestReplay:
             *(([], 0, names, Counts, "has no joints in its metadata") for names in nameless),
         ):
             path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
-            with pytest.raises(UserError, match=says):
+            with pytest.raises(UserError, match=reason):
                 replay(path, policy(go1))
 
     def test_decisions_are_compared_by_time(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ class TestFrames:
         assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([40], [0])
 
     @pytest.mark.parametrize(
-        ("identifiers", "says"),
+        ("identifiers", "message"),
         [
             ([0x028107FD], "under-voltage"),
             ([0x028407FD], "over-temperature"),
@@ -56,10 +56,10 @@ class TestFrames:
         ],
     )
     def test_faults_are_bits_of_the_id(
-        self, driver: RobstrideDriver, identifiers: list[int], says: str
+        self, driver: RobstrideDriver, identifiers: list[int], message: str
     ) -> None:
         errors = [driver.replies(frame(each, "8000 8000 8000 0190")).error[0] for each in identifiers]
-        assert driver.error_name(int(errors[-1])) == says
+        assert driver.error_name(int(errors[-1])) == message
 
     def test_enable_disable_clear_and_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
         """Byte 0 is 1 in the last two: of a stop (4), which then clears faults, and of type 6."""
@@ -72,7 +72,7 @@ class TestFrames:
             assert hexed(frames) == [(identifier, f"{first} 0000 0000 0000")] * 2
 
     @pytest.mark.parametrize(
-        ("word", "says"),
+        ("word", "message"),
         [
             ("0400 0000", "under-voltage"),
             ("0040 0000", "stall overload"),  # bit 14
@@ -81,11 +81,11 @@ class TestFrames:
             ("0000 0080", "fault bit 31"),
         ],
     )
-    def test_a_fault_comes_with_next_replies(self, driver: RobstrideDriver, word: str, says: str) -> None:
+    def test_a_fault_comes_with_next_replies(self, driver: RobstrideDriver, word: str, message: str) -> None:
         """Type 21 is 0x15; the motor's id is in bits 8 to 15, as in a reply, and the word begins low."""
         assert not driver.replies(frame(0x150007FD, f"{word} 0000 0000")).values.size
         errors = [int(driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error[0]) for _ in range(2)]
-        assert [driver.error_name(error, 0) for error in errors] == [says, says]
+        assert [driver.error_name(error, 0) for error in errors] == [message, message]
         other = driver.replies(frame(0x028007FD, "8000 8000 8000 0190", channel=1))
         assert other.error.tolist() == [0]
 
@@ -120,8 +120,8 @@ class TestParameters:
 
     def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
         driver = RobstrideDriver(TWO)
-        for told in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
-            driver.replies(frame(0x110007FD, told, channel=1))
+        for result in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
+            driver.replies(frame(0x110007FD, result, channel=1))
         assert hexed(driver.query_settings())[1:] == [
             ("1200fd07", "2870 0000 d007 0000"),  # 2000
             ("1100fd07", "2870 0000 0000 0000"),

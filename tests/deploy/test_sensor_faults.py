@@ -50,9 +50,9 @@ NAMED = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "joint", "says", "within_s"), NAMED)
+@pytest.mark.parametrize(("kind", "joint", "message", "within_s"), NAMED)
 def test_a_fault_in_a_walk_is_named_in_time_and_damps(
-    go1: Robot, kind: str | Callable[[FaultInjector], None], joint: int, says: str, within_s: float
+    go1: Robot, kind: str | Callable[[FaultInjector], None], joint: int, message: str, within_s: float
 ) -> None:
     policy, command = load_policy("go1-flat", go1), np.array([0.6, 0.2, -0.5])
     run = Injected(go1, policy, PlantConfig(), command, CONFIG)
@@ -71,7 +71,7 @@ def test_a_fault_in_a_walk_is_named_in_time_and_damps(
     outcome = run.run(2.0, watch)
     assert outcome.final_state == "ESTOP", outcome.faults
     assert len(outcome.faults) == 1
-    place, _, reasons = says.rpartition(": ") if "_joint" in says else ("", "", says)
+    place, _, reasons = message.rpartition(": ") if "_joint" in message else ("", "", message)
     assert outcome.faults[0].startswith(place)
     assert any(reason in outcome.faults[0] for reason in reasons.split(" | "))
     assert faulty[-1] - AT_S <= within_s

@@ -18,15 +18,15 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
     read_us = np.arange(0, 1_000_000, 2000)
     late_us = np.repeat(rng.integers(0, 1000 * late_ms, len(read_us) // 25), 25)  # alike for 50 ms
     came_us = np.maximum.accumulate(read_us + late_us)
-    told, most = JointReadings(robot, Drift, Wander), np.zeros(2)
+    result, most = JointReadings(robot, Drift, Wander), np.zeros(2)
     for now_us in range(5 * SAMPLE_US, 1_000_000, SAMPLE_US):
         last = np.searchsorted(came_us, now_us, side="right") - 1
         joints, heard_us = np.zeros((3, 12)), np.full(12, came_us[last])
         joints[:2, 0] = reading(read_us[last] * 1e-6)
         if now_us == 5 * SAMPLE_US:
-            told.begin(now_us, heard_us, joints)
-        elif told.add(now_us, joints, heard_us):
-            most = np.maximum(most, told.values[:, 0])
+            result.begin(now_us, heard_us, joints)
+        elif result.add(now_us, joints, heard_us):
+            most = np.maximum(most, result.values[:, 0])
     return float(most[0]), float(most[1])
 
 
@@ -66,14 +66,14 @@ class TestDrift:
 
     def test_slow_sampling_allows_more_drift(self, go1: Robot) -> None:
         """At 50 Hz a sample takes 20 ms, a touchdown 10: two fifths of the travel instead of one."""
-        told, values = JointReadings(go1, Drift, Wander, tick_s=0.02), np.zeros((3, 12))
+        result, values = JointReadings(go1, Drift, Wander, tick_s=0.02), np.zeros((3, 12))
         values[1] = 1.0
-        told.begin(0, np.zeros(12, np.int64), values)
+        result.begin(0, np.zeros(12, np.int64), values)
         for now_us in (20_000, 40_000):
-            told.add(now_us, values)
+            result.add(now_us, values)
         travel = 0.04
-        assert told.values[0, 0] == pytest.approx((0.02 + 0.04) / 2 - 0.4 * travel)
-        assert told.values[1, 0] == pytest.approx((0.02 + 0.04) / 2 - (0.005 + 0.01) * 1.0)
+        assert result.values[0, 0] == pytest.approx((0.02 + 0.04) / 2 - 0.4 * travel)
+        assert result.values[1, 0] == pytest.approx((0.02 + 0.04) / 2 - (0.005 + 0.01) * 1.0)
 
 
 class TestWander:
@@ -109,15 +109,15 @@ class TestWander:
 
     def test_a_stalled_robot_passes_in_a_steady_motion(self, go1: Robot) -> None:
         """At 1 rad/s; of each 100 ms it does not live through 20, nor answers, as one in emulation."""
-        told, zeros, wander = JointReadings(go1, Wander), np.zeros(12), []
+        result, zeros, wander = JointReadings(go1, Wander), np.zeros(12), []
         joints, heard_us, lived_s = np.zeros((3, 12)), np.zeros(12, np.int64), 0.0
-        told.begin(0, heard_us, joints)
+        result.begin(0, heard_us, joints)
         for now_us in range(SAMPLE_US, 1_000_000, SAMPLE_US):
             if now_us % 100_000 >= 20_000:
                 lived_s += SAMPLE_US * 1e-6
                 joints, heard_us = np.array([zeros + lived_s, zeros + 1.0, zeros]), np.full(12, now_us)
-            if told.add(now_us, joints, heard_us):
-                wander.append(told.values[0, 0])
+            if result.add(now_us, joints, heard_us):
+                wander.append(result.values[0, 0])
         assert max(wander) < 0.5 * LIMITS.wander_rad
 
 
@@ -309,13 +309,13 @@ class TestReplyRepeated:
     @pytest.mark.parametrize("part", [0, 1, 2])
     def test_a_reply_of_which_one_part_changes_is_not_repeated(self, go1: Robot, part: int) -> None:
         """Position, velocity or torque, once in a window."""
-        told = JointReadings(go1, ReplyRepeated)
-        told.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
+        result = JointReadings(go1, ReplyRepeated)
+        result.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
         for k in range(1, 51):
             joints, target = np.zeros((3, 12)), 0.12 * (k >= 30)
             joints[part, 0] = 0.01 * (k >= 45)
-            told.add(k * SAMPLE_US, joints, target=target, expected=50.0 * target)
-        np.testing.assert_allclose(told.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))
+            result.add(k * SAMPLE_US, joints, target=target, expected=50.0 * target)
+        np.testing.assert_allclose(result.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))
 
     @pytest.mark.parametrize("reported", [1.0, 0.8])
     def test_a_jammed_joint_passes_with_a_far_target(self, go1: Robot, reported: float) -> None:

@@ -255,7 +255,7 @@ class TestSession:
             run_session(go1, Hold(go1), FrameRobot(go1), session_of(duration_s=duration_s))  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(
-        ("robot", "changes", "says"),
+        ("robot", "changes", "message"),
         [
             ("go1", {}, "3 motors on can0 .* 1234 Hz"),  # at most 135 bits there and as many back
             ("go1", CROWDED, "4 motors on can2 .* 925 Hz"),
@@ -269,12 +269,12 @@ class TestSession:
         ],
     )
     def test_the_joint_rate_is_limited_by_the_fullest_bus(
-        self, robot: str, changes: dict[str, Any], says: str
+        self, robot: str, changes: dict[str, Any], message: str
     ) -> None:
         wiring = replace(wiring_of(load_robot(robot)), **changes)
-        fastest_hz = int(says.split()[-2])
+        fastest_hz = int(message.split()[-2])
         check_joint_rate(wiring, open_driver(wiring), fastest_hz)
-        with pytest.raises(UserError, match=says):
+        with pytest.raises(UserError, match=message):
             check_joint_rate(wiring, open_driver(wiring), fastest_hz + 1)
 
     def test_the_outcome_of_a_run_with_a_fault(self, go1: Robot) -> None:

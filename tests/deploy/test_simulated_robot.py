@@ -99,14 +99,14 @@ class TestMotors:
         weight = bench.body.model.body_subtreemass[0] * 9.81
         assert truth.foot_force.sum() == pytest.approx(weight, rel=0.05)
 
-    @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
+    @pytest.mark.parametrize(("result", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
     def test_motor_timeouts_come_from_robot_yaml_or_the_option(
-        self, go1: Robot, told: float | None, knees: float, others: float
+        self, go1: Robot, result: float | None, knees: float, others: float
     ) -> None:
         motors = go1.description.motors
         sooner = {**motors, "knee": replace(motors["knee"], timeout_s=0.02)}
         robot = replace(go1, description=replace(go1.description, motors=sooner))
-        bench = Bench(robot, motor_timeout_s=told)
+        bench = Bench(robot, motor_timeout_s=result)
         bench.enter()
         on_us = np.zeros(12)
         for _ in range(100):

@@ -141,11 +141,11 @@ class TestFaults:
         assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (3, 1)]
 
     @pytest.mark.parametrize(
-        ("number", "says"),
+        ("number", "message"),
         [(errno.ENETDOWN, "bus b is down: "), (errno.ENODEV, "bus b is down: "), (errno.ENOBUFS, "")],
     )
     def test_a_frame_that_is_refused_is_counted_and_an_interface_that_is_down_is_named(
-        self, kernel: Kernel, number: int, says: str
+        self, kernel: Kernel, number: int, message: str
     ) -> None:
         bus = SocketCanBus(("a", "b"), FILTERS)
 
@@ -159,8 +159,8 @@ class TestFaults:
         bus._sockets[1].close()
         bus._sockets[1] = Failing()  # type: ignore[call-overload]
         assert bus.receive(0) == []
-        assert bus.fault().startswith(says)
-        assert bool(bus.fault()) == bool(says)
+        assert bus.fault().startswith(message)
+        assert bool(bus.fault()) == bool(message)
         assert bus.send(batch((1, 1, b""), (0, 1, b""), (1, 2, b"")), 0) == 2
         assert [(each.frames_sent, each.frames_refused) for each in bus.statistics()] == [(1, 0), (0, 2)]
 

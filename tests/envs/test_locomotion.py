@@ -335,9 +335,9 @@ class TestReset:
         np.testing.assert_allclose(state.recent_readings, np.tile(readings, (SUBSTEPS, 1)), atol=1e-6)
         np.testing.assert_allclose(observation["state"][:3], state.qvel[3:6], atol=1e-6)
         np.testing.assert_allclose(observation["state"][3:6], state.command)
-        told = np.asarray(observation["privileged_state"][2 * len(observation["state"]) :])
+        output = np.asarray(observation["privileged_state"][2 * len(observation["state"]) :])
         np.testing.assert_array_equal(
-            told[4 : 4 + 4 + 4 + N], np.zeros(4 + 4 + N)
+            output[4 : 4 + 4 + 4 + N], np.zeros(4 + 4 + N)
         )  # feet and torques: not yet
 
     def test_episodes_draw_independent_numbers(self, reset) -> None:

@@ -67,7 +67,7 @@ def refuse(*_: Any, **__: Any) -> None:
 
 class TestEndings:
     @pytest.mark.parametrize(
-        ("verb", "status", "told"),
+        ("verb", "status", "result"),
         [
             (lambda: None, 0, ""), (lambda: 3, 3, ""), (lambda: "text", 0, ""),
             (UserError("a\n  b"), 2, "footfall: a b\n"), (OSError(28, "No space left"), 2, "No space left"),
@@ -81,7 +81,7 @@ class TestEndings:
         monkeypatch: pytest.MonkeyPatch,
         verb: Callable | BaseException,
         status: int,
-        told: str,
+        result: str,
     ) -> None:
         def app(*_: Any, **__: Any) -> Any:
             if isinstance(verb, BaseException):
@@ -91,8 +91,8 @@ class TestEndings:
         monkeypatch.setattr(cli, "app", app)
         outcome = shell("train")
         assert outcome.status == status
-        assert told in outcome.err
-        assert outcome.err.count("\n") == (1 if told else 0)
+        assert result in outcome.err
+        assert outcome.err.count("\n") == (1 if result else 0)
 
     def test_a_defect_keeps_its_traceback(self, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(cli, "app", lambda *_, **__: 1 / 0)

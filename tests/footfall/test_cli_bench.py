@@ -163,8 +163,8 @@ def test_errors_of_motors_come_after_the_problem_and_are_status_1(shell: Shell, 
         for problem in ([], ["nobody answers"]):
             motors.answers["missing"] = "".join(problem)
             outcome = shell("can", *verb.split())
-            told = [*problem, "hip reports over-current", "knee reports heat"]
-            assert (outcome.status, outcome.out.splitlines()[4:]) == (1, told)
+            result = [*problem, "hip reports over-current", "knee reports heat"]
+            assert (outcome.status, outcome.out.splitlines()[4:]) == (1, result)
 
 
 def test_cleared_errors_are_reported(shell: Shell, motors: Motors) -> None:

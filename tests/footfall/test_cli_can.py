@@ -138,7 +138,7 @@ class TestVirtual:
         assert len(rows_of(shell, "enable", "--bus", "virtual", "--duration", "0.2", "--yes")) == 12
 
     @pytest.mark.parametrize(
-        ("verb", "fault", "code", "says"),
+        ("verb", "fault", "code", "message"),
         [
             (["monitor"], lambda motors: motors.silent, 1, "no answer from RL_calf_joint (can3, id 3)"),
             (["monitor"], lambda motors: motors.error, 2, "RL_calf_joint reports over-current"),
@@ -152,19 +152,19 @@ class TestVirtual:
         verb: list[str],
         fault: Callable[[MotorFaults], np.ndarray],
         code: int,
-        says: str,
+        message: str,
     ) -> None:
         faulty(fault, code)
         outcome = shell("can", *verb, "--bus", "virtual", "--duration", "0.2")
         assert outcome.status == 1
-        assert outcome.out.splitlines()[-1] == says
+        assert outcome.out.splitlines()[-1] == message
 
     def test_a_zero_is_set(self, shell: Shell) -> None:
         (row,) = rows_of(shell, "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
         assert abs(float(row[4])) < 0.05
 
     @pytest.mark.parametrize(
-        ("protocol", "code", "says"),
+        ("protocol", "code", "message"),
         [
             ("ODrive", odrive.WATCHDOG, "a communication timeout, and is disabled"),
             ("DM8009", 8, "over-voltage"),
@@ -173,7 +173,7 @@ class TestVirtual:
         ],
     )
     def test_a_latched_error_is_cleared(
-        self, shell: Shell, own_folder: Path, faulty: Faulty, protocol: str, code: int, says: str
+        self, shell: Shell, own_folder: Path, faulty: Faulty, protocol: str, code: int, message: str
     ) -> None:
         faulty(lambda motors: motors.latched, code)
         knees = with_knees(own_folder, protocol)
@@ -182,7 +182,7 @@ class TestVirtual:
         )
         assert (outcome.status, outcome.err) == (0, ""), outcome
         first, *table = outcome.out.splitlines()
-        assert first == f"RL_calf_joint reported {says}: cleared"
+        assert first == f"RL_calf_joint reported {message}: cleared"
         assert table[-1].split()[0] == "RL_calf_joint"
 
     def test_an_error_that_goes_on_is_named(self, shell: Shell, own_folder: Path, faulty: Faulty) -> None:
@@ -215,13 +215,13 @@ class TestRefusals:
         assert shell.refuses("can", "zero", "--bus", "virtual") == "not confirmed"
 
     def test_a_wrong_interface_or_robot_is_one_line(self, shell: Shell) -> None:
-        for options, told in (
+        for options, result in (
             ("--bus nonsense", "no bus 'nonsense'"),
             ("--bus serial", "cannot open bus 'can0' on serial"),
             ("--bus virtual --robot rex", "no robot 'rex'"),
         ):
             for verb in ("scan", "monitor", "enable --yes", "zero --yes", "clear --yes"):
-                assert told in shell.refuses("can", *verb.split(), *options.split())
+                assert result in shell.refuses("can", *verb.split(), *options.split())
 
     def test_an_unknown_joint_is_named(self, shell: Shell) -> None:
         complaint = shell.refuses("can", "monitor", "--bus", "virtual", "--joint", "tail")

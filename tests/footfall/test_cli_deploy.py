@@ -187,9 +187,9 @@ class TestOptions:
         assert episode.config == DeployConfig(joint_rate_hz=1000.0)
         assert (episode.noise, episode.pushes, episode.sample) == (None, (), None)
         assert episode.display("loop", "velocity") == "display"
-        told = json.loads((tmp_path / "run.json").read_text())
-        assert told.pop("settings")["gait"]["name"] == "trot"
-        assert told == {
+        result = json.loads((tmp_path / "run.json").read_text())
+        assert result.pop("settings")["gait"]["name"] == "trot"
+        assert result == {
             "policy": "trot", "robot": "go1", "bus": "sim", "seed": 9, "command": [0.1, -0.2, 0.3],
             "duration_s": 1.25, "walked_s": 1.5, "final_state": "IDLE", "faults": [], "notes": ["a note"],
             "timing": ran().timing, "buses": [], "wall_s": 2.0, "run_s": 3.0, "fell": False,

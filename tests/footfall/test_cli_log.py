@@ -32,10 +32,10 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path) -> None:
-    told = shell("log", "info", logged)
-    assert told.status == 0
+    result = shell("log", "info", logged)
+    assert result.status == 0
     for part in ("sway on go1", "in order", "No fault", "Each foot path is continuous", "/joint_states"):
-        assert part in told.out, told.out
+        assert part in result.out, result.out
     assert shell("log", "plot", logged, "--out", tmp_path / "page.html").status == 0
     page = (tmp_path / "page.html").read_text()
     for part in ("sway on go1", "Torques", "Paths of the feet", "Temperatures", "FR_hip_joint", "WALKING"):
@@ -51,9 +51,9 @@ def test_info_and_page_of_a_fault(
     (tmp_path / "logs").mkdir()
     log = tmp_path / "logs" / "bad.mcap"
     run_episode(go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=log))
-    told = shell("log", "info", log)
-    assert told.status == 1
-    assert "the policy's command is not finite" in told.out
+    result = shell("log", "info", log)
+    assert result.status == 1
+    assert "the policy's command is not finite" in result.out
     assert shell("log", "plot", log).status == 0
     assert "is not finite" in log.with_suffix(".html").read_text()
 

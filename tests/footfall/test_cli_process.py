@@ -102,14 +102,14 @@ def test_a_signal_ends_an_evaluation_and_its_processes(tmp_path: Path) -> None:
         while len(processes_of(process.pid)) < 3 and time.monotonic() < deadline:
             time.sleep(0.1)
         process.send_signal(signal.SIGTERM)
-        _, told = process.communicate(timeout=60)
+        _, result = process.communicate(timeout=60)
         deadline = time.monotonic() + 5
         while (left := processes_of(process.pid)) and time.monotonic() < deadline:
             time.sleep(0.05)  # a process that ends is there for a moment yet
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-    assert (process.returncode, told) == (143, "footfall: terminated\n")
+    assert (process.returncode, result) == (143, "footfall: terminated\n")
     assert left == []
     assert list(folder.iterdir()) == []
 

@@ -43,9 +43,13 @@ def test_a_log_replays_with_its_settings(shell: Shell, short: tuple[str, ...], t
     mine.write_text("kp: 45.0")
     spec = f"stand@{mine}"
     assert shell("deploy", spec, "--set", "stand.kd=2.5", *short, "--log", log, "--json", figures).status == 0
-    told = json.loads(figures.read_text())
-    assert told["policy"] == f"{spec}@kd=2.5"
-    assert (told["settings"]["kp"], told["settings"]["kd"], told["settings"]["tilt_gain"]) == (45.0, 2.5, 0.3)
+    output = json.loads(figures.read_text())
+    assert output["policy"] == f"{spec}@kd=2.5"
+    assert (output["settings"]["kp"], output["settings"]["kd"], output["settings"]["tilt_gain"]) == (
+        45.0,
+        2.5,
+        0.3,
+    )
     mine.write_text("kp: 300.0")
     assert shell("replay", log).status == 0
     assert shell("replay", log, "--policy", spec).status == 1

@@ -201,5 +201,5 @@ class TestNew:
 
     @pytest.mark.parametrize("value", ["0", "-1", "1e6", "hip=", "hip=x", "=,", "nan", "inf", "hip=1,knee=0"])
     def test_a_figure_is_a_number_above_zero(self, shell: Shell, value: str) -> None:
-        told = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
-        assert "expected a positive number, or pairs such as hip=23.7,knee=35.5" in told
+        result = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
+        assert "expected a positive number, or pairs such as hip=23.7,knee=35.5" in result

@@ -41,12 +41,12 @@ def done(monkeypatch: pytest.MonkeyPatch) -> Any:
 class TestDoctor:
     def test_it_looks_at_everything_and_never_fails(self, done: Any) -> None:
         done.code, done.err = 1, "nothing works here"
-        told = " ".join(finding.what for finding in machine.findings())
+        result = " ".join(finding.what for finding in machine.findings())
         for what in (
             "processors", "packages", "simulators", "accelerator", "offscreen rendering",
             "compilation cache", "CAN interfaces", "real-time", "memory locking",
         ):  # fmt: skip
-            assert what in told
+            assert what in result
 
     @pytest.mark.parametrize(
         ("kinds", "gpu"),

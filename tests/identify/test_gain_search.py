@@ -102,8 +102,8 @@ def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
 
 def test_the_command_writes_each_joints_gains(shell: Shell, tmp_path: Path) -> None:
     (tmp_path / "steps.yaml").write_text("{settle_s: 0.2, trial_s: 0.2, most: 1.3}")
-    told = shell("identify", "gains", "--steps", tmp_path / "steps.yaml", "--json", tmp_path / "gains.json")
-    assert told.status == 0, told
+    result = shell("identify", "gains", "--steps", tmp_path / "steps.yaml", "--json", tmp_path / "gains.json")
+    assert result.status == 0, result
     found = json.loads((tmp_path / "gains.json").read_text())
     assert set(found) == set(load_robot("go1").joint_names)
     assert all(each["own"]["rise_s"] > 0.0 for each in found.values())

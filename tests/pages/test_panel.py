@@ -118,13 +118,13 @@ class TestCurves:
         """They hold what was drawn before it came."""
         rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(3)]
         self.drawn(panel, tmp_path / "metrics.jsonl", rows)
-        for width, height, told in ((1280, 900, 0), (360, 640, 0), (420, 440, 1)):
+        for width, height, result in ((1280, 900, 0), (360, 640, 0), (420, 440, 1)):
             own = PageControls()
             camera = SimpleNamespace(image_width=width, aspect=width / height)
             client = SimpleNamespace(client_id=width, camera=camera, gui=own)
             for come in page.connected:
                 come(client)
             self.drawn(panel, tmp_path / "metrics.jsonl", rows)
-            assert len(own.charts) == told
+            assert len(own.charts) == result
         for gone in page.disconnected:
             gone(client)

@@ -29,17 +29,17 @@ class TestStatus:
         assert "| Training | no metrics yet |" in as_markdown(nothing)
         assert "| Policy |" not in as_markdown(nothing)
         assert "yet" not in as_markdown(self.status(metrics_age_s=None, finished=True))
-        for iteration, told in ((0, "0"), (1200, "1,200")):
+        for iteration, result in ((0, "0"), (1200, "1,200")):
             nothing.exporting = iteration
-            assert f"**preparing the policy of iteration {told}**" in as_markdown(nothing)
+            assert f"**preparing the policy of iteration {result}**" in as_markdown(nothing)
 
     def test_a_training_is_quiet_after_two_minutes_unless_it_is_finished(self) -> None:
-        def told(age_s: float, finished: bool) -> bool:
+        def result(age_s: float, finished: bool) -> bool:
             return "train --resume runs/mine" in as_markdown(
                 self.status(metrics_age_s=age_s, finished=finished)
             )
 
-        assert [told(120.0, False), told(120.1, False), told(999.0, True)] == [False, True, False]
+        assert [result(120.0, False), result(120.1, False), result(999.0, True)] == [False, True, False]
         done = as_markdown(self.status(finished=True, trained_steps=2000, metrics_age_s=7300.0))
         assert "| Training | **finished** after 2,000 steps, 2 h ago |" in done
 

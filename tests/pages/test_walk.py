@@ -204,9 +204,9 @@ class TestWalk:
 
         monkeypatch.setattr(walk, "run_episode", episode)
         visitor.walk(finished, go1)
-        told = [text for text in visitor.said if "starts" in text]
-        assert "1 in 1 starts: it tilted" in told[1]
-        assert "1 in 2 starts: motor 3" in told[2]
+        result = [text for text in visitor.said if "starts" in text]
+        assert "1 in 1 starts: it tilted" in result[1]
+        assert "1 in 2 starts: motor 3" in result[2]
 
 
 class TestNewestPolicy:

@@ -67,9 +67,9 @@ class TestFrames:
 
     def test_one_frame_of_a_reading_changes_and_the_others_do_not(self) -> None:
         heard, changed = of_imu(), each_imu_frame(imu.ACCELERATION_ID, emptied)(of_imu())
-        told = dict(zip(changed.id.tolist(), changed.data.tolist(), strict=True))
+        result = dict(zip(changed.id.tolist(), changed.data.tolist(), strict=True))
         was = dict(zip(heard.id.tolist(), heard.data.tolist(), strict=True))
-        assert told == {**was, imu.ACCELERATION_ID: [0] * 8}
+        assert result == {**was, imu.ACCELERATION_ID: [0] * 8}
         left = each_imu_frame(imu.QUATERNION_ID, nothing)(heard)
         assert sorted(left.id.tolist()) == [imu.GYRO_ID, imu.ACCELERATION_ID]
 

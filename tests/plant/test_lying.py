@@ -79,10 +79,10 @@ def test_check_reports_the_lying_pose(
     tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
     monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
     assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
-    told = capsys.readouterr().out
-    assert "base 4 mm above the ground at the end\n  tilted 30.0 degrees" in told
+    result = capsys.readouterr().out
+    assert "base 4 mm above the ground at the end\n  tilted 30.0 degrees" in result
     assert (
-        "wrong: it does not stand up from its lying pose and lie down again: it tilts by 30 degrees" in told
+        "wrong: it does not stand up from its lying pose and lie down again: it tilts by 30 degrees" in result
     )
 
 

@@ -133,7 +133,7 @@ def test_a_mismatch_shows_both_values(contract: Contract, go1: Robot) -> None:
     """Of the first joint that differs; a last bit of a gain counts, and so does the joints' order."""
     nudged = (contract.kp[0] * (1 + 2**-52), *contract.kp[1:])
     swapped = (contract.joints[1], contract.joints[0], *contract.joints[2:])
-    for field, value, told in (
+    for field, value, result in (
         ("robot", "go2", ("go2", "go1")),
         ("kp", nudged, (f"{nudged[0]}", f"{go1.kp[0]}")),
         ("kp", (*contract.kp[:-1], 1.5), ("1.5", f"{go1.kp[-1]}")),
@@ -143,7 +143,7 @@ def test_a_mismatch_shows_both_values(contract: Contract, go1: Robot) -> None:
     ):
         (line,) = replace(contract, **{field: value}).mismatches(go1)
         assert line.startswith(f"{field}: ")
-        assert all(part in line for part in told), line
+        assert all(part in line for part in result), line
 
 
 def test_a_changed_body_is_a_mismatch(contract: Contract, own_folder: Path) -> None:

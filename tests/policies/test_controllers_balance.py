@@ -45,10 +45,10 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
 
 def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
     """Arguments of whole-body control: dynamics, position, velocity, wanted, most force."""
-    told: list[tuple] = []
-    monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
+    result: list[tuple] = []
+    monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
     policy.act(inputs)
-    return told[0]
+    return result[0]
 
 
 class TestCentre:

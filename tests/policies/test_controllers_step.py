@@ -99,11 +99,11 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
 
 def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
     """Arguments passed to the whole-body controller: dynamics, position, velocity, wanted, most force."""
-    told: list[tuple] = []
-    monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
+    result: list[tuple] = []
+    monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
     policy.act(inputs)
-    return told[0]
+    return result[0]
 
 
 def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:

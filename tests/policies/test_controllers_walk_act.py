@@ -77,12 +77,12 @@ def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[
     policy.reset(seen())
     targets = [policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, command)) for k in range(4 * PERIOD)]
     vx, vy, yaw = command
-    for told in targets[-PERIOD:]:
-        pose = LEGS.pose(told.position)
+    for result in targets[-PERIOD:]:
+        pose = LEGS.pose(result.position)
         x, y, z = pose.foot.T
         middle = (np.abs(pose.foot[:, :2] - PLACES[:, :2]).max(axis=1) < 0.003) & (z < PLACES[:, 2] + 1e-6)
         contact = pose.jacobian + LEGS.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
-        velocity = (contact @ LEGS.gather(told.velocity)[:, :, None])[middle, :2, 0]
+        velocity = (contact @ LEGS.gather(result.velocity)[:, :, None])[middle, :2, 0]
         expected = np.stack([-(vx - yaw * y), -(vy + yaw * x)], axis=1)[middle]
         np.testing.assert_allclose(velocity, expected, atol=6e-3)
 
@@ -104,9 +104,9 @@ def test_a_stopped_walk_returns_its_feet_to_their_places() -> None:
     walking(policy, (0.8, 0.2, -0.5), seconds=1.37)
     start = CONFIG.settle_s + 1.37
     for k in range(round(1.5 * CONFIG.rate_hz)):
-        told = policy.act(seen(start + k / CONFIG.rate_hz))
-    np.testing.assert_allclose(feet_of(told.position), PLACES, atol=0.0101)
-    assert not told.velocity.any()
+        result = policy.act(seen(start + k / CONFIG.rate_hz))
+    np.testing.assert_allclose(feet_of(result.position), PLACES, atol=0.0101)
+    assert not result.velocity.any()
     assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
 
 
@@ -121,9 +121,9 @@ def test_with_a_sway_the_weight_is_shifted_first_and_back_last() -> None:
     start = CONFIG.settle_s + 0.1
     for k in range(round(3.0 * CONFIG.rate_hz)):
         command = (0.3, 0.0, 0.0) if k < CONFIG.rate_hz else (0.0, 0.0, 0.0)
-        told = policy.act(seen(start + k / CONFIG.rate_hz, command))
-    np.testing.assert_allclose(feet_of(told.position), before, atol=0.0101)
-    assert not told.velocity.any()
+        result = policy.act(seen(start + k / CONFIG.rate_hz, command))
+    np.testing.assert_allclose(feet_of(result.position), before, atol=0.0101)
+    assert not result.velocity.any()
 
 
 class TestHeading:
@@ -163,7 +163,7 @@ class TestHeading:
             for k in range(2 * PERIOD):
                 policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
             off = [policy.act(seen(CONFIG.settle_s + 2.0, FORWARD, yaw=-2.0)) for _ in range(20)]
-            positions.append([told.position for told in off])
+            positions.append([result.position for result in off])
         np.testing.assert_array_equal(*positions)
 
 
@@ -185,8 +185,8 @@ class TestGround:
         policy = Walk(ROBOT, "trot", replace(CONFIG, touch_down=self.TOUCH_DOWN))
         policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose), torque=torque))
         times_s = CONFIG.settle_s + np.arange(round(seconds * CONFIG.rate_hz)) / CONFIG.rate_hz
-        told = [policy.act(seen(time_s, command, torque=torque)).position for time_s in times_s.tolist()]
-        return np.array([feet_of(each)[:, 2] for each in told]) - PLACES[:, 2]
+        result = [policy.act(seen(time_s, command, torque=torque)).position for time_s in times_s.tolist()]
+        return np.array([feet_of(each)[:, 2] for each in result]) - PLACES[:, 2]
 
     def test_unloaded_standing_feet_are_lowered_to_find_the_ground(self) -> None:
         down = self.heights(NOTHING, (0.0, 0.0, 0.0), 0.5)
@@ -253,11 +253,11 @@ def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
     policy = make()
     walking(policy)
     before = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD)).position
-    told = policy.act(seen(CONFIG.settle_s + 1.0 + 1 / CONFIG.rate_hz, FORWARD))
-    np.testing.assert_allclose(told.velocity, (told.position - before) * CONFIG.rate_hz)
-    assert np.abs(told.velocity).max() > 0.1
-    assert told.kp.tolist() == [CONFIG.kp] * 12
-    assert told.kd.tolist() == [CONFIG.kd] * 12
+    result = policy.act(seen(CONFIG.settle_s + 1.0 + 1 / CONFIG.rate_hz, FORWARD))
+    np.testing.assert_allclose(result.velocity, (result.position - before) * CONFIG.rate_hz)
+    assert np.abs(result.velocity).max() > 0.1
+    assert result.kp.tolist() == [CONFIG.kp] * 12
+    assert result.kd.tolist() == [CONFIG.kd] * 12
 
 
 def test_the_tilt_is_filtered() -> None:

@@ -91,14 +91,14 @@ class Trial:
         for _ in range(round(seconds * self.policy.rate_hz)):
             time_s = self.ticks / self.policy.rate_hz
             found = {"joint": self.joint, "velocity": self.velocity, "torque": self.torque}
-            told = self.policy.act(policy_input(self.robot, time_s, command, base_height=0.18, **found))
-            acceleration = self.legs.gather(told.velocity - self.velocity) * self.policy.rate_hz
+            result = self.policy.act(policy_input(self.robot, time_s, command, base_height=0.18, **found))
+            acceleration = self.legs.gather(result.velocity - self.velocity) * self.policy.rate_hz
             inertial = (self.inertia @ acceleration[:, :, None])[:, :, 0]
-            own = inertial + self.legs.holding_torque(told.position, UP)
-            lost = friction_torque(told.velocity, self.motor)
-            self.torque = self.legs.scatter(own, self.still) - lost + told.torque
-            self.joint, self.velocity = told.position, told.velocity
-            targets.append(told.position)
+            own = inertial + self.legs.holding_torque(result.position, UP)
+            lost = friction_torque(result.velocity, self.motor)
+            self.torque = self.legs.scatter(own, self.still) - lost + result.torque
+            self.joint, self.velocity = result.position, result.velocity
+            targets.append(result.position)
             self.ticks += 1
         return np.array(targets)
 

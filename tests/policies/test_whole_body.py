@@ -336,12 +336,12 @@ class TestJoints:
 
     def test_a_command_carries_the_configured_gains_and_the_references(self) -> None:
         control = self.control(kp=7.0, kd=2.0)
-        told = control.command(
+        result = control.command(
             standing(BODIES["g1"], G1), G1.default_pose, np.zeros(12), STILL["g1"], np.full(8, 300.0)
         )
-        assert (told.kp.tolist(), told.kd.tolist()) == ([7.0] * 12, [2.0] * 12)
-        np.testing.assert_allclose(told.position, G1.default_pose, atol=1e-3)
-        np.testing.assert_allclose(told.velocity, 0.0, atol=0.02)
+        assert (result.kp.tolist(), result.kd.tolist()) == ([7.0] * 12, [2.0] * 12)
+        np.testing.assert_allclose(result.position, G1.default_pose, atol=1e-3)
+        np.testing.assert_allclose(result.velocity, 0.0, atol=0.02)
 
     def test_references_follow_the_acceleration_and_fade_into_the_measurements(self) -> None:
         """With a memory of 0.05 s a tick of 0.004 s leaves exp(-0.08) of their lead."""

@@ -98,7 +98,7 @@ def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         (
             'name="FL_hip" pos="0.1881 0.04675',
@@ -118,12 +118,12 @@ def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
         ('mass="5.204" pos="0.0223 0.002', 'mass="5.204" pos="0.0223 0.02', "body trunk has no mirror image"),
     ],
 )
-def test_a_part_without_a_mirror_image_is_named(own_folder: Path, old: str, new: str, says: str) -> None:
+def test_a_part_without_a_mirror_image_is_named(own_folder: Path, old: str, new: str, message: str) -> None:
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     assert old in text
     xml.write_text(text.replace(old, new))
-    with pytest.raises(UserError, match=says) as caught:
+    with pytest.raises(UserError, match=message) as caught:
         find_symmetry(load_robot(own_folder))
     assert "robot 'go1'" in str(caught.value)
 

@@ -97,34 +97,34 @@ class Notebook:
     """A log that keeps its records."""
 
     def __init__(self) -> None:
-        self.told: list[tuple] = []
+        self.result: list[tuple] = []
 
     def begin(self, start_ns: int) -> None:
         pass
 
-    def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
-        self.told.append(("tick", now_us, sensed, commanded))
+    def tick(self, now_us: int, sensed: Any, result: Any, commanded: np.ndarray | None) -> None:
+        self.result.append(("tick", now_us, sensed, commanded))
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Any) -> None:
-        self.told.append(("policy_step", now_us, inputs, command))
+        self.result.append(("policy_step", now_us, inputs, command))
 
     def battery(self, now_us: int, battery: Any) -> None:
         pass
 
     def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
-        self.told.append(("timing", now_us, work_us, lateness_us))
+        self.result.append(("timing", now_us, work_us, lateness_us))
 
     def state(self, now_us: int, state: Any) -> None:
-        self.told.append(("state", now_us, state))
+        self.result.append(("state", now_us, state))
 
     def change(self, now_us: int, change: Any) -> None:
-        self.told.append(("change", now_us, change))
+        self.result.append(("change", now_us, change))
 
     def order(self, now_us: int, order: Any) -> None:
-        self.told.append(("order", now_us, order))
+        self.result.append(("order", now_us, order))
 
     def note(self, now_us: int, note: str) -> None:
-        self.told.append(("note", now_us, note))
+        self.result.append(("note", now_us, note))
 
     def of(self, kind: str) -> list[tuple]:
-        return [each[1:] for each in self.told if each[0] == kind]
+        return [each[1:] for each in self.result if each[0] == kind]

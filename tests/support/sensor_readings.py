@@ -76,19 +76,19 @@ def measured(
     `torque` gives what that joint reports and what is expected, N m. A sample whose number is `lost` leaves
     the reading, and the time at which it arrived, as they were.
     """
-    told, heard_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
-    joints = np.zeros((3, told.n))
+    result, heard_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
+    joints = np.zeros((3, result.n))
     joints[:2, 0] = reading(0.0)
-    told.begin(0, heard_us, joints)
+    result.begin(0, heard_us, joints)
     for k in range(1, samples + 1):
         time_s = k * SAMPLE_US * 1e-6
-        expected = told.zeros.copy()
+        expected = result.zeros.copy()
         if not lost(k):
-            joints, heard_us = joints.copy(), np.full(told.n, k * SAMPLE_US)
+            joints, heard_us = joints.copy(), np.full(result.n, k * SAMPLE_US)
             joints[:2, 0] = reading(time_s)
             joints[2, 0], expected[0] = torque(time_s)
-        told.add(k * SAMPLE_US, joints, heard_us, expected, stiffness, target(time_s))
-    return told.values[0]
+        result.add(k * SAMPLE_US, joints, heard_us, expected, stiffness, target(time_s))
+    return result.values[0]
 
 
 class BodyWindows:

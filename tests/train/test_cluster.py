@@ -57,10 +57,10 @@ def test_two_processes_train_one_run_that_goes_on_in_one(
 def test_no_process_trains_where_the_first_one_cannot_make_the_folder(
     whole_run: Path, monkeypatch: pytest.MonkeyPatch, process: int, reason: str
 ) -> None:
-    told: list[bool] = []
+    result: list[bool] = []
 
     def gathered(failed_here: np.ndarray) -> np.ndarray:
-        told.append(bool(failed_here))
+        result.append(bool(failed_here))
         return np.array([True, False])
 
     monkeypatch.setattr(jax, "process_count", lambda: 2)
@@ -68,7 +68,7 @@ def test_no_process_trains_where_the_first_one_cannot_make_the_folder(
     monkeypatch.setattr(cluster.multihost_utils, "process_allgather", gathered)
     with pytest.raises(UserError, match=reason):
         api.begin(api.TrainRequest(preset="smoke", out=whole_run))
-    assert told == [process == 0]
+    assert result == [process == 0]
 
 
 def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
@@ -100,10 +100,10 @@ def test_joining_passes_on_address_count_and_index(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[bool] = []
+    result: list[bool] = []
 
     def gathered(this: np.ndarray) -> np.ndarray:
-        told.append(bool(this))
+        result.append(bool(this))
         return np.array([False, False, True])
 
     monkeypatch.setattr(cluster, "processes", lambda: 3)
@@ -112,6 +112,6 @@ def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.Monkey
         pass
     with pytest.raises(ValueError, match="mine"), cluster.all_or_none():
         raise ValueError("mine")
-    assert told == [False, True]
+    assert result == [False, True]
     monkeypatch.setattr(cluster.multihost_utils, "broadcast_one_to_all", lambda values: values + 1)
     assert cluster.broadcast(3, 0) == (4, 1)

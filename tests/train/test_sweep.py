@@ -332,12 +332,12 @@ def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, 
 
 
 def test_a_trial_reports_the_figures_of_a_display() -> None:
-    told: list[Any] = []
-    reporter = Reporter(told.append)
+    result: list[Any] = []
+    reporter = Reporter(result.append)
     reporter.update(256, 12.5, {"a": 1.0})
     reporter.update(512, 13.5, {"a": 2.0, "episode/length_s": 4.0})
-    assert math.isnan(told[0].pop("episode/length_s"))
-    assert told == [
+    assert math.isnan(result[0].pop("episode/length_s"))
+    assert result == [
         {"environment_steps": 256, "speed/steps_per_s": 12.5, "a": 1.0},
         {"environment_steps": 512, "speed/steps_per_s": 13.5, "a": 2.0, "episode/length_s": 4.0},
     ]

@@ -34,12 +34,12 @@ def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path)
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.25)
         feed = Feed(listen(feed_path), {})  # a run makes it when it begins
 
-        def told() -> bool:
+        def result() -> bool:
             feed.put("/state", 0, messages.text("WALKING"))
             feed.serve()
             return inbox.poll(WALKING).note == "/state"
 
-        assert eventually(told)
+        assert eventually(result)
     assert eventually(lambda: inbox.owner == ""), "it ended with the run"
     steering.close()
 

@@ -38,8 +38,8 @@ def path(inbox: Inbox, paths: PathSource, tmp_path: Path) -> Iterator[Path]:
 
 
 def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Path) -> None:
-    told: list[str] = []
-    link = Link(str(path), lambda _: None, told.append)
+    result: list[str] = []
+    link = Link(str(path), lambda _: None, result.append)
     assert link.ask(velocity=[0.3, 0.0, 0.1], gait="wave", settings={"step_height_m": 0.04}) == ""
     request = inbox.poll(WALKING)
     assert (inbox.owner, request.velocity.tolist()) == ("ros2", [0.3, 0.0, 0.1])
@@ -50,7 +50,7 @@ def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Pat
     link.post(gait="fly")
     link.post(wish="stand")
     assert eventually(lambda: inbox.poll(WALKING).wish is Wish.STAND)
-    assert len(told) == 1, "the same refusal is told once"
+    assert len(result) == 1, "the same refusal is told once"
     assert inbox.take_over("page") == ""
     assert link.ask(velocity=[0.1, 0, 0]) != ""
     assert link.ask(take_over=True) == link.ask(velocity=[0.1, 0, 0]) == ""

@@ -152,9 +152,9 @@ class TestWhatIsMade:
     ) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         assert main(["robot", "new", "--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]) == 0
-        told = capsys.readouterr().out
+        result = capsys.readouterr().out
         for word in ("reflected inertia", "rigid", "IMU", "placeholders", "forward", "lying pose"):
-            assert word in told, word
+            assert word in result, word
         assert load_robot(tmp_path / "dog").name == "dog"
 
 

@@ -60,8 +60,8 @@ def made(tmp_path: Path, text: str) -> tuple[Robot, list[str]]:
     imported = import_robot(
         ImportRequest(tmp_path / "m.xml", tmp_path / "made", RANGES, peak_torque_nm={"": 20.0})
     )
-    told = [guess for guess in imported.guesses if "collide in training" in guess]
-    return load_robot(tmp_path / "made"), told
+    result = [guess for guess in imported.guesses if "collide in training" in guess]
+    return load_robot(tmp_path / "made"), result
 
 
 def names(pairs: LegPairs) -> set[frozenset[str]]:
@@ -75,7 +75,7 @@ def test_only_legs_that_reach_each_other_are_paired(tmp_path: Path) -> None:
 
 
 def test_an_imported_robot_trains_with_its_pairs_and_they_touch_nothing_else(tmp_path: Path) -> None:
-    robot, told = made(tmp_path, square(0.9, 0.15))
+    robot, result = made(tmp_path, square(0.9, 0.15))
     model = training_model(robot)
     assert model.npair == 2
     assert set(model.pair_dim.tolist()) == {1}
@@ -84,11 +84,11 @@ def test_an_imported_robot_trains_with_its_pairs_and_they_touch_nothing_else(tmp
     text = robot.xml_path.read_text()
     assert 'class="leg"' in text
     assert '<geom group="3" contype="0" conaffinity="0"/>' in text
-    assert told == [
+    assert result == [
         "legs collide in training through 2 pairs of capsules, each costs training time:"
         " rl_shank with rr_shank, fl_shank with fr_shank"
     ]
-    assert told[0] in robot.xml_path.with_name("robot.yaml").read_text().replace("\n# ", " ")
+    assert result[0] in robot.xml_path.with_name("robot.yaml").read_text().replace("\n# ", " ")
 
 
 def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:

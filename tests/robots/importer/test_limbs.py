@@ -70,7 +70,7 @@ class TestLimbs:
         assert feet_of(source, "left_gripper", "right_gripper") == ["left_gripper", "right_gripper"]
 
     @pytest.mark.parametrize(
-        ("old", "new", "says"),
+        ("old", "new", "message"),
         [
             ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "is a slide joint"),
             (
@@ -87,9 +87,9 @@ class TestLimbs:
         ],
     )
     def test_joints_that_cannot_be_driven_are_named(
-        self, tmp_path: Path, old: str, new: str, says: str
+        self, tmp_path: Path, old: str, new: str, message: str
     ) -> None:
         text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
         assert old in text
-        with pytest.raises(UserError, match=says):
+        with pytest.raises(UserError, match=message):
             find_limbs(read(tmp_path, text.replace(old, new)))

@@ -88,10 +88,10 @@ class TestDrive:
         assert [motor.no_load_speed_rad_s for motor in unsaid.motors.values()] == [30.0] * 3
 
     def test_missing_friction_is_noted(self, tmp_path: Path) -> None:
-        told = "friction and damping of the joints: none, as the file gives none"
-        assert told in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
+        result = "friction and damping of the joints: none, as the file gives none"
+        assert result in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
         said = hinge("a", friction=0.1), *self.HINGES[1:]
-        assert told not in self.drive(tmp_path, said, (20.0,) * 3).guesses
+        assert result not in self.drive(tmp_path, said, (20.0,) * 3).guesses
 
     @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
     def test_torque_is_at_most_3_weights(self, tmp_path: Path, torque: float, taken: bool) -> None:
