@@ -167,12 +167,12 @@ def figures(recording: Recording, found: Estimated) -> dict[str, str]:
     lasting = np.flatnonzero(moves)
     moving = tilt[inner][lasting[0] : lasting[-1] + 1] if len(lasting) else tilt
     return {
-        "way": f"{1e3 * np.linalg.norm((position[-1] - position[0])[:2]):.0f} mm",
-        "off at the end": f"{1e3 * np.linalg.norm(end[:2]):.0f} mm",
+        "distance": f"{1e3 * np.linalg.norm((position[-1] - position[0])[:2]):.0f} mm",
+        "position error at the end": f"{1e3 * np.linalg.norm(end[:2]):.0f} mm",
         "velocity RMSE x, y, z": ", ".join(f"{1e3 * rms(axis):.0f}" for axis in velocity.T) + " mm/s",
         "tilt RMS, all / in motion": f"{rms(tilt):.2f} / {rms(moving):.2f} degrees",
         "largest tilt error": f"{tilt.max():.1f} degrees",
-        "yaw at the end": f"{np.degrees(found.yaw[-1] - yaw[-1] + yaw[0]):.1f} degrees",
+        "yaw error at the end": f"{np.degrees(found.yaw[-1] - yaw[-1] + yaw[0]):.1f} degrees",
     }
 
 

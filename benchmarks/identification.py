@@ -83,7 +83,7 @@ class Outcome:
     off: dict[str, list[float]] = field(
         default_factory=dict
     )  # by quantity: error / half-width of the interval
-    not_told: list[str] = field(default_factory=list)
+    undetermined: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)
     misfit: list[float] = field(default_factory=list)
@@ -132,7 +132,7 @@ def truth_of(
 
 def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
     """A leg's fit beside the truth."""
-    outcome = Outcome(number, leg.name, not_told=[each.label for each in fit.frozen])
+    outcome = Outcome(number, leg.name, undetermined=[each.label for each in fit.frozen])
     errors, off = defaultdict(list), defaultdict(list)
 
     def compare(quantity: str, value: float, true: float) -> None:

@@ -47,7 +47,7 @@ class Watch:
             and loop.walking_s >= self._at_s
             and self._policy.change_decision is None
         ):
-            self._policy.change_decision = _no_numbers
+            self._policy.change_decision = _nan_targets
             self.speed = float(np.hypot(*qvel[:2]))
         if loop.state.faults:
             self.last_tilt = tilt(qpos[3:7])
@@ -57,7 +57,7 @@ class Watch:
         self._sinking = -float(qvel[2])
 
 
-def _no_numbers(command: JointCommand) -> JointCommand:
+def _nan_targets(command: JointCommand) -> JointCommand:
     return command._replace(position=command.position * np.nan)
 
 

@@ -27,14 +27,14 @@ class Frames(NamedTuple):
         time_us = None if self.time_us is None else self.time_us[rows]
         return Frames(self.channel[rows], self.id[rows], self.data[rows], self.length[rows], time_us)
 
-    def of_can(self) -> "Frames":
+    def can_frames(self) -> "Frames":
         """Classic CAN frames, with data (k, 8)."""
         if self.data.shape[1] == 8:
             return self
         found = self.take(self.id & FD == 0)
         return found._replace(data=found.data[:, :8])
 
-    def of_fd(self) -> "Frames":
+    def fd_frames(self) -> "Frames":
         """CAN FD frames, with data (k, 64)."""
         found = self.take(self.id & FD != 0)
         return found if found.data.shape[1] == MAX_FD_BYTES else found._replace(data=_widened(found.data))

@@ -199,8 +199,8 @@ class McapLog:
     def frames(self, now_us: int, kind: Kind, frames: Frames) -> None:
         """Log CAN frames that were received (`RECEIVED`) or sent (`SENT`)."""
         if frames.data.shape[1] > 8:
-            self._put_frames(now_us, FD_KINDS[kind], FD_FRAME, frames.of_fd())
-            frames = frames.of_can()
+            self._put_frames(now_us, FD_KINDS[kind], FD_FRAME, frames.fd_frames())
+            frames = frames.can_frames()
         self._put_frames(now_us, kind, FRAME, frames)
 
     def _put_frames(self, now_us: int, kind: Kind, layout: struct.Struct, frames: Frames) -> None:

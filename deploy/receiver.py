@@ -65,9 +65,9 @@ class Receiver:
             elif len(from_imu) == len(frames.id):
                 self._imu.absorb(frames, now_us)
             else:
-                self._imu.absorb(frames.take(from_imu).of_can(), now_us)
+                self._imu.absorb(frames.take(from_imu).can_frames(), now_us)
                 if self._feet is not None:
-                    self._feet.absorb(frames.take(from_feet).of_can(), now_us)
+                    self._feet.absorb(frames.take(from_feet).can_frames(), now_us)
                 self._absorb_replies(frames.take(from_motors), now_us)
 
     def _rows(self, frames: Frames) -> tuple[np.ndarray, ...]:

@@ -67,12 +67,12 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     drivers = dict.fromkeys([*DRIVERS, *map(driver_class, wiring.models)])
     answering = [driver for driver in drivers if driver.probes(MOTOR_IDS[0])]
     broadcasting = [driver for driver in drivers if driver not in answering]
-    of_imu = np.array(imu_driver_class(wiring.imu_protocol).identifiers)
+    imu_identifiers = np.array(imu_driver_class(wiring.imu_protocol).identifiers)
     found: set[Found] = set()
     now_us = clock.next_tick()
     for _ in range(LISTENING_TICKS):
         for frames in bus.receive(now_us):
-            found |= _senders(frames.take(~np.isin(frames.id, of_imu)), broadcasting)
+            found |= _senders(frames.take(~np.isin(frames.id, imu_identifiers)), broadcasting)
         now_us = clock.next_tick()
     identifiers = {driver.maker: driver.identifiers for driver in broadcasting}
     taken = {(each.channel, identifier) for each in found for identifier in identifiers[each.maker](each.id)}
@@ -101,7 +101,7 @@ def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
     """Motors of some protocols that sent frames."""
     found = set()
     for driver in drivers:
-        own = frames.of_fd() if takes_fd(driver.filters) else frames.of_can()
+        own = frames.fd_frames() if takes_fd(driver.filters) else frames.can_frames()
         ids = driver.senders(own)
         rows = ids >= 0
         pairs = zip(own.channel[rows].tolist(), ids[rows].tolist(), strict=True)

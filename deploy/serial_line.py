@@ -103,8 +103,8 @@ class WithSerialLine:
         return self._can.fault() or self._line.fault
 
     def statistics(self) -> list[BusStatistics]:
-        of_can = self._can.statistics()
-        return [*of_can[: self._channel], self._line.statistics, *of_can[self._channel :]]
+        can_statistics = self._can.statistics()
+        return [*can_statistics[: self._channel], self._line.statistics, *can_statistics[self._channel :]]
 
     def close(self) -> None:
         self._can.close()

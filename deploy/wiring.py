@@ -55,8 +55,8 @@ class Wiring:
 def wiring_of(robot: Robot) -> Wiring:
     """The wiring of a robot, from its description."""
     joints = robot.description.joints
-    of_feet = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]
-    buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus, *of_feet]))
+    foot_buses = [foot.force_bus for foot in robot.description.feet if foot.force_bus is not None]
+    buses = tuple(dict.fromkeys([*(j.bus for j in joints), robot.description.imu_bus, *foot_buses]))
     motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
     channel = np.array([buses.index(joint.bus) for joint in joints])
     motor_id = np.array([joint.id for joint in joints])
@@ -75,7 +75,7 @@ def wiring_of(robot: Robot) -> Wiring:
         highest=np.array([_highest(motor) for motor in motors]),
         current_endpoint=np.array([motor.current_endpoint or 0 for motor in motors]),
         joint_names=robot.joint_names,
-        foot_channel=np.array([buses.index(bus) for bus in of_feet], np.intp),
+        foot_channel=np.array([buses.index(bus) for bus in foot_buses], np.intp),
     )
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from footfall.envs.environment import Episodes
 from footfall.envs.state import State, Step
 
-RESTARTED_AT_ONCE = 16  # more waste work when few episodes end, fewer loop more when many do
+RESTARTED_AT_ONCE = 16  # a larger number wastes work when few episodes end, a smaller one loops when many do
 
 Restarted = tuple[State, dict[str, jax.Array]]  # state, and the observations for the next actions
 

@@ -108,8 +108,8 @@ def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
         except UserError as error:
             raise UserError(f"joint {joint}: {error}") from None
         _check_drive_limit(wiring, len(drivers) - 1, drivers[-1])
-    of_imu = imu_driver_class(wiring.imu_protocol).identifiers
-    check_identifiers(wiring, [driver.identifiers for driver in drivers], of_imu)
+    imu_identifiers = imu_driver_class(wiring.imu_protocol).identifiers
+    check_identifiers(wiring, [driver.identifiers for driver in drivers], imu_identifiers)
     return [
         (each, np.array([joint for joint, driver in enumerate(drivers) if driver is each]))
         for each in dict.fromkeys(drivers)
@@ -138,5 +138,5 @@ def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDrive
 
 def filters_of(wiring: Wiring) -> tuple[CanFilter, ...]:
     """Filters for the frames of a robot's motors and sensors; errors as for `open_driver`."""
-    of_feet = foot_force.FILTERS if len(wiring.foot_channel) else ()
-    return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters, *of_feet)
+    foot_filters = foot_force.FILTERS if len(wiring.foot_channel) else ()
+    return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters, *foot_filters)

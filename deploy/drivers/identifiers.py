@@ -9,20 +9,24 @@ from footfall.deploy.wiring import Wiring
 Identifiers = Callable[[int], tuple[int, ...]]  # from a motor id to all its 11-bit identifiers
 
 
-def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu: tuple[int, ...]) -> None:
+def check_identifiers(
+    wiring: Wiring, identifiers: Sequence[Identifiers], imu_identifiers: tuple[int, ...]
+) -> None:
     """Raise UserError if a motor shares an identifier with another motor or with a sensor.
 
     Args:
         wiring: buses and ids of the motors.
         identifiers: (n,) identifiers in the protocol of each joint's motor.
-        of_imu: identifiers of the IMU.
+        imu_identifiers: identifiers of the IMU.
     """
     taken: dict[tuple[int, int], str] = {
-        (channel, identifier): "the IMU" for channel in range(len(wiring.buses)) for identifier in of_imu
+        (channel, identifier): "the IMU"
+        for channel in range(len(wiring.buses))
+        for identifier in imu_identifiers
     }
-    of_feet = foot_force.identifiers(len(wiring.foot_channel)).tolist()
-    for channel, identifier in zip(wiring.foot_channel.tolist(), of_feet, strict=True):
-        if identifier in of_imu:
+    foot_identifiers = foot_force.identifiers(len(wiring.foot_channel)).tolist()
+    for channel, identifier in zip(wiring.foot_channel.tolist(), foot_identifiers, strict=True):
+        if identifier in imu_identifiers:
             raise UserError(f"the IMU and a foot's force sensor would both use identifier {identifier:#05x}")
         taken[channel, identifier] = "a foot's force sensor"
     for joint, of_motor in enumerate(identifiers):

@@ -78,7 +78,7 @@ class MixedDriver:
         return tuple(joined([each[turn % len(each)] for each in batches]) for turn in range(turns))
 
     def replies(self, frames: Frames) -> Replies:
-        plain = frames.of_can()
+        plain = frames.can_frames()
         parts = [
             (driver.replies(frames if takes_fd(driver.filters) else plain), joints)
             for driver, joints in self._parts

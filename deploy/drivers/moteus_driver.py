@@ -69,7 +69,7 @@ class MoteusDriver(PolledDriver):
 
     @staticmethod
     def senders(frames: Frames) -> np.ndarray:
-        frames = frames.of_fd()
+        frames = frames.fd_frames()
         return np.where(_answers(frames), frames.id >> 8 & 0x7F, -1)
 
     def query_settings(self) -> Frames:
@@ -111,7 +111,7 @@ class MoteusDriver(PolledDriver):
         return self._outgoing._replace(data=data)
 
     def replies(self, frames: Frames) -> Replies:
-        frames = frames.of_fd()
+        frames = frames.fd_frames()
         motor = self._lookup[frames.channel, frames.id >> 8 & 0x7F]
         answers = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST)
         for row in np.flatnonzero(answers & (frames.length < moteus.REPLY_BYTES)).tolist():

@@ -12,7 +12,7 @@ class LinkWindow(NamedTuple):
     """Messages of n motors and the IMU during a window."""
 
     elapsed_s: float
-    asked: int  # ticks in which each motor was sent a frame
+    commanded: int  # number of ticks with a frame to each motor
     replies: np.ndarray  # number of replies of each motor, (n,)
     imu_new: float  # share of the samples with a new reading of the IMU
     imu_repeated: float  # share of the samples with a new reading equal to the previous one
@@ -42,7 +42,7 @@ class LinkSums:
         self._start()
 
     def _start(self) -> None:
-        self._commands = self._looks = self._new = self._repeated = 0
+        self._commands = self._samples = self._new = self._repeated = 0
 
     def count_command(self) -> None:
         """Count a tick in which each motor was sent a frame."""
@@ -50,7 +50,7 @@ class LinkSums:
 
     def add(self, imu_us: int, inertial: Inertial) -> None:
         """Count a reading of the IMU, with its arrival time, us."""
-        self._looks += 1
+        self._samples += 1
         if imu_us != self._imu_us:
             self._new += 1
             self._repeated += inertial == self._inertial
@@ -69,13 +69,13 @@ class LinkSums:
             moving: whether any joint moves.
             resting: whether the robot is still standing up.
         """
-        looks = max(self._looks, 1)
+        samples = max(self._samples, 1)
         window = LinkWindow(
             1e-6 * (now_us - self._began_us),
             self._commands,
             replies - self._replies,
-            self._new / looks,
-            self._repeated / looks,
+            self._new / samples,
+            self._repeated / samples,
             self._replay.replayed_s,
             imu_older - self._imu_older,
             moving,

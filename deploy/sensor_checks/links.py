@@ -68,7 +68,7 @@ class Answers(LinkCheck):
     def measure(self, window: LinkWindow) -> np.ndarray:
         if window.answering:
             kept = math.exp(-window.elapsed_s / self._limits.lost_memory_s)
-            self._foreign = kept * self._foreign + (window.replies - window.asked)
+            self._foreign = kept * self._foreign + (window.replies - window.commanded)
         return self._foreign
 
 
@@ -92,7 +92,7 @@ class Unanswered(LinkCheck):
         self._windows = 0
 
     def measure(self, window: LinkWindow) -> np.ndarray:
-        rate = window.replies / max(window.asked, 1)
+        rate = window.replies / max(window.commanded, 1)
         if window.resting:
             self._windows += 1
             self._arrived = self._arrived + rate

@@ -51,8 +51,8 @@ def stop_inputs(robot: Robot, wiring: Wiring, bus: Bus) -> Iterator[tuple[Bus, S
 
 def _taken(wiring: Wiring, channel: int) -> set[int]:
     """Identifiers used by the motors and sensors on a bus."""
-    of_feet = foot_force.identifiers(len(wiring.foot_channel))[wiring.foot_channel == channel]
-    taken = {*imu_driver_class(wiring.imu_protocol).identifiers, *of_feet.tolist()}
+    foot_identifiers = foot_force.identifiers(len(wiring.foot_channel))[wiring.foot_channel == channel]
+    taken = {*imu_driver_class(wiring.imu_protocol).identifiers, *foot_identifiers.tolist()}
     for driver, joints in by_driver(wiring):
         for joint in joints[wiring.channel[joints] == channel]:
             taken.update(driver.identifiers(int(wiring.motor_id[joint])))

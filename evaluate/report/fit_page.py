@@ -49,7 +49,7 @@ class LegPart:
     verdicts: Sequence[str]
     good: bool
     estimates: Sequence[EstimateRow]
-    not_told: Sequence[tuple[str, str]]  # undetermined parameter, and what it is correlated with
+    undetermined: Sequence[tuple[str, str]]  # undetermined parameter, and what it is correlated with
     joints: Sequence[JointTrack]
     effects: Sequence[tuple[str, float]] = ()  # added effect and residual over noise, if misfit
     profile: tuple[np.ndarray, np.ndarray] | None = None  # shifts of the delay, s; residual over noise

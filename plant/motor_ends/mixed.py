@@ -73,7 +73,7 @@ class MixedMotorEnd:
 
 def _for(end: MotorEnd, frames: Frames) -> Frames:
     """The frames that these motors can receive: CAN FD frames only if they have a CAN FD controller."""
-    return frames if takes_fd(end.filters) else frames.of_can()
+    return frames if takes_fd(end.filters) else frames.can_frames()
 
 
 def _joined(batches: Sequence[Frames | None]) -> Frames | None:

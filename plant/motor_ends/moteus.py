@@ -51,7 +51,7 @@ class MoteusMotorEnd(PolledMotorEnd):
 
     def settings_replies(self, frames: Frames) -> Frames | None:
         """Torque limits, `torque_limit` (n,) N m: NaN for the drive's own."""
-        frames = frames.of_fd()
+        frames = frames.fd_frames()
         motor = self._lookup[frames.channel, frames.id & 0x7F]
         joints, rows = [], []
         for row in np.flatnonzero((motor >= 0) & (frames.id & 0x8080 == 0x8000)).tolist():
@@ -75,7 +75,7 @@ class MoteusMotorEnd(PolledMotorEnd):
 
     def requests(self, frames: Frames) -> Requests:
         """See `MotorEnd.requests`. Modes other than stop and position are ignored."""
-        frames = frames.of_fd()
+        frames = frames.fd_frames()
         rest = np.delete(frames.data, moteus.FLOATS, 1).tobytes()
         fixed, usual = (frames.id.tobytes(), frames.channel.tobytes(), rest), self._usual
         if fixed == usual.fixed:  # only numbers differ: parsing takes 20 us a frame

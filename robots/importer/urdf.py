@@ -193,8 +193,8 @@ def _candidates(name: str, urdf: Path, packages: tuple[Path, ...]) -> Iterator[P
         yield urdf.parent / name.removeprefix("file://")
         return
     package, _, rest = name.removeprefix(PACKAGE).lstrip("/").partition("/")
-    of_ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))
-    for folder in (*packages, *urdf.parents, *map(Path, of_ros)):
+    ros_paths = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))
+    for folder in (*packages, *urdf.parents, *map(Path, ros_paths)):
         yield folder / package / rest
         yield folder / rest
 

@@ -28,7 +28,7 @@ def verdicts(fit: LegFit) -> list[str]:
     return lines
 
 
-def not_told(fit: LegFit) -> list[tuple[str, str]]:
+def undetermined(fit: LegFit) -> list[tuple[str, str]]:
     """Parameters that the motion does not determine, each with the parameters it is coupled to."""
     return [
         (parameter.label, "coupled to " + ", ".join(name for name in tie.parts if name != parameter.label))
@@ -59,7 +59,7 @@ def _leg_figures(fit: LegFit) -> dict[str, Any]:
             }
             for each in fit.estimates
         ],
-        "not_told": dict(not_told(fit)),
+        "undetermined": dict(undetermined(fit)),
         "noise_rad": fit.noise_rad.tolist(),
         "residual_rad": fit.residual_rad.tolist(),
         "held_out_rad": fit.held_out_rad.tolist(),

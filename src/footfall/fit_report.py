@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from footfall.fit_findings import not_told, verdicts
+from footfall.fit_findings import undetermined, verdicts
 from footfall.identify.fit import MISFIT_RATIO, LegFit
 from footfall.robots.description import Robot
 
@@ -72,7 +72,7 @@ def _part(fit: LegFit) -> "LegPart":
         verdicts=verdicts(fit),
         good=not (fit.misfit > MISFIT_RATIO).any(),
         estimates=rows,
-        not_told=not_told(fit),
+        undetermined=undetermined(fit),
         joints=joints,
         effects=effects,
         profile=profile,

@@ -15,7 +15,7 @@ from rich.text import Text
 from footfall.common.limits import MAX_DURATION_S
 from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
-from footfall.service_manager import telling_service_manager
+from footfall.service_manager import notifying_service_manager
 
 PER_SECOND = 5  # updates per second on a terminal
 LINE_EVERY_S = 5.0  # interval otherwise
@@ -66,7 +66,7 @@ def live_state(
     thread = threading.Thread(target=show, name="live state", daemon=True)
     thread.start()
     try:
-        with telling_service_manager(loop):
+        with notifying_service_manager(loop):
             yield
     finally:
         ended.set()

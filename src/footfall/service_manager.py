@@ -19,7 +19,7 @@ OLDEST_TICK_S = 0.5  # age of the last tick up to which a loop is alive
 
 
 @contextmanager
-def telling_service_manager(loop: ControlLoop) -> Iterator[None]:
+def notifying_service_manager(loop: ControlLoop) -> Iterator[None]:
     """Notify the service manager from a separate thread while the context is open."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:

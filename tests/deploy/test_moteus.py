@@ -196,10 +196,10 @@ class TestBuses:
         plain = Frames(np.array([0]), np.array([0x17D]), data, np.array([8]))
         assert here.send(joined([sent, plain]), 0) == 0
         (found,) = there.receive(0)
-        np.testing.assert_array_equal(found.of_fd().data, sent.data)
-        assert found.of_fd().id.tolist() == sent.id.tolist()
-        assert found.of_fd().length.tolist() == sent.length.tolist()
-        np.testing.assert_array_equal(found.of_can().data, plain.data)
+        np.testing.assert_array_equal(found.fd_frames().data, sent.data)
+        assert found.fd_frames().id.tolist() == sent.id.tolist()
+        assert found.fd_frames().length.tolist() == sent.length.tolist()
+        np.testing.assert_array_equal(found.can_frames().data, plain.data)
         here.close()
         there.close()
 

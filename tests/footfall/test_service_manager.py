@@ -10,7 +10,7 @@ import pytest
 
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.safety import State
-from footfall.service_manager import telling_service_manager
+from footfall.service_manager import notifying_service_manager
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def run(heartbeat_s: float) -> SimpleNamespace:
 
 @pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
 def test_it_gets_signs_of_life_while_it_ticks(heard: socket.socket, age_s: float, alive: bool) -> None:
-    with telling_service_manager(run(time.perf_counter() - age_s)):  # type: ignore[arg-type]
+    with notifying_service_manager(run(time.perf_counter() - age_s)):  # type: ignore[arg-type]
         first, second = heard.recv(1000), heard.recv(1000)
     assert first == b"READY=1\nSTATUS=IDLE, battery 42%"
     assert (b"WATCHDOG=1" in second) is alive
@@ -47,5 +47,5 @@ def receive(manager: socket.socket) -> bytes:
 
 def test_without_one_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    with telling_service_manager(run(0.0)):  # type: ignore[arg-type]
+    with notifying_service_manager(run(0.0)):  # type: ignore[arg-type]
         pass

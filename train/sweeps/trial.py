@@ -26,9 +26,9 @@ def train_trial(
     """Train a new run, or continue one.
 
     Args:
-        config: the sweep's.
+        config: settings of the sweep.
         folder: the trial's run folder.
-        settings: the trial's, by dotted keys, and its "seed".
+        settings: settings of the trial by dotted keys, and its "seed".
         report: takes each iteration's metrics.
     """
     seed = settings.pop("seed")

@@ -16,7 +16,7 @@ from footfall.operate.ros2.table import NODE
 
 def main(arguments: Sequence[str]) -> None:
     """Run until the end of the run or of the parent process."""
-    options, of_ros = parse("rclpy_bridge", arguments)
+    options, ros_arguments = parse("rclpy_bridge", arguments)
 
     def begin(node: Node) -> None:
         publishing = Publishing(node)
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str]) -> None:
             Steering(node, options.steer, options.stamped)
         Reading(options, publishing.pass_on, rclpy.try_shutdown)
 
-    spin_node(NODE, of_ros, begin)
+    spin_node(NODE, ros_arguments, begin)
 
 
 if __name__ == "__main__":

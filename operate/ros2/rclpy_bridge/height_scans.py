@@ -17,7 +17,7 @@ from footfall.operate.ros2.table import HEIGHT_SCAN, SCAN_NODE
 
 def main(arguments: Sequence[str]) -> None:
     """Forward scans until the parent process ends this one; arguments: a port, and those for ROS."""
-    port, *of_ros = arguments
+    port, *ros_arguments = arguments
     with scan_sender(int(port)) as send:
 
         def take(message: Any) -> None:
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str]) -> None:
             node.create_subscription(message_type(HEIGHT_SCAN.kind), HEIGHT_SCAN.name, take, quality)
             ready(rclpy.try_shutdown)
 
-        spin_node(SCAN_NODE, of_ros, begin)
+        spin_node(SCAN_NODE, ros_arguments, begin)
 
 
 if __name__ == "__main__":

@@ -9,15 +9,15 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 
-def spin_node(name: str, of_ros: Sequence[str], begin: Callable[[Node], object]) -> None:
+def spin_node(name: str, ros_arguments: Sequence[str], begin: Callable[[Node], object]) -> None:
     """Spin a new node until `rclpy.try_shutdown` is called, or Ctrl-C.
 
     Args:
         name: name of the node.
-        of_ros: arguments for ROS, such as -r __ns:=/robot.
+        ros_arguments: arguments for ROS, such as -r __ns:=/robot.
         begin: sets up the node's publishers and subscriptions.
     """
-    rclpy.init(args=[sys.argv[0], *of_ros])
+    rclpy.init(args=[sys.argv[0], *ros_arguments])
     try:
         node = rclpy.create_node(name)
         begin(node)
