@@ -2,7 +2,7 @@
 
     python benchmarks/time_to_walk.py --preset cpu --seeds 5
     python benchmarks/time_to_walk.py --preset gpu-quick --seeds 4 --warm
-    python benchmarks/time_to_walk.py --preset gpu --seeds 1 --checks card
+    python benchmarks/time_to_walk.py --preset gpu --first 1 --seeds 1 --checks go1
 
 Prints, for each seed, the seconds from the start of the command to the exported policy and to the command's
 end, and how many checks of a list in `walking.yaml` the policy then meets over the bus. With --warm, the
@@ -35,14 +35,15 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--preset", default="cpu")
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--seeds", type=int, default=5, help="number of seeds")
     parser.add_argument("--warm", action="store_true", help="share one compilation cache")
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--checks", default="walks", choices=list(LISTS), help="list of checks")
     options = parser.parse_args()
     checks = LISTS[options.checks]
     with tempfile.TemporaryDirectory() as folder:
-        for seed in range(options.seeds):
+        for seed in range(options.first, options.first + options.seeds):
             here = Path(folder) / str(seed)
             run, cache = here / "run", Path(folder) / "cache" if options.warm else here / "cache"
             environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(cache)}
@@ -54,7 +55,7 @@ def main() -> None:
             ended_s, policy_s = time.time() - began, (run / "policy.onnx").stat().st_mtime - began
             print(
                 f"seed {seed}: policy after {policy_s:.1f} s, end after {ended_s:.1f} s"
-                f" ({'warm' if options.warm and seed else 'empty'} cache);"
+                f" ({'warm' if options.warm and seed > options.first else 'empty'} cache);"
                 f" {'; '.join(checked(run, options.robot, checks))}",
                 flush=True,
             )
