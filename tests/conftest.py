@@ -50,6 +50,8 @@ settings.register_profile("footfall", deadline=None, max_examples=60, derandomiz
 settings.load_profile("footfall")
 
 
+HERE = Path(__file__).parent
+
 held.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
 
 # Files that share what is slow to compile stay in one worker: the program of a training, and operations on
@@ -120,12 +122,43 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+handed_back: list[bool] = []  # everything, to the collector
+
+
+def unfreeze(original: Callable[[], None] = gc.unfreeze) -> None:
+    original()
+    handed_back.append(True)
+
+
+gc.unfreeze = unfreeze
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown() -> None:
+    """A run in real time ends by handing everything back to the collector."""
+    if handed_back:
+        handed_back.clear()
+        gc.freeze()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Each worker begins collection with another room: what one has compiled, the others read."""
+    worker = getattr(config, "workerinput", None)
+    if worker is not None and [Path(name).resolve() for name in config.args] == [HERE]:
+        rooms = sorted({str(HERE / path.relative_to(HERE).parts[0]) for path in HERE.rglob("test_*.py")})
+        first = int(worker["workerid"].removeprefix("gw")) * len(rooms) // worker["workercount"]
+        config.args = rooms[first:] + rooms[:first]
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest."""
+    """Begin with the files that take longest. The order is the same wherever collection began."""
     place = {name: index for index, name in enumerate(LONGEST)}
-    items.sort(
-        key=lambda item: place.get(item.path.relative_to(Path(__file__).parent).as_posix(), len(LONGEST))
-    )
+
+    def order(item: pytest.Item) -> tuple[int, str]:
+        name = item.path.relative_to(HERE).as_posix()
+        return place.get(name, len(LONGEST)), name
+
+    items.sort(key=order)
 
 
 @pytest.fixture(scope="session", autouse=True)
