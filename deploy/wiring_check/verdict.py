@@ -12,7 +12,7 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
 
-SIMULATED_CAUSES = 4  # most likely causes to simulate, in addition to those of the `WORST_JOINTS`
+SIMULATED_CAUSES = 4  # most likely causes of each kind to simulate, besides those of the `WORST_JOINTS`
 SURE = 0.02  # share of the cost left by a cause, below which no further ones are simulated
 DELAY_STEP_S = 0.002
 WORST_JOINTS = 2  # number of joints with the largest errors
@@ -163,11 +163,12 @@ class Search(NamedTuple):
         strange = set(np.argsort(errors)[-WORST_JOINTS:].tolist())
         of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
         order = np.argsort(costs).tolist()
-        first = dict.fromkeys([*order[:SIMULATED_CAUSES], *of_strange])
+        likely = [row for kind in (1, 2, 3) for row in _of_kind(kind, order, every)[:SIMULATED_CAUSES]]
+        first = sorted({*likely, *of_strange}, key=order.index)
         best = min(self._best([every[row] for row in first], limit), self._turned_imu())
         if best[0] > SURE * cost:
-            groups = [each for each in every if len(each.key) > 2]  # few: legs and buses
-            best = min(best, self._best(groups, min(limit, best[0])))
+            groups = [row for row in _of_kind(3, order, every) if row not in first]  # few: legs and buses
+            best = min(best, self._best([every[row] for row in groups], min(limit, best[0])))
         if best[0] > SURE * cost:  # rough costs mislead, most of all those of a biped
             pairs = best[0] <= limit
             rest = [every[row] for row in order if len(every[row].key) <= 1 + pairs and row not in first]
@@ -230,3 +231,8 @@ class Search(NamedTuple):
         torque = cause.responses(self.right.torque, highest)
         joint, _ = self.measured.errors(self.right._replace(torque=torque), self.least)
         return float((joint**2).mean())
+
+
+def _of_kind(kind: int, order: Sequence[int], every: Sequence[Cause]) -> list[int]:
+    """Causes, in this order, that affect one joint, two, or more (3)."""
+    return [row for row in order if min(len(every[row].key), 3) == kind]
