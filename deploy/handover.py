@@ -7,13 +7,13 @@ After a fall the get-up policy takes over immediately, and so does the walking p
 stands.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from footfall.common.config import require_between
+from footfall.common.easing import smooth_rise
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.turn import Turn
@@ -124,7 +124,7 @@ class Handover:
         if share >= 1.0:
             self.current, self._next, self._blends_since_us = self._next, None, None
             return decisions[1]
-        return blended(decisions[0], decisions[1], 0.5 - 0.5 * math.cos(math.pi * share))
+        return blended(decisions[0], decisions[1], smooth_rise(share))
 
     def stance(self) -> np.ndarray | None:
         """Planned contact of the acting policies, (feet,): minimum for each foot; None if one has no plan."""

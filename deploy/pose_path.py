@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from footfall.common.easing import smooth_rise
+
 
 class PosePath:
     """Joint positions as a function of time."""
@@ -28,7 +30,7 @@ class PosePath:
         for leg, lasts_s in enumerate(self._lasts_s):
             if time_s < lasts_s:
                 start, goal = self._poses[leg : leg + 2]
-                share = 0.5 - 0.5 * math.cos(math.pi * max(time_s, 0.0) / lasts_s)
+                share = smooth_rise(time_s, lasts_s)
                 return start + share * (goal - start)
             time_s -= lasts_s
         return self._poses[-1]

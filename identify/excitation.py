@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.config import require_between
+from footfall.common.easing import smooth_rise
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -85,7 +86,7 @@ class Excitation:
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, time_s = self._config, inputs.time_s
         if time_s < config.settle_s:
-            share = 0.5 - 0.5 * math.cos(math.pi * time_s / config.settle_s)
+            share = smooth_rise(time_s, config.settle_s)
             return self._command((1.0 - share) * (self._start - self._middle), second=True)
         time_s -= config.settle_s
         if time_s < self._longest * config.triangle_s:

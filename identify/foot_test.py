@@ -1,6 +1,5 @@
 """Test of one foot: how closely it reaches positions in the air, or how hard it presses on a scale."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,6 +8,7 @@ import numpy as np
 
 from footfall.common.config import require_between
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.easing import smooth_rise
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -123,11 +123,11 @@ class FootTest:
     def act(self, inputs: PolicyInput) -> JointCommand:
         robot, sensed, time_s, zero = self._robot, inputs.sensed, inputs.time_s, np.zeros_like(self._start)
         if time_s < self._config.settle_s or self.done:
-            share = _smooth(time_s / self._config.settle_s)
+            share = smooth_rise(time_s / self._config.settle_s)
             target = self._start + share * (robot.default_pose - self._start)
             return JointCommand(target, zero, robot.kp, robot.kd, zero)
         hold, since_s = self._waiting[0], time_s - self._began_s
-        share = _smooth(since_s / self._config.move_s)
+        share = smooth_rise(since_s / self._config.move_s)
         offset = self._from.offset + share * (hold.offset - self._from.offset)
         force_n = self._from.force_n + share * (hold.force_n - self._from.force_n)
         if since_s >= self._config.move_s + 0.5 * hold.lasts_s:
@@ -197,8 +197,3 @@ def reach_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
     if error_m <= config.error_m:
         return []
     return [f"the foot is {1e3 * error_m:.0f} mm off: {1e3 * config.error_m:g} mm at most"]
-
-
-def _smooth(share: float) -> float:
-    """Rises from 0 to 1, at rest at both ends."""
-    return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from footfall.common.config import require_between
+from footfall.common.easing import smooth_rise
 from footfall.identify.excitation import swing_senses
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
@@ -184,7 +185,7 @@ class GainSearch:
         zero = np.zeros_like(self._default_pose)
         target, kp, kd = self._default_pose.copy(), robot.kp.copy(), robot.kd.copy()
         if time_s < self._config.settle_s:
-            share = 0.5 - 0.5 * math.cos(math.pi * time_s / self._config.settle_s)
+            share = smooth_rise(time_s, self._config.settle_s)
             target = self._start + share * (self._default_pose - self._start)
             return JointCommand(target, zero, kp, kd, zero)
         if not self._trials and self._waiting:

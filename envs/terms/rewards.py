@@ -41,7 +41,7 @@ def track_yaw(data: StepData, *, sigma_rad2_s2: Width = 0.25) -> jax.Array:
 
 
 def alive(data: StepData) -> jax.Array:
-    """1 while the episode goes on."""
+    """1 until the episode ends."""
     return 1.0 - data.fell
 
 

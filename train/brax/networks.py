@@ -1,19 +1,18 @@
 """The actor and the critic: brax's PPO networks."""
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from brax.training import networks as brax_networks
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks, make_ppo_networks
 from brax.training.networks import FeedForwardNetwork, normalizer_select
 
 from footfall.train.actor import Actor
 from footfall.train.brax.devices import on_cpu
+from footfall.train.brax.numpy_zeros import numpy_zeros
 from footfall.train.config import PpoConfig
 
 ACTOR, CRITIC = "state", "privileged_state"  # the observation that each network reads
@@ -26,7 +25,7 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
     With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs stay float32. With
     `normalizer` None, the networks take observations that are `normalised` already.
     """
-    with _numpy_in_brax():
+    with numpy_zeros():
         networks = make_ppo_networks(
             observation_size={name: (size,) for name, size in observation_sizes.items()},
             action_size=action_size,
@@ -50,16 +49,6 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
             networks.value_network, CRITIC, len(config.critic_hidden_dims), config
         ),
     )
-
-
-@contextmanager
-def _numpy_in_brax() -> Iterator[None]:
-    """brax makes arrays of zeros, of which only the shapes matter; JAX would compile a program for each."""
-    original, brax_networks.jnp = brax_networks.jnp, np
-    try:
-        yield
-    finally:
-        brax_networks.jnp = original
 
 
 def normalised(
