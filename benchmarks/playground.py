@@ -1,8 +1,9 @@
 """Environment steps per second of MuJoCo Playground's Go1, in the calling process.
 
-The task is Playground's Go1JoystickFlatTerrain with its own PPO settings, networks and randomisation, trained
-by brax's own train function. The figure is computed from the wall-clock time between progress reports after
-the first, because brax's own `training/sps` counts num_resets_per_eval epochs against the time of one.
+The task is Go1JoystickFlatTerrain, or another one of its Go1, with its own PPO settings, networks
+and randomisation, trained by brax's own train function. The figure is computed from the wall-clock time
+between progress reports after the first, because brax's own `training/sps` counts num_resets_per_eval epochs
+against the time of one.
 """
 
 import functools
@@ -25,28 +26,29 @@ REPORTS = 4  # the first report includes the compilation
 MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # visual only, without collisions
 
 
-def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
+def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> dict[str, Any]:
     """Steps per second of Playground's PPO, end to end, and of its physics alone: minimum, median, maximum.
 
     Args:
         impl: physics, jax or warp.
         environments: number of environments instead of 8,192; the batches grow with it.
         iterations: PPO iterations between two reports, at which the environments are reset, too.
+        task: Playground's name of the task.
 
     Returns:
         The figures; if it cannot run, the reason under "failed".
     """
-    found: dict[str, Any] = {"task": TASK, "impl": impl, "environments": environments}
+    found: dict[str, Any] = {"task": task, "impl": impl, "environments": environments}
     if importlib.util.find_spec("mujoco_playground") is None:
         return found | {"failed": "not installed (pip install playground)"}
     supply_device_put_replicated()
     try:
         with stand_in_meshes():
-            (begun_s, _), *reports = train(impl, environments, iterations)
+            (begun_s, _), *reports = train(impl, environments, iterations, task)
             rates = sorted((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports))
             steps = {"PPO, end to end": (rates[0], statistics.median(rates), rates[-1])}
             if impl == "jax":
-                steps["physics alone"] = physics_alone(environments)
+                steps["physics alone"] = physics_alone(environments, task)
     except Exception as error:  # any failure of Playground is a result
         lines = str(error).strip().splitlines()
         return found | {"failed": f"{type(error).__name__}: {lines[0] if lines else ''}"}
@@ -54,13 +56,13 @@ def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
 
 
 def physics_alone(
-    environments: int, control_steps: int = 10, repeats: int = 20
+    environments: int, task: str, control_steps: int = 10, repeats: int = 20
 ) -> tuple[float, float, float]:
     """Control steps per second of its model under random actions: minimum, median, maximum."""
     from mujoco_playground import registry
     from mujoco_playground._src import mjx_env
 
-    env = registry.load(TASK, config_overrides={"impl": "jax"})
+    env = registry.load(task, config_overrides={"impl": "jax"})
     data = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), environments)).data
     actions = 0.1 * jax.random.normal(jax.random.key(0), (control_steps, environments, env.action_size))
     standing = jnp.asarray(env.mj_model.keyframe("home").qpos[7:])
@@ -89,15 +91,15 @@ def constraint_rows(model: Any) -> int:
     return int(mjx.make_data(model, impl="jax")._impl.efc_J.shape[0])
 
 
-def facts() -> dict[str, Any]:
+def facts(task: str = TASK) -> dict[str, Any]:
     """Figures of Playground's task and recipe, with the names of `throughput.differences`."""
     if importlib.util.find_spec("mujoco_playground") is None:
         return {}
     from mujoco_playground import registry
 
     with stand_in_meshes():
-        env, config = registry.load(TASK, config_overrides={"impl": "jax"}), registry.get_default_config(TASK)
-    ppo = ppo_settings("jax")
+        env, config = registry.load(task, config_overrides={"impl": "jax"}), registry.get_default_config(task)
+    ppo = ppo_settings("jax", task)
     batch = ppo["batch_size"] * ppo["num_minibatches"] * ppo["unroll_length"]
     updates = ppo["num_minibatches"] * ppo["num_updates_per_batch"]
     return {
@@ -149,9 +151,9 @@ def tetrahedron() -> bytes:
     return bytes(80) + np.uint32(4).tobytes() + triangles.tobytes()
 
 
-def train(impl: str, environments: int, iterations: int) -> list[tuple[float, int]]:
+def train(impl: str, environments: int, iterations: int, task: str) -> list[tuple[float, int]]:
     """Time and environment steps, at the start and at each report."""
-    settings = ppo_settings(impl)
+    settings = ppo_settings(impl, task)
     settings["batch_size"] *= environments // settings["num_envs"]
     settings["num_envs"] = environments
     iteration = settings["batch_size"] * settings["num_minibatches"] * settings["unroll_length"]
@@ -161,18 +163,18 @@ def train(impl: str, environments: int, iterations: int) -> list[tuple[float, in
         "num_resets_per_eval": 1,
     }
     reports = [(time.perf_counter(), 0)]
-    run_brax(impl, settings, lambda steps, *_: reports.append((time.perf_counter(), steps)))
+    run_brax(impl, settings, lambda steps, *_: reports.append((time.perf_counter(), steps)), task)
     return reports[:1] + reports[2:]  # brax also reports its untrained policy
 
 
-def ppo_settings(impl: str) -> dict[str, Any]:
-    """Playground's PPO settings for this task."""
+def ppo_settings(impl: str, task: str = TASK) -> dict[str, Any]:
+    """Playground's PPO settings for a task."""
     from mujoco_playground.config import locomotion_params
 
-    return dict(locomotion_params.brax_ppo_config(TASK, impl))
+    return dict(locomotion_params.brax_ppo_config(task, impl))
 
 
-def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]) -> None:
+def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None], task: str = TASK) -> None:
     """Train with brax's own function, randomised like Playground, without evaluations.
 
     Args:
@@ -180,6 +182,7 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
         settings: settings of brax's PPO.
         on_policy: called with the environment steps so far, a function that makes policies, and (normaliser,
             actor, critic), before the training and after each of its stages.
+        task: Playground's name of the task.
     """
     from brax.training.agents.ppo import networks
     from brax.training.agents.ppo import train as brax
@@ -187,14 +190,14 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
 
     settings = dict(settings)
     factory = settings.pop("network_factory")
-    env = registry.load(TASK, config_overrides={"impl": impl})
+    env = registry.load(task, config_overrides={"impl": impl})
     if (
         impl == "warp"
     ):  # one iteration is often not enough, and Warp then prints a line each time: gigabytes in minutes
         env._mjx_model = env.mjx_model.tree_replace({"opt._impl.warn_overflow": 0})
     brax.train(
         environment=env,
-        randomization_fn=registry.get_domain_randomizer(TASK),
+        randomization_fn=registry.get_domain_randomizer(task),
         wrap_env_fn=wrapper.wrap_for_brax_training,
         network_factory=functools.partial(networks.make_ppo_networks, **factory),
         policy_params_fn=on_policy,

@@ -4,10 +4,11 @@
     python benchmarks/teacher_student.py runs/teacher/policy.onnx --out student.onnx
     python benchmarks/teacher_student.py ROUGH.onnx --level-teacher FLAT.onnx --out student.onnx
 
-The student has the teacher's network and starts from it. In the environment of `--preset`, whose scans are
-erroneous and cease, it acts with noise. In each state its mean action learns the teacher's by least squares.
+The student starts from the teacher's network. In the environment of `--preset`, whose scans are erroneous and
+cease, it acts with noise. In each state its mean action learns the teacher's by least squares.
 One teacher reads exact heights. Of two, the second is asked where the ground around the robot is level and
-scans arrive, the first one elsewhere, and both read what the student reads.
+scans arrive, the first one elsewhere, and both read what the student reads. Their student has both networks
+side by side and a few units more; at first its actions are the first teacher's.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from side_by_side import side_by_side
 
 from footfall.envs.batch import step_batch
 from footfall.envs.make import make_environment
@@ -38,9 +40,10 @@ from footfall.train.origin import Exported, read_exported
 
 Array = jax.Array | np.ndarray
 Layers = tuple[tuple[Array, Array], ...]  # kernel and bias
-STEPS, BATCHES, EPOCHS = 8, 4, 2  # control steps of an iteration; mini-batches and epochs of its samples
+STEPS, BATCHES, EPOCHS = 8, 8, 3  # control steps of an iteration; mini-batches and epochs of its samples
 LAST_RATE = 0.01  # share of the learning rate at the end
 LEVEL_SHARE = 0.07  # of the standing height: heights that differ by less are level ground
+EXTRA_SHARE = 0.25  # units of a layer that neither of two teachers has, as a share of the first one's
 REPORTS = 10
 
 
@@ -76,6 +79,7 @@ class Imitation:
     iterations: int
     noise: float  # deviation of the student's actions
     learning_rate: float
+    level_weight: float  # of errors on level ground, where a second teacher is asked
 
     @cached_property
     def optimizer(self) -> optax.GradientTransformation:
@@ -84,65 +88,78 @@ class Imitation:
         rates = optax.cosine_decay_schedule(self.learning_rate, steps, LAST_RATE)
         return optax.chain(optax.clip_by_global_norm(1.0), optax.adam(rates))
 
+    def first_layers(self, key: jax.Array) -> Layers:
+        """The student's network before the first iteration."""
+        return jax.tree.map(jnp.asarray, self.teacher.layers)
+
     def begin(self, seed: int) -> Student:
-        """The student before the first iteration: the teacher's network."""
-        key, layers = jax.random.PRNGKey(seed), jax.tree.map(jnp.asarray, self.teacher.layers)
+        """The student before the first iteration."""
+        key = jax.random.PRNGKey(seed)
+        layers = self.first_layers(key)
         episodes = jax.jit(jax.vmap(self.env.reset))(jax.random.split(key, self.envs))
         return Student(layers, self.optimizer.init(layers), episodes, key)
 
     def iterate(self, student: Student) -> tuple[Student, jax.Array]:
-        """Act, then learn. Also returns the loss, the falls in a step, and the ground's mean level."""
+        """Act, then learn. Also returns the loss, that on level ground, falls a step, and the mean level."""
         key, steps, order = jax.random.split(student.key, 3)
         act = partial(self._control_step, student.layers)
         episodes, (samples, figures) = jax.lax.scan(act, student.episodes, jax.random.split(steps, STEPS))
         epoch = partial(self._epoch, samples=samples)
         learner = (student.layers, student.optimizer)
         learner, losses = jax.lax.scan(epoch, learner, jax.random.split(order, EPOCHS))
-        return Student(*learner, episodes, key), jnp.append(losses.mean(), figures.mean(axis=0))
+        figures = jnp.concatenate([losses.mean(axis=(0, 1)), figures.mean(axis=0)])
+        return Student(*learner, episodes, key), figures
 
-    def asked(self, state: State, observation: dict[str, jax.Array]) -> jax.Array:
-        """The actions to learn, (envs, n)."""
+    def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        """The actions to learn, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         # The critic's observation begins with the student's and a frame without errors.
         contract, size = self.env.contract, self.teacher.mean.size
         points, end = term_size(contract.observation[-1], contract), size + size_per_step(contract)
         exact = observation["privileged_state"][:, end - points : end]
         seen = jnp.concatenate([observation["state"][:, : size - points], exact], axis=1)
-        return action_of(self.teacher, seen)
+        return action_of(self.teacher, seen), jnp.zeros((self.envs, 1), bool)
 
     def actor(self, student: Student) -> Actor:
         """The student on the host."""
         layers = jax.tree.map(np.asarray, student.layers)
 
         def act(observed: np.ndarray) -> np.ndarray:
-            with jax.default_matmul_precision("highest"), jax.default_device(jax.devices("cpu")[0]):
-                return np.asarray(action_of(self.teacher._replace(layers=layers), observed))
+            values = (observed - self.teacher.mean) / self.teacher.std
+            for kernel, bias in layers[:-1]:  # in double precision: single precision adds to the difference
+                values = values.astype(float) @ kernel + bias
+                values = np.where(values > 0.0, values, np.expm1(np.minimum(values, 0.0)))
+            kernel, bias = layers[-1]
+            return values @ kernel + bias
 
         return Actor("imitation", self.teacher.mean, self.teacher.std, layers, act)
 
     def _control_step(self, layers: Layers, episodes: Any, key: jax.Array) -> Any:
         state, observation = episodes
-        asked = self.asked(state, observation)
+        asked, on_level = self.asked(state, observation)
         observed = (observation["state"] - self.teacher.mean) / self.teacher.std
         action = mean_action(layers, observed)
         action += self.noise * jax.random.normal(key, action.shape)
         state, observation, step = step_batch(self.env, state, action)
         figures = jnp.stack([step.terminated.mean(), step.metrics["terrain/level"].mean()])
-        return (state, observation), ((observed, asked), figures)
+        return (state, observation), ((observed, asked, on_level), figures)
 
     def _epoch(self, learner: Any, key: jax.Array, samples: Any) -> Any:
         rows = jax.random.permutation(key, self.envs).reshape(BATCHES, -1)
         batches = jax.tree.map(lambda x: x[:, rows].swapaxes(0, 1).reshape(BATCHES, -1, x.shape[-1]), samples)
         return jax.lax.scan(self._mini_batch, learner, batches)
 
-    def _mini_batch(self, learner: Any, batch: tuple[jax.Array, jax.Array]) -> Any:
-        def loss(layers: Layers) -> jax.Array:
-            observed, asked = batch
-            return jnp.mean((mean_action(layers, observed) - asked) ** 2)
+    def _mini_batch(self, learner: Any, batch: tuple[jax.Array, jax.Array, jax.Array]) -> Any:
+        observed, asked, on_level = batch
+
+        def loss(layers: Layers) -> tuple[jax.Array, jax.Array]:
+            error = (mean_action(layers, observed) - asked) ** 2
+            figures = jnp.stack([error.mean(), error.mean(where=on_level)])
+            return jnp.mean(jnp.where(on_level, self.level_weight, 1.0) * error), figures
 
         layers, memory = learner
-        value, gradient = jax.value_and_grad(loss)(layers)
+        gradient, figures = jax.grad(loss, has_aux=True)(layers)
         updates, memory = self.optimizer.update(gradient, memory, layers)
-        return (optax.apply_updates(layers, updates), memory), value
+        return (optax.apply_updates(layers, updates), memory), figures
 
 
 @dataclass(frozen=True)
@@ -152,12 +169,16 @@ class TwoTeachers(Imitation):
     on_level: Exported
     seen: np.ndarray  # indices of the second teacher's observation in the student's
 
-    def asked(self, state: State, observation: dict[str, jax.Array]) -> jax.Array:
-        """The actions to learn, (envs, n)."""
+    def first_layers(self, key: jax.Array) -> Layers:
+        """Both teachers' networks and a few units more."""
+        return side_by_side(self.teacher, self.on_level, self.seen, EXTRA_SHARE, key)
+
+    def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        """The actions to learn, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         observed = observation["state"]
         on_level = jax.vmap(self._sees_level_ground)(state)[:, None]
         elsewhere = action_of(self.teacher, observed)
-        return jnp.where(on_level, action_of(self.on_level, observed[:, self.seen]), elsewhere)
+        return jnp.where(on_level, action_of(self.on_level, observed[:, self.seen]), elsewhere), on_level
 
     def _sees_level_ground(self, state: State) -> jax.Array:
         """Whether scans arrive, and heights around the robot hardly differ."""
@@ -199,6 +220,7 @@ def main() -> None:
     parser.add_argument("--envs", type=int, default=32768)
     parser.add_argument("--noise", type=float, default=0.1, help="deviation of the student's actions")
     parser.add_argument("--learning-rate", type=float, default=5e-4)
+    parser.add_argument("--level-weight", type=float, default=1.0, help="of errors where the ground is level")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
@@ -208,7 +230,8 @@ def main() -> None:
     if contract.observation != env.contract.observation or contract.observation[-1].name != NAME:
         parser.error("the teacher's observation is not the preset's, or does not end with a height scan")
     count = max(1, options.steps // (STEPS * options.envs))
-    common = env, read_exported(options.teacher), options.envs, count, options.noise, options.learning_rate
+    numbers = options.noise, options.learning_rate, options.level_weight
+    common = (env, read_exported(options.teacher), options.envs, count, *numbers)
     imitation = Imitation(*common)
     if options.level_teacher:
         other = indices_of(open_network(options.level_teacher)[1], contract)
@@ -217,9 +240,10 @@ def main() -> None:
     for k in range(1, count + 1):
         student, figures = iterate(student)
         if k % max(1, count // REPORTS) == 0 or k == count:
-            loss, fell, level = np.asarray(figures)
+            loss, on_level, fell, level = np.asarray(figures)
             done = f"{time.perf_counter() - began_s:.0f} s, {k * STEPS * options.envs:,} steps"
-            print(f"{done}: loss {loss:.2e}, falls a step {fell:.1e}, level {level:.2f}", flush=True)
+            losses = f"loss {loss:.2e}, on level ground {on_level:.2e}"
+            print(f"{done}: {losses}, falls a step {fell:.1e}, level {level:.2f}", flush=True)
     seen = np.asarray(student.episodes[1]["state"][:LOGGED_OBSERVATIONS])
     worst = export(imitation.actor(student), env.contract, seen, options.out)
     print(f"exported {options.out}; ONNX Runtime differs by at most {worst:.1e}")

@@ -76,6 +76,7 @@ def main() -> None:
     parser.add_argument("--shares", action="store_true", help="also measure the parts of an iteration")
     parser.add_argument("--playground", action="store_true", help="also measure Playground")
     parser.add_argument("--warp", action="store_true", help="also measure Playground's physics in Warp")
+    parser.add_argument("--playground-task", default=playground.TASK, help="Playground's name of its task")
     parser.add_argument("--playground-environments", default=",".join(map(str, PLAYGROUND_ENVIRONMENTS)))
     parser.add_argument(
         "--playground-iterations", type=int, default=5, help="PPO iterations between two reports"
@@ -118,11 +119,12 @@ def main() -> None:
         results["footfall"][case] = found
         keep()
     if options.playground:
-        results["differences"] = differences(options.robot, options.preset)
+        results["differences"] = differences(options.robot, options.preset, options.playground_task)
         counts = [int(count) for count in options.playground_environments.split(",")]
         runs = [("jax", count) for count in counts] + ([("warp", counts[0])] if options.warp else [])
         for run in runs:
-            results["playground"].append(playground.measure(*run, options.playground_iterations))
+            found = playground.measure(*run, options.playground_iterations, options.playground_task)
+            results["playground"].append(found)
             keep()
     show(results)
     keep()
@@ -224,7 +226,7 @@ def rates_of(seconds: list[float], steps: int) -> Spread:
     return steps / max(seconds), steps / statistics.median(seconds), steps / min(seconds)
 
 
-def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
+def differences(robot: str, preset: str, task: str) -> list[tuple[str, str, str]]:
     """Other differences between the two trainings: name, footfall's value, Playground's value."""
     described = load_robot(robot)
     config = trial_config(preset, {}, described)
@@ -243,7 +245,7 @@ def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
         "pushes": "yes" if any(event.term == "push" for event in config.env.events) else "no",
         "a new episode": "drawn afresh",
     }
-    theirs = playground.facts()
+    theirs = playground.facts(task)
     return [(name, str(value), str(theirs.get(name, "-"))) for name, value in ours.items()]
 
 
