@@ -186,7 +186,7 @@ class TwoTeachers(Imitation):
         data = env.terrain.base(state, example_data(env.scene))
         leftward = jnp.stack([-data.forward[1], data.forward[0]])
         along, across = jnp.arange(-1.0, 3.0)[:, None, None], jnp.arange(-1.0, 2.0)[:, None]
-        positions = data.position[:2] + reach * (along * data.forward + across * leftward)
+        positions = data.base_position[:2] + reach * (along * data.forward + across * leftward)
         errors = state.terms[NAME][NAME].errors
         blind = errors.useless | (state.steps * env.period_s > errors.end_s)
         return (jnp.ptp(data.ground(positions)) < LEVEL_SHARE * reach) & ~blind
