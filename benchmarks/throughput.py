@@ -194,8 +194,7 @@ def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
         return None
     model = training_model(env.robot, env.config.timestep_s)
     step = substep(model, env.robot, {}, SINGLE)
-    results = [v for part in (step.following, step.trace) for array in part.values() for v in array]
-    return len(schedule(results, step.held).step) * env.config.substeps * steps_per_s / peak
+    return len(schedule(step.results, step.held).step) * env.config.substeps * steps_per_s / peak
 
 
 def repeat(function: Callable[[Any], Any], state: Any, count: int) -> list[float]:

@@ -4,14 +4,18 @@ import ctypes
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
+import made_up
+import mujoco
 import numpy as np
 import pytest
 from physics_parity import STEPS, random_arguments
 
 from footfall.envs.physics.generated import driver, handler, kernels, nvrtc, on_gpu
+from footfall.envs.physics.generated.alike import substep_by_threads
 from footfall.envs.physics.generated.arguments import arguments
-from footfall.envs.physics.generated.cuda import NAME, kernel_source
+from footfall.envs.physics.generated.cuda import NAME, kernel_source, lanes_of
 from footfall.envs.physics.generated.driver import DriverError
 from footfall.envs.physics.generated.handler import Launch
 from footfall.envs.physics.generated.llvm import Program
@@ -22,28 +26,73 @@ from footfall.robots.model import training_model
 from footfall.train.config import load_preset
 
 COMPILER = shutil.which("c++") or shutil.which("g++")
-ROBOTS, BLOCK = 70, 64  # the last block is not full
-# What CUDA's C has beyond C++; one thread after the other.
+ROBOTS, BLOCK = 37, 64  # the last block is not full
+# What CUDA's C has beyond C++. The threads of a warp take turns: each runs until it exchanges a value.
 PRELUDE = """#include <cmath>
+#include <ucontext.h>
 #define __global__
 #define __restrict__
 #define __launch_bounds__(threads, blocks)
 struct Index { int x; } blockIdx, blockDim, threadIdx;
+const int WARP = 32, STACK = 1 << 20;
+static ucontext_t turns, threads[WARP];
+static int current, exchanges[WARP];
+static float given[2][WARP];
+static float* exchange(float value) {
+  float* values = given[exchanges[current]++ % 2];
+  values[current] = value;
+  swapcontext(&threads[current], &turns);
+  return values;
+}
+static float __shfl_xor_sync(unsigned, float value, int lane) { return exchange(value)[current ^ lane]; }
+static float __shfl_sync(unsigned, float value, int lane, int width) {
+  return exchange(value)[current / width * width + lane];
+}
+static bool __any_sync(unsigned, bool value) {
+  const float* values = exchange(value);
+  for (int k = 0; k < WARP; k++) if (values[k]) return true;
+  return false;
+}
 """
 EPILOGUE = """
-extern "C" void all(int blocks, int threads, float** a) {
-  blockDim.x = threads;
+static float** a;
+static bool alive[WARP];
+static void thread() { NAME(ARGUMENTS); alive[current] = false; }
+extern "C" void all(int blocks, int size, float** arrays) {
+  static char stacks[WARP][STACK];
+  a = arrays, blockDim.x = size;
   for (blockIdx.x = 0; blockIdx.x < blocks; blockIdx.x++)
-    for (threadIdx.x = 0; threadIdx.x < threads; threadIdx.x++) NAME(ARGUMENTS);
+    for (int first = 0; first < size; first += WARP) {
+      for (current = 0; current < WARP; current++) {
+        getcontext(&threads[current]);
+        threads[current].uc_stack.ss_sp = stacks[current], threads[current].uc_stack.ss_size = STACK;
+        threads[current].uc_link = &turns, alive[current] = true, exchanges[current] = 0;
+        makecontext(&threads[current], thread, 0);
+      }
+      for (bool any = true; any;) {
+        any = false;
+        for (current = 0; current < WARP; current++)
+          if (alive[current]) {
+            threadIdx.x = first + current, any = true;
+            swapcontext(&turns, &threads[current]);
+          }
+      }
+    }
 }
 """
 
 
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
-def test_the_kernel_computes_the_same_as_the_program_for_processors(tmp_path: Path) -> None:
-    robot = load_robot("go1")
+@pytest.mark.parametrize(
+    ("name", "write"), [("go1", substep), ("go1", substep_by_threads), ("hexapod", substep_by_threads)]
+)
+def test_the_kernel_computes_the_same_as_the_program_for_processors(
+    name: str, write: Any, tmp_path: Path
+) -> None:
+    robot = load_robot(name)
     model = training_model(robot)
     given = random_arguments(robot, model, ROBOTS, load_preset("gpu", robot).env.randomisation)
+    given["qpos"][::2, 7::3] = _legs_that_meet(model, len(robot.joint_names) // 3)
     fields = {name: value.shape[1:] for name, value in given.items() if hasattr(model, name)}
     step = substep(model, robot, fields, SINGLE)
     inputs, outputs = arguments(step)
@@ -56,7 +105,8 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(tmp_path: Pa
     for result in beside[len(arrays) :]:
         result[:] = np.nan
     names = ", ".join(f"a[{k}]" for k in range(len(beside)))
-    source = kernel_source(step, STEPS, ROBOTS, BLOCK, 4)
+    own = write(model, robot, fields, SINGLE)
+    source = kernel_source(own, STEPS, ROBOTS, BLOCK, 4)
     text = PRELUDE + source + EPILOGUE.replace("NAME", NAME).replace("ARGUMENTS", names)
     (tmp_path / "kernel.cpp").write_text(text)
     library = tmp_path / "kernel.so"
@@ -64,10 +114,29 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(tmp_path: Pa
         [COMPILER, "-O0", "-w", "-shared", "-fPIC", "-o", library, tmp_path / "kernel.cpp"], check=True
     )
     pointers = (ctypes.c_void_p * len(beside))(*(a.ctypes.data for a in beside))
-    ctypes.CDLL(str(library)).all(-(-ROBOTS // BLOCK), BLOCK, pointers)
+    ctypes.CDLL(str(library)).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
     for each, found, wanted in zip(outputs, beside[len(arrays) :], expected, strict=True):
         scale = np.abs(wanted).max()
         assert np.abs(np.moveaxis(found, -1, 0) - wanted).max() < 1e-4 * scale, each.name
+
+
+def test_limbs_that_differ_are_computed_by_one_thread(tmp_path: Path) -> None:
+    bodies = made_up.bodies(tmp_path)
+    threads = {
+        name: substep_by_threads(training_model(robot), robot, {}, SINGLE).limbs
+        for name, robot in bodies.items()
+    }
+    assert threads == {
+        "five legs, one of four hinges": 1,
+        "biped without ankles": 2,
+        "six hinges and soles": 1,
+    }
+
+
+def _legs_that_meet(model: mujoco.MjModel, limbs: int) -> np.ndarray:
+    """Angles of each leg's first joint, anywhere in its range."""
+    lower, upper = model.jnt_range[1::3].T
+    return np.random.default_rng(0).uniform(lower, upper, (-(-ROBOTS // 2), limbs))
 
 
 def test_where_no_kernel_can_be_called_the_reason_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,14 @@
 """Vectors of three, rotations and sparse symmetric matrices of expressions."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from footfall.envs.physics.generated.expression import Scalar
 
 Vector = np.ndarray  # (3,) of expressions or numbers
 Matrix = np.ndarray  # (3, 3)
+Total = Callable[[Scalar], Scalar]  # the sum of a value over all limbs
 Symmetric = dict[tuple[int, int], Scalar]  # entries of the lower triangle, row >= column; absent: 0
 
 
@@ -48,6 +51,11 @@ def turned_about(axis: np.ndarray, sine: Scalar, cosine: Scalar) -> Matrix:
     return along + (np.eye(3) - along) * cosine + across * sine
 
 
+def itself(value: Scalar) -> Scalar:
+    """The sum over a single part."""
+    return value
+
+
 class Factor:
     """The factors of a symmetric positive matrix, H = L^T D L (RBDA, section 6.5 and table 6.3).
 
@@ -55,11 +63,21 @@ class Factor:
     stays as sparse as it is, and a contact between two limbs fills in only what both of them reach.
     """
 
-    def __init__(self, matrix: Symmetric, size: int) -> None:
-        left = dict(matrix)
+    def __init__(self, matrix: Symmetric, size: int, shared: int = 0, total: Total = itself) -> None:
+        """Factorise a matrix.
+
+        Args:
+            matrix: its entries; those among the first `shared` coordinates are one limb's part of a sum.
+            size: number of coordinates.
+            shared: number of coordinates that all limbs share.
+            total: sums a value over all limbs.
+        """
+        left, self._shared, self._total = dict(matrix), shared, total
         self._rows: list[list[tuple[int, Scalar]]] = []  # of L, below the diagonal, last row first
         self._inverse: list[Scalar] = []  # inverse of D's diagonal, last first
         for k in reversed(range(size)):
+            if k == shared - 1:
+                left = {at: total(value) for at, value in left.items() if at[0] < shared}
             inverse = 1.0 / left[k, k]
             columns = [j for j in reversed(range(k)) if _is_nonzero(left, k, j)]
             scaled = [(i, left[k, i] * inverse) for i in columns]
@@ -71,9 +89,14 @@ class Factor:
             self._inverse.append(inverse)
 
     def solve(self, right: list[Scalar]) -> list[Scalar]:
-        """The x of H x = right (RBDA, table 6.4 and section 6.5)."""
+        """The x of H x = right (RBDA, table 6.4 and section 6.5).
+
+        Like the matrix's, the shared rows of `right` are one limb's part of a sum.
+        """
         x, last = list(right), len(right) - 1
         for n, row in enumerate(self._rows):
+            if last - n == self._shared - 1:
+                x[: self._shared] = map(self._total, x[: self._shared])
             for i, factor in row:
                 x[i] = x[i] - factor * x[last - n]
         x = [value * inverse for value, inverse in zip(x, reversed(self._inverse), strict=True)]

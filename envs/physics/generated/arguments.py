@@ -1,8 +1,9 @@
 """Inputs and outputs of a compiled control step, in the order of its arguments."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
-from footfall.envs.physics.generated.substep import Substep
+from footfall.envs.physics.generated.substep import Place, Substep
 
 
 class Array(NamedTuple):
@@ -22,5 +23,9 @@ def arguments(substep: Substep) -> tuple[list[Array], list[Array]]:
     inputs = [Array(name, width, False) for name, width in (substep.state | substep.held).items()]
     inputs += [Array(name, width, True) for name, width in substep.stepwise.items()]
     outputs = [Array(f"end.{name}", width, False) for name, width in substep.state.items()]
-    outputs += [Array(f"trace.{name}", len(values), True) for name, values in substep.trace.items()]
+    outputs += [Array(f"trace.{name}", _width(values), True) for name, values in substep.trace.items()]
     return inputs, outputs
+
+
+def _width(places: Iterable[Place]) -> int:
+    return sum(1 if isinstance(place, int) else len(place) for place in places)

@@ -1,5 +1,6 @@
 """Where geoms are nearest to each other and to the ground, in the base's frame."""
 
+from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from footfall.envs.physics.generated.algebra import Matrix, Vector, cross, vector
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, sqrt, where
+from footfall.envs.physics.generated.limbs import Pair, Part
 from footfall.envs.physics.generated.meetings import BOX, PLANE, SMOOTH, SPHERE, TINY, Meeting
 from footfall.envs.physics.generated.tree import Attachment, Tree, rotation
 from footfall.envs.physics.interface import PLANE_NUMBERS
@@ -72,7 +74,7 @@ class Geometry:
         """
         one, two = meeting.geoms
         if self._model.geom_type[one] != PLANE:
-            return [self._between(meeting, *self._nearest(one, two))]
+            return [self._between(meeting, *self._nearest(meeting.geoms, lambda of, k: of(meeting.geoms[k])))]
         if ground is None:
             body = self._model.geom_bodyid[one]
             turn, place = self._fixed(int(body))
@@ -97,6 +99,15 @@ class Geometry:
                     for corner in corners  # those above the centre never touch
                     for contact in self._on_ground(meeting, ground, two, corner)
                 ]
+
+    def between_limbs(self, pair: Pair, part: Part) -> Contact:
+        """The contact of a limb with another one. Both compute it from the same numbers."""
+
+        def seen(of: Callable[[int], Vector], k: int) -> Vector:
+            own, is_own = of(pair.own[k]), less(0.5, part.number(float(k == pair.side)))
+            return vector(*(where(is_own, x, part.partner(x, pair.slot)) for x in own))
+
+        return self._between(pair.meeting, *self._nearest(pair.meeting.geoms, seen))
 
     def _on_ground(
         self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
@@ -171,13 +182,21 @@ class Geometry:
         first = first / sqrt(maximum(first @ first, TINY))
         return self._base_turn.T @ first, self._base_turn.T @ cross(normal, first)
 
-    def _nearest(self, one: int, two: int) -> tuple[Vector, Vector]:
-        """The closest points on the axes of two spheres or capsules (mjraw_CapsuleCapsule)."""
-        first, second = self.centre(one), self.centre(two)
+    def _nearest(
+        self, geoms: tuple[int, int], seen: Callable[[Callable[[int], Vector], int], Vector]
+    ) -> tuple[Vector, Vector]:
+        """The closest points on the axes of two spheres or capsules (mjraw_CapsuleCapsule).
+
+        Args:
+            geoms: the two.
+            seen: calls a function of a geom for the first (0) or the second one (1).
+        """
+        one, two = geoms
+        first, second = seen(self.centre, 0), seen(self.centre, 1)
         types = self._model.geom_type
         if types[two] == SPHERE:
             return first, second
-        a, b = (self._axis(geom) * float(self._model.geom_size[geom][1]) for geom in (one, two))
+        a, b = (seen(self._axis, k) * float(self._model.geom_size[geom][1]) for k, geom in enumerate(geoms))
         aa, bb = (float(self._model.geom_size[geom][1]) ** 2 for geom in (one, two))
         between = first - second
         if types[one] == SPHERE:

@@ -11,9 +11,7 @@ import numpy as np
 
 from footfall.envs.physics.generated.algebra import Matrix, Symmetric, Vector, cross, mirrored
 from footfall.envs.physics.generated.expression import Scalar
-from footfall.envs.physics.generated.tree import BASE, Tree
-
-BASE_DOFS = 6
+from footfall.envs.physics.generated.tree import BASE, BASE_DOFS, Tree
 
 
 class Inertia(NamedTuple):
@@ -25,6 +23,10 @@ class Inertia(NamedTuple):
 
     def __add__(self, other: "Inertia") -> "Inertia":  # type: ignore[override]
         return Inertia(self.mass + other.mass, self.moment + other.moment, self.matrix + other.matrix)
+
+    def part(self, share: float) -> "Inertia":
+        """A share of the inertia."""
+        return Inertia(self.mass * share, self.moment * share, self.matrix * share)
 
     def seen_from(self, rotation: Matrix, place: Vector) -> "Inertia":
         """The inertia in another frame, in which this frame has these axes and origin (RBDA, (2.66))."""

@@ -91,8 +91,7 @@ class _Writer:
         self._substep, self._steps, self._lanes = substep, steps, lanes
         self._inputs, outputs = arguments(substep)
         self._arrays = [*self._inputs, *outputs]
-        results = (substep.following | {f"trace.{name}": v for name, v in substep.trace.items()}).values()
-        self._plan = schedule((value for values in results for value in values), substep.held)
+        self._plan = schedule(substep.results, substep.held)
         self._block = "step"  # in which the next line lies
         self._item = {4: "float", 8: "double"}[dtype.itemsize]
         self._bytes = dtype.itemsize
@@ -138,10 +137,10 @@ class _Writer:
         for node in self._plan.step:
             self._node(node)
         for name, written in self._substep.trace.items():
-            for index, value in enumerate(written):
+            for index, value in written.items():
                 self._scatter(f'%"now.trace.{name}"', index, self._value(value))
         for name, written in self._substep.following.items():
-            for index, value in enumerate(written):
+            for index, value in written.items():
                 self._keep(name, index, self._value(value))
         self._emit("  br label %after\nafter:")
         self._emit(f"  %following = add i64 %k, 1\n  %more = icmp ult i64 %following, {self._steps}")

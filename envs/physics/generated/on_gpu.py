@@ -16,11 +16,11 @@ import jax.numpy as jnp
 from footfall.common.installation import extras_command
 from footfall.envs.physics.generated import driver, handler, kernels, nvrtc
 from footfall.envs.physics.generated.arguments import arguments
-from footfall.envs.physics.generated.cuda import kernel_source, layout
+from footfall.envs.physics.generated.cuda import kernel_source, lanes_of, layout
 from footfall.envs.physics.generated.handler import Launch
 
 MIN_CAPABILITY = 80  # Ampere
-THREADS, BLOCKS = 64, 4  # per block; blocks per multiprocessor: docs/results.md#physics compares other values
+THREADS, BLOCKS = 128, 2  # per block; blocks per multiprocessor: docs/journal.md compares other values
 
 
 def unavailable() -> str:
@@ -43,11 +43,12 @@ def unavailable() -> str:
 def _kernel(substep_of: Any, steps: int, robots: int) -> str:
     """Register the kernel for this number of robots; returns its name."""
     inputs, outputs = arguments(substep_of())
+    threads = robots * lanes_of(substep_of())
     source = kernel_source(substep_of(), steps, robots, THREADS, BLOCKS)
     capability = driver.capability()
     digest = hashlib.sha256(f"{capability} {source}".encode()).hexdigest()
     name = f"footfall_control_step_{digest[:16]}"
-    launch = Launch(len(inputs), len(outputs), -(-robots // THREADS), THREADS)
+    launch = Launch(len(inputs), len(outputs), -(-threads // THREADS), THREADS)
     several = robots > 1  # one robot is traced for its shapes, and the kernel is seldom called
     kernels.register(name, launch, lambda: nvrtc.compile_to_cubin(source, capability), at_once=several)
     return name

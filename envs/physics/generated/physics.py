@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from footfall.envs.physics.generated import on_gpu, on_processor
+from footfall.envs.physics.generated.alike import substep_by_threads
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.substep import SINGLE, Substep, substep
@@ -40,7 +41,8 @@ def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     def step_of(
         shapes: tuple[tuple[str, tuple[int, ...]], ...], effects: tuple[str, ...]
     ) -> Callable[[], Substep]:
-        made = substep(model, robot, dict(shapes), SINGLE, effects)
+        write = substep_by_threads if jax.default_backend() == "gpu" else substep
+        made = write(model, robot, dict(shapes), SINGLE, effects)
         return lambda: made
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:

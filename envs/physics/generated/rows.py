@@ -12,12 +12,12 @@ import numpy as np
 from footfall.envs.physics.generated.algebra import Vector, cross
 from footfall.envs.physics.generated.contacts import Contact, LinkPose
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
-from footfall.envs.physics.generated.meetings import MIN_FRICTION, SLIDING, TINY
-from footfall.envs.physics.generated.tree import Tree
+from footfall.envs.physics.generated.limbs import Pair, Part
+from footfall.envs.physics.generated.meetings import MIN_FRICTION, SLIDING, TINY, Meeting
+from footfall.envs.physics.generated.tree import BASE_DOFS, Tree
 
 MIN_IMPEDANCE, MAX_IMPEDANCE = 1e-4, 0.9999  # MuJoCo's mjMINIMP, mjMAXIMP
 
-FREE_POSITIONS = 7  # of a free joint in qpos; the hinges' follow
 Row = dict[int, Scalar]  # of a Jacobian, by degree of freedom
 
 
@@ -28,6 +28,7 @@ class Rows(NamedTuple):
     friction: tuple[Scalar, ...]  # along each tangent
     weight: Scalar  # D of all its rows; 0 without contact
     reference: tuple[Scalar, ...]  # minus the reference acceleration, along normal and tangents
+    pair: Pair | None = None  # of a contact between two limbs: the Jacobian is this limb's part of it
 
     def edges(self, along: list[Scalar]) -> list[Scalar]:
         """Values along the edges of the friction pyramid, from values along normal and tangents."""
@@ -44,26 +45,31 @@ class Rows(NamedTuple):
 def contact_rows(
     contact: Contact,
     model: mujoco.MjModel,
-    tree: Tree,
+    part: Part,
     poses: dict[int, LinkPose],
     velocity: list[Scalar],
     friction: Scalar,
+    pair: Pair | None = None,
 ) -> Rows:
     """MuJoCo's constraint of a contact.
 
     Args:
         contact: the contact.
         model: nominal.
-        tree: its tree.
+        part: the robot or the limb that the rows belong to.
         poses: poses of links.
         velocity: velocity of all degrees of freedom, the base's in its own frame.
         friction: the geoms' coefficient, used if the meeting has none.
+        pair: of a contact between two limbs.
     """
     meeting = contact.meeting
+    signs = _signs(meeting, model, part, pair)
     jacobian = tuple(
-        _row(contact, direction, model, tree, poses) for direction in (contact.normal, *contact.tangents)
+        _row(contact, direction, model, part.tree, poses, signs)
+        for direction in (contact.normal, *contact.tangents)
     )
     speeds = [sum((j * velocity[dof] for dof, j in row.items()), start=0.0) for row in jacobian]
+    speeds = [part.of_both(speed, pair) for speed in speeds]
     depth = contact.distance - meeting.margin
     impedance = _impedance(absolute(depth), meeting.solimp)
     stiffness, damping = _spring(meeting.solref, meeting.solimp, model.opt.timestep)
@@ -80,20 +86,28 @@ def contact_rows(
         scale = inverse_weight * (1.0 + square) * (2.0 * square)
     resistance = maximum(scale * (1.0 - impedance) / impedance, TINY)
     weight = where(less(depth, 0.0), where(less(0.0, contact.excess), 0.0, 1.0 / resistance), 0.0)
-    return Rows(jacobian, frictions, weight, tuple(reference))
+    if pair is not None:
+        weight = weight * part.number(0.0 if pair.number is None else 0.5)
+    elif all(dof < BASE_DOFS for row in jacobian for dof in row):
+        weight = weight * part.share
+    return Rows(jacobian, frictions, weight, tuple(reference), pair)
 
 
-def limit_rows(model: mujoco.MjModel, angles: Sequence[Scalar], velocity: list[Scalar]) -> Iterator[Rows]:
+def limit_rows(
+    model: mujoco.MjModel, tree: Tree, angles: Sequence[Scalar], velocity: list[Scalar]
+) -> Iterator[Rows]:
     """MuJoCo's constraint of each joint with limits: a row for the nearer limit, active beyond it.
 
     Args:
         model: nominal, of a tree of hinges on a free base.
+        tree: its tree.
         angles: angles of the hinges.
         velocity: velocity of all degrees of freedom.
     """
-    for joint in np.flatnonzero(model.jnt_limited):
-        dof = int(model.jnt_dofadr[joint])
-        angle = angles[int(model.jnt_qposadr[joint]) - FREE_POSITIONS]
+    for link, (hinge, angle) in enumerate(zip(tree.hinges, angles, strict=True)):
+        joint, dof = hinge.joint, BASE_DOFS + link
+        if not model.jnt_limited[joint]:
+            continue
         lower, upper = (float(end) for end in model.jnt_range[joint])
         above, below = angle - lower, upper - angle
         sign, distance = where(less(above, below), 1.0, -1.0), minimum(above, below)
@@ -101,7 +115,7 @@ def limit_rows(model: mujoco.MjModel, angles: Sequence[Scalar], velocity: list[S
         impedance = _impedance(absolute(distance), solimp)
         stiffness, damping = _spring(solref, solimp, model.opt.timestep)
         reference = damping * (sign * velocity[dof]) + stiffness * (impedance * distance)
-        resistance = maximum(float(model.dof_invweight0[dof]) * (1.0 - impedance) / impedance, TINY)
+        resistance = maximum(float(model.dof_invweight0[hinge.dof]) * (1.0 - impedance) / impedance, TINY)
         yield Rows(({dof: sign},), (), where(less(distance, 0.0), 1.0 / resistance, 0.0), (reference,))
 
 
@@ -119,20 +133,37 @@ def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.nd
     return maximum(chosen, MIN_FRICTION)
 
 
+def _signs(
+    meeting: Meeting, model: mujoco.MjModel, part: Part, pair: Pair | None
+) -> list[tuple[int, Scalar]]:
+    """The bodies of this part that make the contact, with the signs of their speeds in its rows."""
+    geoms: tuple[int, int] = meeting.geoms
+    signs: list[Scalar] = [-1.0, 1.0]
+    if pair is not None:
+        geoms, signs[1 - pair.side] = pair.own, 0.0  # the other geom is the partner's
+        signs = [part.number(sign) for sign in signs]
+    bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
+    return [(body, sign) for body, sign in zip(bodies, signs, strict=True) if body in part.tree.bodies]
+
+
 def _row(
-    contact: Contact, direction: Vector, model: mujoco.MjModel, tree: Tree, poses: dict[int, LinkPose]
+    contact: Contact,
+    direction: Vector,
+    model: mujoco.MjModel,
+    tree: Tree,
+    poses: dict[int, LinkPose],
+    signs: list[tuple[int, Scalar]],
 ) -> Row:
     """Row of the relative speed along a direction: the second geom's contact point less the first's."""
     row: Row = {}
-    for geom, sign in zip(contact.meeting.geoms, (-1.0, 1.0), strict=True):
-        body = int(model.geom_bodyid[geom])
-        if body not in tree.bodies:  # fixed to the world
-            continue
-        parts: Row = dict(enumerate((*direction, *cross(contact.place, direction))))
+    for body, sign in signs:
+        parts: Row = {}
+        if len(signs) == 1:  # the base moves both ends of a contact within the robot alike
+            parts = dict(enumerate((*direction, *cross(contact.place, direction))))
         for link in tree.chain(tree.bodies[body].link):
             pose = poses[link]
             axis = pose.turn @ tree.hinges[link].axis
-            parts[6 + link] = direction @ cross(axis, contact.place - pose.place)
+            parts[BASE_DOFS + link] = direction @ cross(axis, contact.place - pose.place)
         for dof, part in parts.items():
             row[dof] = row.get(dof, 0.0) + sign * part
     return {dof: part for dof, part in row.items() if not (isinstance(part, float) and part == 0.0)}

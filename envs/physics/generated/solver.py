@@ -6,8 +6,10 @@ acceleration without contact and r the reference acceleration.
 """
 
 from footfall.envs.physics.generated.algebra import Factor, Symmetric, dot, product
-from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
+from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, sqrt, where
+from footfall.envs.physics.generated.limbs import Part
 from footfall.envs.physics.generated.rows import Rows
+from footfall.envs.physics.generated.tree import BASE_DOFS
 
 LINE_SEARCH_STEPS = 10
 
@@ -18,6 +20,7 @@ def newton_step(
     previous: list[Scalar],
     contacts: list[Rows],
     rounding: float,
+    part: Part,
 ) -> list[Scalar]:
     """The acceleration after one iteration, from the cheaper start: the last step's, or that without contact.
 
@@ -27,14 +30,15 @@ def newton_step(
         previous: the last step's acceleration.
         contacts: all possible contacts, and joint limits.
         rounding: relative change of a number that counts as zero.
+        part: the robot or the limb that all arguments belong to.
     """
-    smooth = Factor(mass, len(force)).solve(force)
+    smooth = Factor(mass, len(force), BASE_DOFS, part.total).solve(force)
     if not contacts:
         return smooth
-    warm = previous, product(mass, previous), _residuals(contacts, previous, reference=True)
-    cold = smooth, force, _residuals(contacts, smooth, reference=True)
+    warm = previous, product(mass, previous), _residuals(contacts, previous, part, reference=True)
+    cold = smooth, force, _residuals(contacts, smooth, part, reference=True)
     gauss = 0.5 * dot(_difference(warm[1], force), _difference(previous, smooth))
-    warmer = less(_cost(contacts, warm[2]) + gauss, _cost(contacts, cold[2]))
+    warmer = less(part.total(_cost(contacts, warm[2]) + gauss), part.total(_cost(contacts, cold[2])))
     start, momentum = (
         [where(warmer, a, b) for a, b in zip(*pair, strict=True)]
         for pair in zip(warm[:2], cold[:2], strict=True)
@@ -44,13 +48,10 @@ def newton_step(
         for pair in zip(warm[2], cold[2], strict=True)
     ]
     smooth_gradient = _difference(momentum, force)
-    gradient, hessian = list(smooth_gradient), dict(mass)
-    for contact, residual in zip(contacts, residuals, strict=True):
-        _add_contact(gradient, hessian, contact, residual)
-    search = [-x for x in Factor(hessian, len(force)).solve(gradient)]
-    change = _residuals(contacts, search, reference=False)
-    slope, curvature = dot(search, smooth_gradient), dot(search, product(mass, search))
-    length = _line_search(slope, curvature, contacts, residuals, change, rounding)
+    search = _search(mass, smooth_gradient, contacts, residuals, part)
+    change = _residuals(contacts, search, part, reference=False)
+    slope, curvature = (part.total(dot(search, along)) for along in (smooth_gradient, product(mass, search)))
+    length = _line_search(slope, curvature, contacts, residuals, change, rounding, part)
     return [x + length * step for x, step in zip(start, search, strict=True)]
 
 
@@ -58,11 +59,12 @@ def _difference(a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
-def _residuals(contacts: list[Rows], x: list[Scalar], reference: bool) -> list[list[Scalar]]:
+def _residuals(contacts: list[Rows], x: list[Scalar], part: Part, reference: bool) -> list[list[Scalar]]:
     """J x of each contact's rows; with `reference`, minus the reference acceleration."""
     found = []
     for contact in contacts:
         along = [sum((j * x[dof] for dof, j in row.items()), start=0.0) for row in contact.jacobian]
+        along = [part.of_both(value, contact.pair) for value in along]
         if reference:
             along = [value + r for value, r in zip(along, contact.reference, strict=True)]
         found.append(contact.edges(along))
@@ -75,6 +77,39 @@ def _cost(contacts: list[Rows], residuals: list[list[Scalar]]) -> Scalar:
         pushed = [minimum(value, 0.0) for value in residual]
         total = total + 0.5 * contact.weight * dot(pushed, pushed)
     return total
+
+
+def _search(
+    mass: Symmetric,
+    smooth_gradient: list[Scalar],
+    contacts: list[Rows],
+    residuals: list[list[Scalar]],
+    part: Part,
+) -> list[Scalar]:
+    """Newton's direction.
+
+    The force between two limbs is a coordinate before the base's, so that limbs remain independent of each
+    other: with s the root of D of an active row J, (H + s^2 J^T J) x = g is
+    [[-1, s J], [s J^T, H]] (y, x) = (0, g).
+    """
+    gradient, hessian, first = list(smooth_gradient), dict(mass), part.num_pairs
+    columns: Symmetric = {(k, k): -part.share for k in range(first)}
+    for contact, residual in zip(contacts, residuals, strict=True):
+        if contact.pair is None:
+            _add_contact(gradient, hessian, contact, residual)
+            continue
+        weight = 2.0 * contact.weight  # each limb has half of it
+        (row,), (value,) = contact.jacobian, residual
+        root = sqrt(where(less(value, 0.0), weight, 0.0))
+        for dof, j in row.items():
+            gradient[dof] = gradient[dof] + j * (weight * minimum(value, 0.0))
+            for k in range(first):
+                own = part.number(float(k == contact.pair.number))
+                columns[first + dof, k] = columns.get((first + dof, k), 0.0) + own * (root * j)
+    columns |= {(first + i, first + j): value for (i, j), value in hessian.items()}
+    right = [*[0.0] * first, *gradient]
+    solution = Factor(columns, len(right), first + BASE_DOFS, part.total).solve(right)
+    return [-x for x in solution[first:]]
 
 
 def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, residual: list[Scalar]) -> None:
@@ -113,6 +148,7 @@ def _line_search(
     residuals: list[list[Scalar]],
     change: list[list[Scalar]],
     rounding: float,
+    part: Part,
 ) -> Scalar:
     """Step length along the search direction that minimises the cost.
 
@@ -127,11 +163,12 @@ def _line_search(
 
     def newton(values: list[Scalar]) -> tuple[list[Scalar], Scalar]:
         length, low, high = values
-        first, second = slope + length * curvature, curvature
+        first, second = part.share * (slope + length * curvature), part.share * curvature
         for residual, step, weighted, square in rows:
             there = residual + length * step
             first = first + weighted * minimum(there, 0.0)
             second = second + where(less(there, 0.0), square, 0.0)
+        first, second = part.total(first), part.total(second)
         before = less(first, 0.0)
         low, high = where(before, length, low), where(before, high, length)
         following = length - first / maximum(second, 1e-20)

@@ -1,8 +1,8 @@
 """One physics step of one robot as expressions: joint law, dynamics, contacts, solver, integration."""
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -11,10 +11,11 @@ from footfall.envs.physics.generated.algebra import rotation_matrix, turned_abou
 from footfall.envs.physics.generated.contacts import Geometry, LinkPose
 from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
 from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
-from footfall.envs.physics.generated.meetings import PLANE, meetings
+from footfall.envs.physics.generated.limbs import Part, whole
+from footfall.envs.physics.generated.meetings import PLANE
 from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
 from footfall.envs.physics.generated.solver import newton_step
-from footfall.envs.physics.generated.tree import BASE, Tree, read_tree, rotation
+from footfall.envs.physics.generated.tree import BASE, BASE_DOFS, Tree, read_tree, rotation
 from footfall.envs.physics.interface import GRAVITY, GROUND, Drive, Motion, joint_effort
 from footfall.robots.actuator import Lag, Motor
 from footfall.robots.description import Robot
@@ -29,14 +30,29 @@ class Precision(NamedTuple):
     rounding: float  # relative
 
 
+Place = Any  # index in an array: an int, or a tuple of each limb's
+Values = dict[Place, Scalar]  # elements of an array
+
+
 class Substep(NamedTuple):
-    """A physics step as expressions of named arrays."""
+    """A physics step as expressions of named arrays.
+
+    The program is the robot's, or that of any of its limbs, which run side by side (`limbs.py`).
+    """
 
     state: dict[str, int]  # width of each array carried from step to step, by the field's name in Motion
     held: dict[str, int]  # width of each array that is constant during a control step
     stepwise: dict[str, int]  # width of each array with a row for each physics step
-    following: dict[str, list[Scalar]]  # the state after the step
-    trace: dict[str, list[Scalar]]  # results of the step, by the field's name in Trace
+    following: dict[str, Values]  # the state after the step
+    trace: dict[str, Values]  # results of the step, by the field's name in Trace
+    limbs: int = 1  # number of programs for each robot
+    partners: tuple[tuple[int, ...], ...] = ()  # for each exchange: which limb's value each limb reads
+
+    @property
+    def results(self) -> list[Scalar]:
+        """All outputs."""
+        arrays = [*self.following.values(), *self.trace.values()]
+        return [value for array in arrays for value in array.values()]
 
 
 def substep(
@@ -45,6 +61,7 @@ def substep(
     fields: dict[str, tuple[int, ...]],
     precision: Precision,
     effects: tuple[str, ...] = (),
+    part: Part | None = None,
 ) -> Substep:
     """The physics step of a model that passes `refusals` and `contact_refusals`.
 
@@ -55,13 +72,19 @@ def substep(
             others are the model's.
         precision: floating-point precision of the program's numbers.
         effects: optional fields of `Motor` that the motors have.
+        part: the limb that the program is for, or the whole robot.
     """
-    graph, tree = Graph(), read_tree(model)
-    count = len(robot.joint_names)
+    part = part or whole(model, read_tree(model))
+    graph, count = part.graph, len(robot.joint_names)
     state = {"qpos": model.nq, "qvel": model.nv, "qacc_warmstart": model.nv}
     if "lag_s" in effects:
         state["lagged_torque"] = count
-    motion = Motion(**{name: graph.inputs(name, width) for name, width in state.items()})
+    _, dofs = joint_addresses(model, robot)
+    joints = [int(joint) for joint in np.argsort(dofs) if dofs[joint] in part.tree.dofs]
+    places = dict.fromkeys(("qvel", "qacc_warmstart"), part.tree.dofs)
+    places |= {"qpos": [*range(7), *(hinge.dof + 1 for hinge in part.tree.hinges)]}
+    places |= dict.fromkeys(("torque", "lagged_torque"), joints)
+    motion = Motion(**{name: vector(*(graph.input(name, k) for k in places[name])) for name in state})
     held = dict.fromkeys(("kp", "kd", "encoder_bias", *_motor_inputs(effects)), count)
     held |= {name: math.prod(shape) for name, shape in fields.items()}
     values = {name: graph.inputs(name, *shape) for name, shape in fields.items()}
@@ -69,39 +92,40 @@ def substep(
     def field(name: str) -> np.ndarray:
         return values[name] if name in values else getattr(model, name)
 
-    positions, dofs = joint_addresses(model, robot)
-    drives = [_drive(graph, joint, effects) for joint in range(count)]
-    before = [None] * count if motion.lagged_torque is None else motion.lagged_torque
+    drives = [_drive(graph, joint, effects) for joint in joints]
+    before = [None] * len(joints) if motion.lagged_torque is None else motion.lagged_torque
+    coordinates = [part.tree.dofs.index(dof) for dof in dofs[joints]]
     timestep_s = float(model.opt.timestep)
     efforts = [
-        joint_effort(drive, drive.target, motion.qpos[position], motion.qvel[dof], timestep_s, torque_before)
-        for drive, position, dof, torque_before in zip(drives, positions, dofs, before, strict=True)
+        joint_effort(drive, drive.target, motion.qpos[k + 1], motion.qvel[k], timestep_s, torque_before)
+        for drive, k, torque_before in zip(drives, coordinates, before, strict=True)
     ]
-    torque: list[Scalar] = [0.0] * model.nv
-    inertia = list(field("dof_armature"))
-    for dof, effort in zip(dofs.tolist(), efforts, strict=True):
+    torque: list[Scalar] = [0.0] * len(part.tree.dofs)
+    inertia = list(field("dof_armature")[part.tree.dofs])
+    inertia[:BASE_DOFS] = [value * part.share for value in inertia[:BASE_DOFS]]
+    for dof, effort in zip(coordinates, efforts, strict=True):
         torque[dof] = effort.torque
         inertia[dof] = inertia[dof] + effort.inertia
 
     gravity = values.get(GRAVITY, model.opt.gravity)
     following, feet = _step(
-        model, robot, tree, motion, torque, inertia, field, values.get(GROUND), gravity, precision
+        model, robot, part, motion, torque, inertia, field, values.get(GROUND), gravity, precision
     )
+    after = following._replace(lagged_torque=[effort.lagged_torque for effort in efforts])
+
+    def placed(name: str, values: Sequence[Scalar]) -> Values:
+        return dict(zip(places[name], values, strict=True))
+
     return Substep(
         state=state,
         held=held,
         stepwise={"target": count},
-        following={
-            name: [effort.lagged_torque for effort in efforts]
-            if name == "lagged_torque"
-            else getattr(following, name)
-            for name in state
-        },
+        following={name: placed(name, getattr(after, name)) for name in state},
         trace={
-            "qpos": following.qpos,
-            "qvel": following.qvel,
+            "qpos": placed("qpos", following.qpos),
+            "qvel": placed("qvel", following.qvel),
             "foot_position": feet,
-            "torque": [effort.motor_torque for effort in efforts],
+            "torque": placed("torque", [effort.motor_torque for effort in efforts]),
         },
     )
 
@@ -127,7 +151,7 @@ def _drive(graph: Graph, joint: int, effects: tuple[str, ...]) -> Drive:
 def _step(
     model: mujoco.MjModel,
     robot: Robot,
-    tree: Tree,
+    part: Part,
     motion: Motion,
     torque: list[Scalar],
     armature: list[Scalar],
@@ -135,8 +159,9 @@ def _step(
     ground: np.ndarray | None,
     gravity: np.ndarray,
     precision: Precision,
-) -> tuple[Motion, list[Scalar]]:
-    """The motion after a step, and the feet's points at its beginning, in the world."""
+) -> tuple[Motion, Values]:
+    """The motion after a step, and the part's foot points at its beginning, in the world."""
+    tree = part.tree
     timestep_s = float(model.opt.timestep)
     qpos, qvel = motion.qpos, motion.qvel
     base_turn, angles = rotation_matrix(qpos[3:7]), qpos[7:]
@@ -146,9 +171,9 @@ def _step(
         sine, cosine = precision.sin_cos(angle - hinge.zero_rad)
         turns.append(hinge.rotation @ turned_about(hinge.axis, sine, cosine))
 
-    found = dynamics(tree, turns, _inertias(model, tree, field), qvel[3:6], list(qvel[6:]), to_base @ gravity)
+    found = dynamics(tree, turns, _inertias(model, part, field), qvel[3:6], list(qvel[6:]), to_base @ gravity)
     mass = dict(found.mass)
-    for dof in range(model.nv):
+    for dof in range(len(qvel)):
         mass[dof, dof] = mass[dof, dof] + armature[dof]
     force = [t - b for t, b in zip(torque, found.bias, strict=True)]
     for link, hinge in enumerate(tree.hinges):
@@ -159,35 +184,43 @@ def _step(
     speed, warm = _in_base(to_base, qvel), _in_base(to_base, motion.qacc_warmstart)
     points = np.concatenate(foot_geoms(model, robot.description)).tolist()
     rows = []
-    for meeting in meetings(model):
+    for meeting in part.meetings:
         one, two = meeting.geoms
         on_ground = model.geom_type[one] == PLANE and two in points and ground is not None
         plane = ground[points.index(two)] if on_ground and ground is not None else None
         friction = geom_friction(model, meeting.geoms, field("geom_friction"))
         for contact in geometry.contacts(meeting, plane):
-            rows.append(contact_rows(contact, model, tree, geometry.poses, speed, friction))
-    rows.extend(limit_rows(model, angles, speed))
+            rows.append(contact_rows(contact, model, part, geometry.poses, speed, friction))
+    for pair in part.pairs:
+        contact = geometry.between_limbs(pair, part)
+        rows.append(contact_rows(contact, model, part, geometry.poses, speed, 0.0, pair))
+    rows.extend(limit_rows(model, tree, angles, speed))
 
-    acceleration = newton_step(mass, force, warm, rows, precision.rounding)
+    acceleration = newton_step(mass, force, warm, rows, precision.rounding, part)
     linear = base_turn @ vector(*acceleration[:3])
     acceleration = [*linear, *acceleration[3:]]
     velocity = [v + timestep_s * a for v, a in zip(qvel, acceleration, strict=True)]
     place = [x + timestep_s * v for x, v in zip(qpos[:3], velocity[:3], strict=True)]
     quaternion = _turned(qpos[3:7], vector(*velocity[3:6]) * timestep_s)
     moved = [q + timestep_s * v for q, v in zip(angles, velocity[6:], strict=True)]
-    feet = [x for point in points for x in geometry.in_world(geometry.centre(point))]
+    feet: Values = {
+        3 * k + axis: x
+        for k, point in enumerate(points)
+        if int(model.geom_bodyid[point]) in tree.bodies
+        for axis, x in enumerate(geometry.in_world(geometry.centre(point)))
+    }
     return Motion([*place, *quaternion, *moved], velocity, acceleration), feet
 
 
-def _inertias(model: mujoco.MjModel, tree: Tree, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
-    """Inertia of each link and of the base, in the link's frame."""
+def _inertias(model: mujoco.MjModel, part: Part, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
+    """Inertia of each link and of the part's share of the base, in the link's frame."""
     masses, centres, principal = field("body_mass"), field("body_ipos"), field("body_inertia")
     found: dict[int, Inertia] = {}
-    for body, (link, turn, place) in tree.bodies.items():
+    for body, (link, turn, place) in part.tree.bodies.items():
         own = body_inertia(masses[body], centres[body], rotation(model.body_iquat[body]), principal[body])
         own = own.seen_from(turn, place)
         found[link] = found[link] + own if link in found else own
-    return found
+    return found | {BASE: found[BASE].part(part.share)}
 
 
 def _poses(tree: Tree, turns: list[np.ndarray]) -> dict[int, LinkPose]:

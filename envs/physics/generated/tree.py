@@ -5,7 +5,7 @@ body; the base's frame is its body's. Bodies without a joint lie on the link of 
 of one body are links one after the other, the last of which carries the body.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -13,6 +13,7 @@ import numpy as np
 
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 BASE = -1  # the base's index among the links
+BASE_DOFS = 6
 ROUNDING = 1e-14  # largest error of a zero after rotations by right angles
 
 
@@ -27,6 +28,8 @@ class Hinge(NamedTuple):
     stiffness: float  # N m/rad
     relaxed_rad: float  # qpos at which its spring is relaxed
     damping: float  # N m s/rad, beyond the joint law's
+    joint: int  # of the model
+    dof: int  # of the model; its position is the next number, since the base has one position more
 
 
 class Attachment(NamedTuple):
@@ -40,8 +43,25 @@ class Attachment(NamedTuple):
 class Tree(NamedTuple):
     """The robot's hinges and bodies, as the generator uses them."""
 
-    hinges: tuple[Hinge, ...]  # parents first; number i has qpos 7 + i and dof 6 + i, after the base's
+    hinges: tuple[Hinge, ...]  # parents first; number i is coordinate 6 + i, after the base's
     bodies: dict[int, Attachment]  # by the body's id; the world and bodies fixed to it are not included
+
+    @property
+    def dofs(self) -> list[int]:
+        """The model's degree of freedom of each coordinate."""
+        return [*range(BASE_DOFS), *(hinge.dof for hinge in self.hinges)]
+
+    def limb(self, links: Sequence[int]) -> "Tree":
+        """The base with these links alone, which include the parents of each."""
+        local = {BASE: BASE} | {link: k for k, link in enumerate(links)}
+        return Tree(
+            tuple(self.hinges[link]._replace(parent=local[self.hinges[link].parent]) for link in links),
+            {
+                body: place._replace(link=local[place.link])
+                for body, place in self.bodies.items()
+                if place.link in local
+            },
+        )
 
     def chain(self, link: int) -> list[int]:
         """The links from the base to this one, without the base."""
@@ -84,6 +104,8 @@ def read_tree(model: mujoco.MjModel) -> Tree:
                     stiffness=float(model.jnt_stiffness[k]),
                     relaxed_rad=float(model.qpos_spring[position]),
                     damping=float(model.dof_damping[dof]),
+                    joint=k,
+                    dof=int(dof),
                 )
             )
             link, turn, place = len(hinges) - 1, np.eye(3), -anchor

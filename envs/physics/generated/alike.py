@@ -1,0 +1,87 @@
+"""Programs of alike limbs as one program, whose numbers and places in arrays may differ from limb to limb."""
+
+from collections.abc import Iterable, Sequence
+
+import mujoco
+
+from footfall.envs.physics.generated.expression import Expression, Graph, Operand, Scalar
+from footfall.envs.physics.generated.limbs import NotAlikeError, limbs_of
+from footfall.envs.physics.generated.substep import Precision, Substep, Values, substep
+from footfall.envs.physics.generated.tree import read_tree
+from footfall.robots.description import Robot
+
+LEAVES = {"input", "variable", "constant"}  # whose operands are no expressions
+Each = tuple[Scalar, ...]  # of each limb
+
+
+def substep_by_threads(
+    model: mujoco.MjModel,
+    robot: Robot,
+    fields: dict[str, tuple[int, ...]],
+    precision: Precision,
+    effects: tuple[str, ...] = (),
+) -> Substep:
+    """The same as `substep`, as the program of any limb if the robot's limbs are alike."""
+    try:
+        parts, partners = limbs_of(model, read_tree(model))
+        steps = [substep(model, robot, fields, precision, effects, part) for part in parts]
+        results = iter(merged(step.results for step in steps))
+    except NotAlikeError:
+        return substep(model, robot, fields, precision, effects)
+
+    def of_limbs(arrays: Sequence[dict[str, Values]]) -> dict[str, Values]:
+        places = {name: zip(*(array[name] for array in arrays), strict=True) for name in arrays[0]}
+        return {
+            name: {each[0] if len(set(each)) == 1 else each: next(results) for each in found}
+            for name, found in places.items()
+        }
+
+    following = of_limbs([step.following for step in steps])
+    trace = of_limbs([step.trace for step in steps])
+    return steps[0]._replace(following=following, trace=trace, limbs=len(parts), partners=tuple(partners))
+
+
+def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
+    """The outputs of one program, from the outputs of each limb's.
+
+    Raises:
+        NotAlikeError: the limbs' programs have different operations.
+    """
+    programs = list(outputs)
+    if len({len(program) for program in programs}) > 1:
+        raise NotAlikeError("limbs are not alike")
+    wanted = list(zip(*programs, strict=True))
+    graph, made = Graph(), dict[Each, Scalar]()
+
+    def operand(values: tuple[Operand, ...], operation: str = "") -> Operand:
+        if isinstance(values[0], Expression):
+            return made[values]
+        is_serial = operation in {"variable", "loop"} and isinstance(values[0], int)
+        if len(set(values)) == 1 or is_serial:
+            return values[0]
+        return values if operation == "input" else graph.node("lanes", *values)
+
+    for values in _operands_first(wanted):
+        operation = values[0].operation
+        operands = [operand(each, operation) for each in zip(*(v.operands for v in values), strict=True)]
+        made[values] = operands[0] if operation == "constant" else graph.node(operation, *operands)
+    return [operand(values) for values in wanted]
+
+
+def _operands_first(wanted: list[Each]) -> list[Each]:
+    """All nodes that these need, those of each limb side by side."""
+    found, waiting = set[Each](), list(wanted)
+    while waiting:
+        values = waiting.pop()
+        if values in found or not any(isinstance(value, Expression) for value in values):
+            continue
+        if len({_kind(value) for value in values}) > 1:
+            raise NotAlikeError("limbs are not alike")
+        found.add(values)
+        if values[0].operation not in LEAVES:
+            waiting.extend(zip(*(value.operands for value in values), strict=True))
+    return sorted(found, key=lambda values: [value.number for value in values])
+
+
+def _kind(value: Scalar) -> tuple[str, int]:
+    return (value.operation, len(value.operands)) if isinstance(value, Expression) else ("number", 0)
