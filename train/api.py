@@ -17,7 +17,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.train import cluster
 from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
-from footfall.train.config import load_preset, with_settings
+from footfall.train.config import TrainConfig, load_preset, with_settings
 from footfall.train.origin import check_source, find_source
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
@@ -69,14 +69,28 @@ def begin(request: TrainRequest) -> Path:
         UserError: no such robot or preset, settings that do not fit the robot or the devices, a folder in
             use, or a request that does not suit a cluster.
     """
-    find_trainer(request.trainer)  # imports its libraries while the device starts: the next line waits for it
-    if cluster.processes() > 1:
-        _check_cluster(request)
     folder = request.out or Path()
     with cluster.all_or_none():
+        robot = load_robot(request.robot)
+        config = _settings(request, robot)
+        use_compilation_cache()
+        prefetch(request.trainer, robot, config)  # waits in threads for the device
+        find_trainer(request.trainer)  # imports its libraries while the device starts; the next line waits
+        if cluster.processes() > 1:
+            _check_cluster(request)
         if cluster.is_main_process():
-            folder = _make_run(request)
+            folder = _make_run(request, robot, config)
     return folder
+
+
+def _settings(request: TrainRequest, robot: Robot) -> TrainConfig:
+    """The preset's settings with those of the request."""
+    config = with_settings(load_preset(request.preset, robot), dict(request.settings), "--set")
+    if request.total_steps is not None:
+        config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
+    if request.checkpoint_interval_s is not None:
+        config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
+    return config
 
 
 def _check_cluster(request: TrainRequest) -> None:
@@ -86,15 +100,7 @@ def _check_cluster(request: TrainRequest) -> None:
         raise UserError(f"--trainer {request.trainer} trains in one process: leave --coordinator out")
 
 
-def _make_run(request: TrainRequest) -> Path:
-    robot = load_robot(request.robot)
-    config = with_settings(load_preset(request.preset, robot), dict(request.settings), "--set")
-    if request.total_steps is not None:
-        config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
-    if request.checkpoint_interval_s is not None:
-        config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
-    use_compilation_cache()
-    prefetch(request.trainer, robot, config)
+def _make_run(request: TrainRequest, robot: Robot, config: TrainConfig) -> Path:
     trainer = find_trainer(request.trainer)
     source = None
     if request.start_from is not None:

@@ -4,6 +4,7 @@ import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from threading import Thread
 
 from footfall.common.collector import lasting_objects
@@ -23,7 +24,7 @@ def learning_libraries() -> Iterator[None]:
 
 
 def start_device() -> None:
-    """Import JAX and start its device in the background: a GPU takes seconds.
+    """Import JAX, then start its device in the background: a GPU takes a second or more.
 
     The first use of the device waits for it, and raises if it cannot start. Not for a process of a cluster,
     which must join the cluster first.
@@ -31,6 +32,10 @@ def start_device() -> None:
     # Reserving most of a GPU's memory at once takes a second or two, longer than the rest of its start.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     Thread(target=_wake_driver, name="wake driver").start()
+    # Imported here, not in the thread: beside other imports this one would take twice as long, and the device
+    # starts after it.
+    with suppress(Exception), lasting_objects():  # whoever needs JAX next reports it
+        import_module("jax.numpy")
     Thread(target=_first_operation, name="start device").start()
 
 
