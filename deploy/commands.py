@@ -38,14 +38,14 @@ class CommandLimits:
 
     def apply(self, command: np.ndarray) -> np.ndarray:
         """Command (3,) for the policy; the same array if nothing changes."""
-        asked = command.tolist()
+        requested = command.tolist()
         inside = [
             min(max(value, low), high) if math.isfinite(value) else 0.0
-            for value, (low, high) in zip(asked, self._ranges, strict=True)
+            for value, (low, high) in zip(requested, self._ranges, strict=True)
         ]
-        if inside == asked:
+        if inside == requested:
             return command
-        for axis, (value, clipped) in enumerate(zip(asked, inside, strict=True)):
+        for axis, (value, clipped) in enumerate(zip(requested, inside, strict=True)):
             if value != clipped and axis not in self._noted:
                 self._noted.add(axis)
                 self.notes.append(self._note(axis, value, clipped))
@@ -58,11 +58,11 @@ class CommandLimits:
         upper = np.where(high < 0.0, high, share * high)
         return command.clip(lower, np.maximum(lower, upper))
 
-    def _note(self, axis: int, asked: float, given: float) -> str:
+    def _note(self, axis: int, requested: float, given: float) -> str:
         (name, unit), (low, high) = _AXES[axis], self._ranges[axis]
-        if not math.isfinite(asked):
-            return f"a {name} command of {asked:g} {unit} was replaced with 0"
+        if not math.isfinite(requested):
+            return f"a {name} command of {requested:g} {unit} was replaced with 0"
         return (
             f"the policy was trained on {name} commands from {low:g} to {high:g} {unit}:"
-            f" {asked:g} was clipped to {given:g}"
+            f" {requested:g} was clipped to {given:g}"
         )

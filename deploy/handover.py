@@ -60,7 +60,7 @@ class Handover:
         self.current.begin(0)
         self._next: Turn | None = None  # requested policy
         self._blends_since_us: int | None = None
-        self._asked_us = self._moved_us = 0
+        self._requested_us = self._moved_us = 0
 
     @property
     def leaving(self) -> bool:
@@ -88,7 +88,7 @@ class Handover:
             return
         if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
             wanted = self._turns[change.policy]
-            self._next, self._asked_us = (None if wanted is self.current else wanted), now_us
+            self._next, self._requested_us = (None if wanted is self.current else wanted), now_us
         if change.gait and isinstance(policy, Steerable):
             policy.take_up(change.gait)
         if change.settings and isinstance(policy, Steerable):
@@ -141,7 +141,7 @@ class Handover:
             return False
         plan = self.current.policy.stance()
         stands = plan is None or bool(np.min(plan) >= 1.0)
-        return stands or now_us - self._asked_us >= (config.still_s + config.wait_s) * 1e6
+        return stands or now_us - self._requested_us >= (config.still_s + config.wait_s) * 1e6
 
 
 def blended(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:

@@ -53,7 +53,7 @@ class JointLayer:
         self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
         self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
         self._sent_before = self.sent  # previous command
-        self._asked_ticks = 0  # number of commands since `take_asked`
+        self._commanded_ticks = 0  # number of commands since `take_torque_range`
         self._least = self._most = self._target  # extreme torques of these commands, N m
 
     # -- out -----------------------------------------------------------------------------------------
@@ -98,23 +98,23 @@ class JointLayer:
             self._encodable[0] = self._target
             self._arrived = not np.count_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
-        if self._asked_ticks:
+        if self._commanded_ticks:
             np.minimum(self._least, self._possible, out=self._least)
             np.maximum(self._most, self._possible, out=self._most)
         else:
             self._least, self._most = self._possible.copy(), self._possible.copy()
-        self._asked_ticks += 1
+        self._commanded_ticks += 1
         return frames
 
-    def take_asked(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def take_torque_range(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Smallest torque commanded to each motor since the last call, and the negated largest one.
 
         Returns:
             Two arrays (n,), N m; None if there was no command.
         """
-        asked = (self._least, -self._most) if self._asked_ticks else None
-        self._asked_ticks = 0
-        return asked
+        extremes = (self._least, -self._most) if self._commanded_ticks else None
+        self._commanded_ticks = 0
+        return extremes
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
@@ -137,14 +137,14 @@ class JointLayer:
         """A command (5, n) within every motor's torque limits, with all gains of a joint reduced equally."""
         joints = self._receiver.joints
         position, velocity = joints[0], joints[1]
-        asked = pd_torque(JointCommand.of(values), position, velocity)
-        self._possible = possible = limit_torque(asked, velocity, motor)
-        if np.count_nonzero(asked != possible):
-            share = _share(possible, asked)
+        demand = pd_torque(JointCommand.of(values), position, velocity)
+        self._possible = possible = limit_torque(demand, velocity, motor)
+        if np.count_nonzero(demand != possible):
+            share = _share(possible, demand)
             values = values.copy()
             values[2:] *= share
             # Rounding up an accelerating gain would exceed the limit: the position error may be many radians.
-            pushes = (share < 1.0) & (asked * (values[:2] - joints[:2]) > 0.0)
+            pushes = (share < 1.0) & (demand * (values[:2] - joints[:2]) > 0.0)
             values[2:4] -= pushes * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
         return values
@@ -250,11 +250,11 @@ class JointLayer:
         return np.maximum(least, 0.0) + np.minimum(most, 0.0)
 
 
-def _share(possible: np.ndarray, asked: np.ndarray) -> np.ndarray:
+def _share(possible: np.ndarray, demand: np.ndarray) -> np.ndarray:
     """Possible share of a commanded torque, (n,), 0 to 1.
 
     0 if a motor above its no-load speed can only brake, and the command accelerates.
     """
-    share = (possible == asked).astype(float)
-    np.divide(possible, asked, out=share, where=np.abs(possible) < np.abs(asked))
+    share = (possible == demand).astype(float)
+    np.divide(possible, demand, out=share, where=np.abs(possible) < np.abs(demand))
     return share.clip(0.0, 1.0)

@@ -52,9 +52,9 @@ class Levelling:
             return command
         config = self._config
         pitch = -float(rotation_matrix(sensed.quaternion)[2, 0])
-        asked = config.gain * pitch + config.rate_gain_s * float(sensed.gyro[1])
+        demand = config.gain * pitch + config.rate_gain_s * float(sensed.gyro[1])
         share = min(max(time_s / config.fade_s, 0.0), 1.0)
-        correction = share * min(max(asked, -config.most_rad), config.most_rad)
+        correction = share * min(max(demand, -config.most_rad), config.most_rad)
         return command._replace(position=command.position + correction * self._turn)
 
 

@@ -133,9 +133,9 @@ class ControlLoop:
         return self._estimate.value
 
     @property
-    def asked_command(self) -> np.ndarray:
+    def requested_command(self) -> np.ndarray:
         """Velocity command of the last policy step, before clipping, (3,)."""
-        return self._runner.steering.asked_command
+        return self._runner.steering.requested_command
 
     @property
     def status(self) -> Status:

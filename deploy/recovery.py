@@ -55,7 +55,7 @@ class Recovery:
         self._consent = False
 
     def signals(
-        self, now_us: int, state: State, joints: JointLayer, ending: bool, asked: bool
+        self, now_us: int, state: State, joints: JointLayer, ending: bool, requested: bool
     ) -> RecoverySignals:
         """Signals on getting up, for the supervisor.
 
@@ -64,7 +64,7 @@ class Recovery:
             state: state of the supervisor.
             joints: joint layer with the latest readings.
             ending: whether a stop, or the end of the run, is requested.
-            asked: whether an operator requests getting up.
+            requested: whether an operator requests getting up.
         """
         if state.mode is not self._mode:
             self._mode, self._since_us = state.mode, None
@@ -73,11 +73,11 @@ class Recovery:
             if ending or not self._consent:
                 return NO_RECOVERY
             lies_still = self._fastest(now_us, joints) < self._config.rest_rad_s
-            rests = self._for_s(now_us, lies_still) >= self._config.rest_s
-            ready = rests and (asked or not self._config.asked)
+            rests = self._met_for_s(now_us, lies_still) >= self._config.rest_s
+            ready = rests and (requested or not self._config.asked)
             return RecoverySignals(allowed=True, ready=ready, tries=state.tries)
         if state.mode is Mode.RECOVERING:
-            stands = self._for_s(now_us, self._stands(now_us, joints)) >= self._config.stand_s
+            stands = self._met_for_s(now_us, self._stands(now_us, joints)) >= self._config.stand_s
             return RecoverySignals(stands=stands, tries=state.tries, tried_s=now_us * 1e-6 - state.since_s)
         return NO_RECOVERY
 
@@ -97,7 +97,7 @@ class Recovery:
         took_s = found.stood_s - found.fell_s
         return f"stood up again {took_s:.1f} s after a fall ({found.fault}), in try {found.tries}"
 
-    def _for_s(self, now_us: int, met: bool) -> float:
+    def _met_for_s(self, now_us: int, met: bool) -> float:
         """Duration for which a condition has been met, s."""
         if not met:
             self._since_us = None

@@ -47,13 +47,13 @@ COMMANDS = (
 )
 
 
-def _of_signals(check: Check) -> Rule:
+def _signal_rule(check: Check) -> Rule:
     defaults = SafetyConfig()
     limit = ", ".join(f"`{name}` {attrgetter(name)(defaults):g}" for name in check.limits)
     return Rule(check.quantity, limit or "none", SETTING if limit else "", check.leads_to)
 
 
-def _of_sensors(check: type[SensorCheck]) -> Rule:
+def _sensor_rule(check: type[SensorCheck]) -> Rule:
     setting, motor = check.limit
     share = f"`{setting}` {getattr(SensorLimits(), setting):g}" if setting else ""
     figure = f"`{motor}`" if motor else ""
@@ -66,7 +66,7 @@ SENSOR_CHECKS: tuple[type[SensorCheck], ...] = (*LINK_CHECKS, *JOINT_CHECKS, *BO
 
 def rules(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> tuple[Rule, ...]:
     """All rules."""
-    return (*map(_of_signals, SIGNAL_CHECKS), *map(_of_sensors, sensor_checks), *COMMANDS)
+    return (*map(_signal_rule, SIGNAL_CHECKS), *map(_sensor_rule, sensor_checks), *COMMANDS)
 
 
 def table(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> str:

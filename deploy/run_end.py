@@ -23,7 +23,7 @@ class RunEnd:
         self._skip_lie_down = False
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Whether the end was requested."""
         return self._finish
 

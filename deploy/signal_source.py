@@ -70,7 +70,7 @@ class SignalSource:
         self.frames_refused = 0  # so far
 
     def begin_checks(self, now_us: int, again: bool = False) -> None:
-        """Start the sensor checks anew; with `again` the usual rates are kept."""
+        """Restart the sensor checks; with `again` the reference rates of messages are kept."""
         joints = self._joints
         self._monitor.begin(
             now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target, again
@@ -84,17 +84,17 @@ class SignalSource:
         state: State,
         policy: PolicySignals,
         stop: Stop | None,
-        asked_to_get_up: bool = False,
+        get_up_requested: bool = False,
     ) -> Signals:
         """The signals of a tick.
 
         Args:
             now_us: the loop's time.
-            elapsed_us: since the tick before.
-            state: the supervisor's.
-            policy: the policy's part of the signals.
+            elapsed_us: time since the previous tick.
+            state: state of the supervisor.
+            policy: signals of the policy.
             stop: stop requested from outside; None without one.
-            asked_to_get_up: whether an operator asks for that.
+            get_up_requested: whether an operator requests getting up.
         """
         joints, mode = self._joints, state.mode
         motor_us, imu_us, motor_error = joints.last_heard()
@@ -110,8 +110,8 @@ class SignalSource:
             implausible = self._monitor.update(now_us, silence_us, joints, on_legs, resting, unfolding)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
-        ending = stop is not None or self._end.asked
-        recovery = self._recovery.signals(now_us, state, joints, ending, asked_to_get_up)
+        ending = stop is not None or self._end.requested
+        recovery = self._recovery.signals(now_us, state, joints, ending, get_up_requested)
         if recovery.ready:
             implausible = self._monitor.first_contradiction(joints)
         check = self._wiring_check
@@ -145,7 +145,7 @@ class SignalSource:
     def _at_start(
         self, now_us: int, motor_silence_us: int, imu_silence_us: int
     ) -> tuple[StartSignals, Implausible | None]:
-        """What blocks the start, once all motors have answered."""
+        """Reasons against the start, once all motors have answered."""
         heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
         if heard and imu_silence_us <= self._silence_us:
             rest.update(now_us, joints.inertial, joints.joints[1])

@@ -78,7 +78,7 @@ class Steering:
         self._request, self._checked = Request(ZERO_COMMAND, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []
         self._orders: list[Order] = []
-        self.asked_command = ZERO_COMMAND  # of the latest request, before clipping
+        self.requested_command = ZERO_COMMAND  # of the latest request, before clipping
         self.command = ZERO_COMMAND  # (3,) within the current policy's ranges
         self._stop: Stop | None = None
         self._next_us = 0
@@ -149,8 +149,8 @@ class Steering:
         self._follow(request.velocity if follow and request.wish is Wish.WALK else ZERO_COMMAND, run)
 
     def _follow(self, velocity: np.ndarray, run: Run) -> None:
-        self.asked_command = np.asarray(velocity, dtype=float)
-        self.command = self._limits.apply(self.asked_command)
+        self.requested_command = np.asarray(velocity, dtype=float)
+        self.command = self._limits.apply(self.requested_command)
         allowed = run.battery.allowed
         if allowed < 1.0:
             self.note("the battery is low: speed and torque are limited")
@@ -200,10 +200,10 @@ class Steering:
         if settings := self._new_settings(request.settings):
             self._changes.append(Change(settings=settings, by=request.settings_by or request.owner))
 
-    def _new_settings(self, asked: Mapping[str, float]) -> dict[str, float]:
+    def _new_settings(self, requested: Mapping[str, float]) -> dict[str, float]:
         """Values that changed, each clipped to its range."""
         new = {}
-        for name, value in asked.items():
+        for name, value in requested.items():
             if self._settings.get(name) == value:
                 continue
             span = self.offer.settings.get(name)

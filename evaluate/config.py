@@ -43,7 +43,7 @@ class Named(NamedTuple):
     missions: dict[str, Path]  # files of the missions among them, by name
 
 
-def named(given: Sequence[str]) -> Named:
+def parse_scenarios(given: Sequence[str]) -> Named:
     """Names of scenarios; a mission's file becomes a scenario with the file's name, without suffix."""
     missions = {each: Path(each) for each in given if Path(each).suffix.lower() in YAML}
     names = tuple(missions[each].stem if each in missions else each for each in given)

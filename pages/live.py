@@ -95,8 +95,8 @@ def _status(feed: RunFeed, seen: Moment, velocity: np.ndarray) -> str:
         ("Policy", feed.fact("policy")),
         ("State", "starting" if state is None else state.data.lower()),
         *(
-            (name, f"{now:+.1f} of {asked:+.2f} {unit}")
-            for name, now, asked, unit in zip(
+            (name, f"{now:+.1f} of {requested:+.2f} {unit}")
+            for name, now, requested, unit in zip(
                 ("Forward", "Left", "Yaw"), moving, seen.command, units, strict=True
             )
         ),

@@ -28,7 +28,7 @@ class Panel:
         self._server, self._gui = server, server.gui
         self._status = self._gui.add_markdown("")
         self._sliders: list[GuiSliderHandle[float]] = []
-        self._push_asked = self._restart_asked = False
+        self._push_requested = self._restart_requested = False
         self._commands = self._gui.add_folder("Command", visible=False)
         with self._commands:
             self._gui.add_markdown(BEYOND, order=-0.5)
@@ -99,13 +99,13 @@ class Panel:
 
     def take_push(self) -> float:
         """Speed of the push requested since the last call, m/s; 0 without a request."""
-        asked, self._push_asked = self._push_asked, False
-        return _within_range(self._push_m_s) if asked else 0.0
+        requested, self._push_requested = self._push_requested, False
+        return _within_range(self._push_m_s) if requested else 0.0
 
     def take_restart(self) -> bool:
         """Whether a restart was requested since the last call."""
-        asked, self._restart_asked = self._restart_asked, False
-        return asked
+        requested, self._restart_requested = self._restart_requested, False
+        return requested
 
     def say(self, markdown: str) -> None:
         """Show the status."""

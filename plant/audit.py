@@ -35,9 +35,9 @@ class Audit:
             requests.values
         )  # with motors of several makers, requests are grouped by maker
         command = JointCommand(*values)
-        asked = pd_torque(command, position, velocity)
-        possible = limit_torque(asked, velocity, self._robot.motor)
-        excess = (np.abs(asked) - np.abs(possible)) / self._robot.motor.peak_torque
+        demand = pd_torque(command, position, velocity)
+        possible = limit_torque(demand, velocity, self._robot.motor)
+        excess = (np.abs(demand) - np.abs(possible)) / self._robot.motor.peak_torque
         self.torque_over = max(self.torque_over, float(excess.max()))
         stiff = command.kp > 0.0
         self._look_at_target(command.position, stiff)

@@ -203,7 +203,7 @@ class Trial:
         self._recorder.add(
             **truth._asdict(),
             time_s=now_s,
-            command=loop.asked_command,
+            command=loop.requested_command,
             joint_target=loop.target,
             estimated_velocity=velocity,
             estimated_height=height,

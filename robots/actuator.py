@@ -177,10 +177,12 @@ def motor_torque(command: JointCommand, position: Array, velocity: Array, motor:
 
 def _demand(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Torque that the command demands of the motor at this speed, N m, before the motor's limits."""
-    asked = _requested(command, position, velocity, motor)
+    torque_demand = _requested(command, position, velocity, motor)
     if motor.voltage_gain is None:
-        return asked
-    return library(velocity).where(motor.voltage_gain > 0.0, _driven(asked, velocity, motor), asked)
+        return torque_demand
+    return library(velocity).where(
+        motor.voltage_gain > 0.0, _driven(torque_demand, velocity, motor), torque_demand
+    )
 
 
 def _requested(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
@@ -190,15 +192,15 @@ def _requested(command: JointCommand, position: Array, velocity: Array, motor: M
     return _through_gear(command, position, velocity, motor) * motor.strength
 
 
-def _duty(asked: Array, motor: Motor) -> Array:
+def _duty(torque_demand: Array, motor: Motor) -> Array:
     """Share of the supply's voltage, -1 to 1, that a voltage-driven motor sets for a torque demand, N m."""
-    xp = library(asked)
-    return xp.minimum(xp.maximum(asked * motor.voltage_gain / motor.stall_torque, -1.0), 1.0)
+    xp = library(torque_demand)
+    return xp.minimum(xp.maximum(torque_demand * motor.voltage_gain / motor.stall_torque, -1.0), 1.0)
 
 
-def _driven(asked: Array, velocity: Array, motor: Motor) -> Array:
-    """Torque of a voltage-driven motor for the PD law's demand `asked`, N m, less its back-EMF."""
-    duty = _duty(asked, motor)
+def _driven(torque_demand: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque of a voltage-driven motor for the PD law's demand `torque_demand`, N m, less its back-EMF."""
+    duty = _duty(torque_demand, motor)
     return motor.stall_torque * (duty - velocity / motor.no_load_speed) * _conductance(duty, motor)
 
 
@@ -273,10 +275,10 @@ def joint_damping(
     friction with load and the fall of Stribeck friction with speed stay in the explicit part.
     """
     xp = library(velocity)
-    asked = _demand(command, position, velocity, motor)
+    torque_demand = _demand(command, position, velocity, motor)
     peak = motor.peak_torque
     lower, upper = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
-    limit = xp.where(asked > upper, upper, lower)
+    limit = xp.where(torque_demand > upper, upper, lower)
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
     within = _engaged_damping(command, position, motor) * motor.strength
@@ -284,9 +286,9 @@ def joint_damping(
         gain, duty = motor.voltage_gain, _duty(_requested(command, position, velocity, motor), motor)
         slope = xp.where(xp.abs(duty) < 1.0, within * gain, 0.0) + line
         within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
-    delivered = xp.where((asked > upper) | (asked < lower), limited, within)
+    delivered = xp.where((torque_demand > upper) | (torque_demand < lower), limited, within)
     if lag is not None:
         delivered = delivered * (1.0 - lag.in_mean)
-    dry = _dry_friction(velocity, motor, asked.clip(lower, upper))
+    dry = _dry_friction(velocity, motor, torque_demand.clip(lower, upper))
     ramp = xp.where(xp.abs(velocity) < motor.friction_speed, dry / motor.friction_speed, 0.0)
     return delivered + ramp + motor.damping

@@ -23,7 +23,8 @@ WORLD = 0  # body
 MAX_GAP_M = 0.01  # pairs that come nearer in any random pose can touch
 
 # Shapes that collide with the ground in training: only feet, or all shapes, which then collide with each
-# other too. With rough_limbs they have friction; with true_limbs also, and no geom replaces others.
+# other as well. With rough_limbs and true_limbs these contacts have friction. With true_limbs all geoms
+# collide, otherwise those in the MJCF's pairs stand for their bodies.
 Contacts = Literal["feet", "whole_body", "rough_limbs", "true_limbs"]
 
 

@@ -55,7 +55,7 @@ def two_motors(of_one_leg: bool) -> Injection:
 
 
 def geared(ratio: float) -> Injection:
-    """A motor whose real gear is so many times the one that it assumes; negative if it is reversed."""
+    """A motor whose real gear ratio is `ratio` times the one in its firmware; negative if it is reversed."""
 
     def inject(injector: FaultInjector) -> None:
         ratios = np.ones(len(injector.robot.joint_names))

@@ -45,8 +45,8 @@ def follow(case: Case) -> Iterator[str]:
     travel = np.abs(position).max(axis=0)
     others = [j for j in range(len(travel)) if j not in moving and travel[j] > case.limits.still_rad]
     for joint in moving:
-        label, asked = case.labels[joint], target[:, joint]
-        share = float(position[:, joint] @ asked / (asked @ asked))
+        label, target_angle = case.labels[joint], target[:, joint]
+        share = float(position[:, joint] @ target_angle / (target_angle @ target_angle))
         if low <= share <= high:
             continue
         if others and abs(share) < low:
@@ -134,14 +134,18 @@ def sway(case: Case) -> Iterator[str]:
     """The base's tilt by the IMU equals its tilt by the joints, with all feet on the ground."""
     legs, samples = case.robot.legs, case.samples
     some = slice(None, None, max(1, len(samples.time_s) // MAX_POSES))
-    asked, by_joints = (
+    target_angle, by_joints = (
         _planes(np.array([legs.pose(row).foot for row in poses[some]]))[case.window.sways]
         for poses in (samples.target, samples.position)
     )
     by_imu = getattr(samples, case.window.sways)[some]
-    asked, by_joints, by_imu = asked - asked[0], by_joints - by_joints[0], by_imu - by_imu[0]
+    target_angle, by_joints, by_imu = (
+        target_angle - target_angle[0],
+        by_joints - by_joints[0],
+        by_imu - by_imu[0],
+    )
     low, high = case.limits.tilts
-    if np.abs(by_joints).max() < MIN_TILT_SHARE * np.abs(asked).max():
+    if np.abs(by_joints).max() < MIN_TILT_SHARE * np.abs(target_angle).max():
         yield "the legs do not tilt the base: check gains and torques"
     elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
         yield (

@@ -74,9 +74,9 @@ class MoteusDriver(PolledDriver):
 
     def query_settings(self) -> Frames:
         """Reads of the torque limit if robot.yaml has one; a different limit is written before."""
-        asked = self._settings.questions()
-        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in asked]
-        motor = np.array([each.motor for each in asked], np.intp)
+        settings_read = self._settings.questions()
+        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in settings_read]
+        motor = np.array([each.motor for each in settings_read], np.intp)
         data = np.concatenate([data for data, _ in rows]) if rows else np.zeros((0, 64), np.uint8)
         length = np.array([length for _, length in rows], np.intp)
         return Frames(self._wiring.channel[motor], self._identifier[motor], data, length)

@@ -95,9 +95,9 @@ class OdriveDriver:
     def query_settings(self) -> Frames:
         """Set torque control, and read one value of each axis: of its watchdog, then of its current limit."""
         axes, endpoints = self._watchdogs.questions()
-        asked = [] if axes.size else self._limits.questions()  # the interface's queue is short
-        limited = np.array([each.motor for each in asked], np.intp)
-        writes = np.array([each.motor for each in asked if each.write is not None], np.intp)
+        pending = [] if axes.size else self._limits.questions()  # the interface's queue is short
+        limited = np.array([each.motor for each in pending], np.intp)
+        writes = np.array([each.motor for each in pending if each.write is not None], np.intp)
         endpoint = self._wiring.current_endpoint
         return joined(
             [

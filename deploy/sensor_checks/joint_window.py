@@ -31,10 +31,12 @@ class JointWindow(NamedTuple):
     target_speed: np.ndarray  # speed of the position target, rad/s
     target_travel: np.ndarray  # travel of the position target in the previous window, rad
     mean: np.ndarray  # (3, n) mean of the readings, rows as in `joints`
-    asked_mean: np.ndarray  # mean torque from the last command at each reading, N m
+    commanded_mean: np.ndarray  # mean torque from the last command at each reading, N m
     gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
     torques: np.ndarray  # (k, n) each reported torque, N m
-    asked: np.ndarray  # (2, k, n) smallest torque commanded before each report, and minus the largest, N m
+    commanded: (
+        np.ndarray
+    )  # (2, k, n) smallest torque commanded before each report, and minus the largest, N m
     temperature_c: np.ndarray  # NaN if not reported
     voltage: np.ndarray  # supply voltage of the motors, V; NaN if not reported
 
@@ -69,7 +71,7 @@ class _Sums:
         self.torques: list[np.ndarray] = []
         self.least: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
         self.minus_most: list[np.ndarray] = []
-        self.expected, self.asked_sum = np.zeros((2, n))
+        self.expected, self.commanded_sum = np.zeros((2, n))
         self.gains = np.zeros((2, n))
         self.travel, self.jolts = np.zeros((2, n))
         self.starts = np.zeros(n)  # positions at the start of the window, computed from each reading, rad
@@ -112,7 +114,7 @@ class JointWindows:
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
-        asked: tuple[np.ndarray, np.ndarray] | None = None,
+        commanded: tuple[np.ndarray, np.ndarray] | None = None,
         sent: np.ndarray | None = None,
     ) -> bool:
         """Add one tick's readings; returns whether the window is full.
@@ -125,8 +127,8 @@ class JointWindows:
             inertial: reading of the IMU.
             joints: (3, n) reported position rad, velocity rad/s, torque N m.
             expected: (n,) expected torque from the last commands for these readings, N m.
-            asked: smallest torque of all commands since the last call, and minus the largest, N m, (n,) each;
-                None for `expected`.
+            commanded: smallest torque of all commands since the last call, and minus the largest, N m,
+                (n,) each; None for `expected`.
             sent: (5, n) last command, rows as in `JointCommand`; None if unknown.
         """
         sums, last = self._sums, self._last
@@ -147,13 +149,13 @@ class JointWindows:
         sums.readings += joints
         np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
         sums.torques.append(joints[2])
-        least, minus_most = asked or (expected, -expected)
+        least, minus_most = commanded or (expected, -expected)
         sums.least.append(least)
         sums.minus_most.append(minus_most)
         sums.expected += expected
         if sent is not None:
             sums.gains = sent[2:4]
-            sums.asked_sum += (sums.gains * (sent[:2] - joints[:2])).sum(axis=0) + sent[4]
+            sums.commanded_sum += (sums.gains * (sent[:2] - joints[:2])).sum(axis=0) + sent[4]
         sums.inertials.append(inertial)
         return len(sums.inertials) >= self._readings
 
@@ -210,10 +212,10 @@ class JointWindows:
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
             mean=mean,
-            asked_mean=sums.asked_sum / count,
+            commanded_mean=sums.commanded_sum / count,
             gains=sums.gains,
             torques=np.array(sums.torques),
-            asked=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
+            commanded=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
             temperature_c=temperature_c,
             voltage=voltage,
         )

@@ -110,8 +110,10 @@ class SensorMonitor:
             return found
         (heard_us, imu_us, _), expected = joints.last_heard(), joints.expected_torque()
         self._links.add(imu_us, joints.inertial)
-        asked, inertial = joints.take_asked(), joints.inertial
-        if not self.add(now_us, silence_us, heard_us, inertial, joints.joints, expected, asked, joints.sent):
+        commanded, inertial = joints.take_torque_range(), joints.inertial
+        if not self.add(
+            now_us, silence_us, heard_us, inertial, joints.joints, expected, commanded, joints.sent
+        ):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
         # The base of a lying robot is at rest while its legs move.
@@ -144,11 +146,11 @@ class SensorMonitor:
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
-        asked: tuple[np.ndarray, np.ndarray] | None = None,
+        commanded: tuple[np.ndarray, np.ndarray] | None = None,
         sent: np.ndarray | None = None,
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
-        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, asked, sent)
+        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, commanded, sent)
 
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray

@@ -59,16 +59,16 @@ class Unexplained(JointCheck):
 
     def reset(self) -> None:
         self._value = np.zeros(self._n)
-        self._asked: np.ndarray | None = None  # last columns of the earlier `window.asked`
+        self._commanded: np.ndarray | None = None  # last columns of the earlier `window.commanded`
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
         """Torque of each report beyond the explained range, N m, (looks, n); negative if explained."""
-        limits, before = self._limits, self._asked
+        limits, before = self._limits, self._commanded
         if before is None:
-            before = np.repeat(window.asked[:, :1], self._looks - 1, axis=1)
-        asked = np.concatenate((before, window.asked), axis=1)
-        self._asked = asked[:, 1 - self._looks :]
-        least, minus_most = _least_of_last(asked, self._looks)
+            before = np.repeat(window.commanded[:, :1], self._looks - 1, axis=1)
+        commanded = np.concatenate((before, window.commanded), axis=1)
+        self._commanded = commanded[:, 1 - self._looks :]
+        least, minus_most = _least_of_last(commanded, self._looks)
         lag_rad = limits.reading_rad + limits.lag_s * window.speed
         doubt = limits.torque_hidden * self._peak + window.stiffness * lag_rad
         doubt = doubt - limits.strength_share * np.minimum(np.minimum(least, minus_most), 0.0)
@@ -110,17 +110,17 @@ class Ignored(JointCheck):
     def measure(self, window: JointWindow) -> np.ndarray:
         late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag
         count = math.ceil(self._limits.ignored_s / window.elapsed_s)
-        self._windows.append(np.vstack((window.mean, window.asked_mean, window.gains)))
+        self._windows.append(np.vstack((window.mean, window.commanded_mean, window.gains)))
         while len(self._windows) > count + late:
             self._windows.popleft()
         if len(self._windows) < count + late:
             return np.zeros(self._n)
-        position, velocity, torque, asked, kp, kd = np.array(self._windows).transpose(1, 0, 2)
+        position, velocity, torque, commanded, kp, kd = np.array(self._windows).transpose(1, 0, 2)
         old = np.array([kp.argmin(axis=0), kp.argmax(axis=0)])[:, None]  # (2, 1, n) windows of old commands
         readings = np.take_along_axis(kp[None], old, 1) * position
         readings += np.take_along_axis(kd[None], old, 1) * velocity
         shown = (torque + readings).std(axis=1)
-        drive = np.sort((asked + readings)[:, :count], axis=1)
+        drive = np.sort((commanded + readings)[:, :count], axis=1)
         changed = np.minimum(drive[:, 1:].std(axis=1), drive[:, :-1].std(axis=1))  # without one extreme
         ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
         return ignored

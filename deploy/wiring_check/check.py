@@ -59,8 +59,8 @@ class WiringCheck:
             stiffness * config.stand_kp_scale * robot.kp,
             math.sqrt(stiffness) * config.stand_kd_scale * robot.kd,
         ]
-        self._asked = np.minimum(gains, self._highest[2:4])
-        self._gains = config.scale * self._asked  # gains after the drivers' limits
+        self._base_gains = np.minimum(gains, self._highest[2:4])
+        self._gains = config.scale * self._base_gains  # gains after the drivers' limits
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
         self._motor_lag_s = self._check.motor_lag_s + self._check.motor_lag_ticks * config.tick_us * 1e-6
@@ -90,7 +90,7 @@ class WiringCheck:
     def command(self, time_s: float) -> JointCommand:
         """The joint command at a time since the start of the check, s."""
         target = self._here + self._motions.offsets(time_s)
-        kp, kd = self._asked
+        kp, kd = self._base_gains
         return JointCommand(target, self._zeros, kp, kd, self._zeros)
 
     def update(self, time_s: float, sensed: Sensed) -> None:

@@ -85,8 +85,8 @@ def _has_rclpy(python: str) -> bool:
 
 def network_note(what: str = STEER, environment: Mapping[str, str] = os.environ) -> str:
     """Warning of what others can do if the environment opens ROS to the network; empty if it does not."""
-    asked = environment.get(RANGE, "LOCALHOST").upper()
-    return "" if asked in ("LOCALHOST", "OFF") else OPEN_NETWORK.format(RANGE, asked, what)
+    requested = environment.get(RANGE, "LOCALHOST").upper()
+    return "" if requested in ("LOCALHOST", "OFF") else OPEN_NETWORK.format(RANGE, requested, what)
 
 
 @contextmanager

@@ -46,7 +46,7 @@ class SteeringSocket:
         """
         self._inbox, self._paths, self._operator = inbox, paths, operator
         self._ended = threading.Event()
-        self._asked = False  # whether there was any request
+        self._requested = False  # whether there was any request
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(os.fspath(path))
         self._listener.listen(1)
@@ -96,7 +96,7 @@ class SteeringSocket:
     def _wait_for_the_first_request(self) -> None:
         """Send standstill for the bridge: after starting a run, the user still has to start a publisher of
         commands."""
-        if not self._asked and self._inbox.owner in ("", self._operator):
+        if not self._requested and self._inbox.owner in ("", self._operator):
             self._inbox.put(self._operator, velocity=ZERO_COMMAND)
 
     def _answer(self, line: bytes | bytearray) -> bytes:
@@ -111,7 +111,7 @@ class SteeringSocket:
 
     def _refused(self, request: dict[str, Any]) -> str:
         """Carry out a request; returns why it is refused, empty if it is accepted."""
-        self._asked = self._asked or "note" not in request
+        self._requested = self._requested or "note" not in request
         if "stop" in request:
             self._inbox.stop(self._operator, request["stop"])
             return ""

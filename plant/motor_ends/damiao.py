@@ -76,9 +76,9 @@ class DamiaoMotorEnd(PolledMotorEnd):
 
     def settings_replies(self, frames: Frames) -> Frames | None:
         access = np.isin(frames.data[:, 2], (READ, WRITE))
-        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & access
+        addressed = (frames.id == REGISTER_ID) & (frames.length == 8) & access
         motor = self._lookup[frames.channel, frames.data[:, 0]]
-        rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
+        rows = np.flatnonzero(addressed & (motor >= 0) & (frames.data[:, 1] == 0))
         if not len(rows):
             return None
         data, joints = frames.data[rows].copy(), motor[rows]

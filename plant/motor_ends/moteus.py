@@ -92,10 +92,10 @@ class MoteusMotorEnd(PolledMotorEnd):
                 written = _written(content)
             except ValueError:
                 continue
-            asked = self._kind(motor[row], written, moteus.QUERY in content)
-            if asked is not None:
+            request_kind = self._kind(motor[row], written, moteus.QUERY in content)
+            if request_kind is not None:
                 rows.append(row)
-                kinds.append(asked)
+                kinds.append(request_kind)
                 values.append([written.get(each, _DEFAULTS[k]) for k, each in enumerate(_COMMANDED)])
         joints = motor[np.array(rows, np.intp)]
         numbers, kind = np.array(values, float).reshape(-1, 5).T, np.array(kinds, int)

@@ -100,8 +100,8 @@ class OdriveMotorEnd:
             self.current_limit[motor[row]] = odrive.floats(frames.data[[row]])[1, 0]
         rows, endpoint = rows[frames.data[rows, 0] == 0], endpoint[frames.data[rows, 0] == 0]
         known = self._wiring.watchdog_endpoints, self._wiring.current_endpoint[:, None]
-        asked = endpoint[:, None] == np.hstack(known)[motor[rows]]
-        rows, which = rows[asked.any(axis=1)], asked.argmax(axis=1)[asked.any(axis=1)]
+        addressed = endpoint[:, None] == np.hstack(known)[motor[rows]]
+        rows, which = rows[addressed.any(axis=1)], addressed.argmax(axis=1)[addressed.any(axis=1)]
         if not rows.size:
             return None
         data, axes = frames.data[rows].copy(), motor[rows]

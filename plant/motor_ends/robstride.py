@@ -73,8 +73,10 @@ class RobstrideMotorEnd(PolledMotorEnd):
     def settings_replies(self, frames: Frames) -> Frames | None:
         """See `MotorEnd.settings_replies`. A write gets no reply, unlike with a real motor."""
         motor, kind = self._lookup[frames.channel, frames.id & 0xFF], frames.id >> 24 & 0x1F
-        asked = (frames.id >= EXTENDED) & np.isin(kind, (READ, WRITE)) & (motor >= 0) & (frames.length == 8)
-        rows = np.flatnonzero(asked)
+        addressed = (
+            (frames.id >= EXTENDED) & np.isin(kind, (READ, WRITE)) & (motor >= 0) & (frames.length == 8)
+        )
+        rows = np.flatnonzero(addressed)
         data, joints = frames.data[rows].copy(), motor[rows]
         for row, joint, write in zip(data, joints.tolist(), (kind[rows] == WRITE).tolist(), strict=True):
             parameter, own = int(row[0]) | int(row[1]) << 8, self.parameters[joint]

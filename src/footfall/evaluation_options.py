@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
-from footfall.evaluate.config import EvaluationConfig, named
+from footfall.evaluate.config import EvaluationConfig, parse_scenarios
 from footfall.options import (
     AS_TYPED,
     ControllerSettings,
@@ -69,7 +69,7 @@ def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     """The options as a configuration for `footfall.evaluate.api`."""
     from footfall.operate.missions.run import mission_run
 
-    own = {**named(options.scenarios)._asdict(), "mission_run": mission_run}
+    own = {**parse_scenarios(options.scenarios)._asdict(), "mission_run": mission_run}
     names = [each.name for each in fields(EvaluationConfig) if each.name not in own]
     return EvaluationConfig(**{name: getattr(options, name) for name in names}, **own)
 
@@ -86,7 +86,7 @@ def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
     if options.junit is not None and not options.require:
         raise UserError("--junit needs a requirement: add --require 'nominal.falls <= 0'")
     check_outputs(options.junit)
-    return parse_requirements(options.require, named(options.scenarios).scenarios, options.metrics)
+    return parse_requirements(options.require, parse_scenarios(options.scenarios).scenarios, options.metrics)
 
 
 def exit_status(

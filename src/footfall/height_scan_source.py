@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 AUTO, OFF, UDP, ROS2 = "auto", "off", "udp", "ros2"
 
 
-def arrive_by_the_clock(chosen: str) -> bool:
+def arrive_in_real_time(chosen: str) -> bool:
     """Whether scans come from another program, in real time."""
     return chosen.partition(":")[0] in (UDP, ROS2)
 

@@ -89,7 +89,7 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     parts = [
         f"{walking_s:.1f} s" if duration_s >= MAX_DURATION_S else f"{walking_s:.1f} of {duration_s:g} s",
         loop.state.mode.value,
-        "command {:+.2f} {:+.2f} m/s {:+.2f} rad/s".format(*loop.asked_command),
+        "command {:+.2f} {:+.2f} m/s {:+.2f} rad/s".format(*loop.requested_command),
     ]
     if np.isfinite(velocity).all():
         parts.append("velocity {:+.2f} {:+.2f} m/s".format(*velocity[:2]))

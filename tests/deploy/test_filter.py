@@ -29,7 +29,7 @@ def matrix(motion: MotionFilter) -> np.ndarray:
 
 
 def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
-    """A filter in the middle of something: each of its numbers differs from the others."""
+    """A filter with a full covariance: all of its numbers differ."""
     rng = np.random.default_rng(seed)
     motion = MotionFilter(config)
     root = 0.02 * rng.standard_normal((3, 3))
@@ -40,7 +40,7 @@ def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
 
 
 class TestFilter:
-    def test_prediction_is_the_textbooks(self) -> None:
+    def test_prediction_follows_the_textbook(self) -> None:
         """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
         config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
         motion = coupled()
@@ -59,7 +59,7 @@ class TestFilter:
         added = np.diag([0.0, noise * dt_s**2, config.acceleration_bias_drift**2 * dt_s])
         np.testing.assert_allclose(matrix(motion), transition @ before @ transition.T + added, rtol=1e-10)
 
-    def test_correction_is_the_textbooks(self) -> None:
+    def test_correction_follows_the_textbook(self) -> None:
         """Each leg measures v, with a noise that grows as its contact falls."""
         config, motion = TRUSTING, coupled()
         state = np.array([motion.position, motion.velocity, motion.bias])
@@ -77,7 +77,7 @@ class TestFilter:
         np.testing.assert_allclose([motion.position, motion.velocity, motion.bias], expected, rtol=1e-9)
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
-    def test_the_bias_is_the_bodys(self) -> None:
+    def test_the_bias_is_in_body_axes(self) -> None:
         """The legs' correction in the body's axes, for any orientation: R' e, by scipy."""
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
@@ -88,7 +88,7 @@ class TestFilter:
 
     @settings(max_examples=100, deadline=None)
     @given(st.integers(0, 10**6))
-    def test_its_covariance_stays_one(self, seed: int) -> None:
+    def test_its_covariance_stays_valid(self, seed: int) -> None:
         """Whatever readings come, no variance becomes negative and no correlation exceeds one."""
         rng = np.random.default_rng(seed)
         motion = coupled(FilterConfig(), seed)
@@ -155,7 +155,7 @@ class TestFilter:
         assert motion.vv < 1e-4
         assert abs(motion.velocity[0]) < 0.01
 
-    def test_a_tilted_accelerometer_is_found_out(self) -> None:
+    def test_a_tilted_accelerometer_is_detected(self) -> None:
         """A constant 0.2 m/s^2 sideways on standing legs: the velocity stays 0."""
         motion = MotionFilter(FilterConfig())
         for _ in range(5000):

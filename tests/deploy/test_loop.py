@@ -95,7 +95,7 @@ def test_a_policy_sees_the_readings_of_the_frames(go1: Robot) -> None:
     np.testing.assert_allclose(seen.sensed.quaternion, body.quaternion, atol=1e-4)
     np.testing.assert_allclose(seen.sensed.acceleration, [0.0, 0.0, 9.8], atol=0.005)
     np.testing.assert_allclose(seen.command, [0.02, 0.04, 0.06])
-    np.testing.assert_allclose(loop.asked_command, [0.02, 0.04, 0.06])
+    np.testing.assert_allclose(loop.requested_command, [0.02, 0.04, 0.06])
 
 
 class TestFaults:

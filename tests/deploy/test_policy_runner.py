@@ -175,7 +175,7 @@ class TestInputs:
         policy.notes = notes = ["slower"]  # type: ignore[assignment]
         runner = runner_of(policy, lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
         walk(runner, [0])
-        assert runner.steering.asked_command.tolist() == [9.0, 0.0, 0.0]
+        assert runner.steering.requested_command.tolist() == [9.0, 0.0, 0.0]
         assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
         (forward, slower) = runner.notes
         assert ("forward" in forward, slower) == (True, "slower")

@@ -66,10 +66,10 @@ CONFIG = replace(
 )
 
 
-def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
+def numbered_steps(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
     """In physics step k the base turns by k * TURN faster and the motors give (k + 1) * TORQUE.
 
-    A foot's place is 10 (foot + 1) + k cm along x and (foot + 1) cm up. The motion carries the targets of its
+    A foot is at 10 (foot + 1) + k cm along x and (foot + 1) cm up. The motion carries the targets of its
     last step on, and the sum of all stiffness.
     """
     number = jnp.arange(1.0, SUBSTEPS + 1)
@@ -86,7 +86,7 @@ def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
 @pytest.fixture(scope="module")
 def env() -> LocomotionEnv:
     env = LocomotionEnv(ROBOT, CONFIG)
-    env.engine = env.engine._replace(simulate=told_apart)
+    env.engine = env.engine._replace(simulate=numbered_steps)
     return env
 
 
@@ -236,10 +236,10 @@ class TestStep:
 
 
 def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary() -> None:
-    """JAX sorts a dictionary's keys wherever it hands one back."""
+    """JAX sorts a dictionary's keys wherever it returns one."""
     ranges = {name: Distribution(0.9, 1.1) for name in ("friction", "kp", "battery")}
     env = LocomotionEnv(ROBOT, replace(CONFIG, randomisation=Randomisation(**ranges)))
-    env.engine = env.engine._replace(simulate=told_apart)
+    env.engine = env.engine._replace(simulate=numbered_steps)
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
     sample = {"friction": jnp.float32(0.7), "kp": jnp.full(N, 1.1), "battery": jnp.float32(0.9)}
     step = jax.jit(env.step)
@@ -276,7 +276,7 @@ def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -
         weights = (("alive", 1.0), ("height", height_weight), ("fall", -7.0))
         rewards = tuple(RewardConfig(*pair) for pair in weights)
         env = LocomotionEnv(ROBOT, replace(CONFIG, rewards=rewards, reward_floor=-0.5))
-        env.engine = env.engine._replace(simulate=told_apart)
+        env.engine = env.engine._replace(simulate=numbered_steps)
         step = jax.jit(env.step)
         for tilt, rate in ((0.0, upright_rate), (3.0, fallen_rate)):
             quaternion = (np.cos(tilt / 2), np.sin(tilt / 2), 0.0, 0.0)
@@ -286,12 +286,12 @@ def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -
 
 @pytest.fixture(scope="module")
 def outcome(env: LocomotionEnv) -> Callable[[State], Any]:
-    """What the stand-in physics makes of a state, its motors at rest."""
+    """Result of a step of the fake physics, with motors at rest."""
 
     @jax.jit
     def of(state: State) -> Any:
         motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
-        _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
+        _, trace = numbered_steps(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
         return env.step_data(state, trace)._replace(scene=jnp.zeros(()))
 
     return of

@@ -91,7 +91,7 @@ def refuse(*_: Any) -> None:
     raise UserError("enough")
 
 
-class TestWhatTheLogNames:
+class TestNamesInTheLog:
     @pytest.fixture
     def log(self, called: Recorder, go1: Robot) -> dict[str, Any]:
         """Policy and robot of the log; `result` is the result of its replay."""

@@ -41,7 +41,7 @@ def loop() -> Any:
     return SimpleNamespace(
         walking=True, walking_s=1.26, walked_s=4.2,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
-        asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
+        requested_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
         timing=Timing(ticks_skipped=7), held_up=False, battery=BatteryState(charge=0.42),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from footfall.identify.null_space import null_directions, profile
 NAMES = ["armature", "delay", "friction"]
 
 
-def test_two_parameters_that_do_the_same_are_named_together() -> None:
+def test_parameters_with_the_same_effect_are_named_together() -> None:
     rng = np.random.default_rng(0)
     one, other = rng.normal(size=(2, 200))
     slope = np.stack([one, -2.0 * one, other], axis=1)
@@ -25,7 +25,7 @@ def test_noise_and_too_few_rows_leave_directions_undetermined() -> None:
     assert len(null_directions(slope[:1], NAMES)) == 2
 
 
-def test_a_profile_shows_how_other_parameters_make_up_for_one() -> None:
+def test_a_profile_shows_how_other_parameters_compensate_for_one() -> None:
     """misfit of a + d = 3 with d held: all values fit alike; a second equation 0.1 d = 0.1 bounds it."""
 
     def fit_at(delay: float) -> tuple[float, np.ndarray]:

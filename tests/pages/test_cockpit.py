@@ -92,7 +92,7 @@ def page_status(served: SimpleNamespace, path: str, **headers: str) -> tuple[int
     return answer.status, dict(answer.getheaders())
 
 
-class TestWhoIsLetIn:
+class TestAccess:
     def test_only_the_printed_address_opens_the_page_once(self, served: SimpleNamespace) -> None:
         status, headers = page_status(served, f"/?token={served.token}")
         assert status == 200
@@ -114,12 +114,12 @@ class TestWhoIsLetIn:
             {"origin": "http://localhost:1"},
         ],
     )
-    def test_no_other_page_or_token_gets_in(self, served: SimpleNamespace, wrong: dict[str, str]) -> None:
+    def test_other_pages_and_tokens_are_refused(self, served: SimpleNamespace, wrong: dict[str, str]) -> None:
         with pytest.raises(InvalidStatus) as caught:
             Visitor(served, **wrong)
         assert caught.value.response.status_code == 403
 
-    def test_nor_does_one_without_an_origin(self, served: SimpleNamespace) -> None:
+    def test_a_connection_without_an_origin_is_refused(self, served: SimpleNamespace) -> None:
         with pytest.raises(InvalidStatus):
             connect(f"ws://localhost:{served.port}/steer?token={served.token}")
 
@@ -204,7 +204,7 @@ def asked(inbox: Inbox) -> np.ndarray:
     return inbox.poll(STANDING).velocity
 
 
-def test_a_command_that_was_on_its_way_for_long_is_refused() -> None:
+def test_a_command_with_a_long_transport_time_is_refused() -> None:
     now = SimpleNamespace(s=10.0)
     fresh = Freshness(lambda: now.s)
     challenge = fresh.challenge()

@@ -67,7 +67,7 @@ class FakeLoop:
         self.state = SimpleNamespace(mode=Mode.WALKING)
         self.walking_s = 0.0
         self.estimate = np.array([7.0, 8.0, 9.0]), 0.31
-        self.asked_command = np.array([0.1, 0.2, 0.3])
+        self.requested_command = np.array([0.1, 0.2, 0.3])
         self.target = np.array([5.0])
         self.finished = 0
 

@@ -1,4 +1,4 @@
-"""The simulated robot's height scans, and a policy that walks by them on the simulated bus."""
+"""The simulated robot's height scans, and a policy that uses them on the simulated bus."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -54,7 +54,7 @@ def test_scans_come_at_their_rate_and_after_their_lag() -> None:
     )[: len(taken) - 3]
 
 
-def test_a_shifted_scan_reads_another_place() -> None:
+def test_a_shifted_scan_reads_another_position() -> None:
     errors = HeightScanErrors(shift_m=0.5)
     exact, shifted = scanner().newest(0), scanner(errors).newest(0)
     assert exact is not None

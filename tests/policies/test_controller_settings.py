@@ -25,7 +25,7 @@ def mine(tmp_path: Path) -> Path:
     return file
 
 
-class TestWhatIsTyped:
+class TestOverrides:
     @pytest.mark.parametrize("key", ["stance.kd", "gait.period_s", "period_s", "attitude"])
     def test_one_setting_differs_and_no_other(self, go1: Robot, key: str) -> None:
         """The last two leave out sections that no other setting of that name has."""
@@ -115,7 +115,7 @@ class TestRefusals:
         assert complaint in refusal(f"stand@{tmp_path / 'bad.yaml'}", go1)
 
 
-class TestSettingsGivenApart:
+class TestSetOption:
     """--set CONTROLLER.KEY=VALUE"""
 
     def test_they_reach_every_contender_of_that_controller(self) -> None:
@@ -137,8 +137,8 @@ class TestSettingsGivenApart:
             add_settings(["mpc", "stand"], [setting])
 
 
-class TestWhatIsKept:
-    def test_a_spec_that_lasts_needs_no_file(self, go1: Robot, mine: Path) -> None:
+class TestLastingSpec:
+    def test_a_lasting_spec_needs_no_file(self, go1: Robot, mine: Path) -> None:
         spec = f"mpc@{mine}@attitude=[3, 2, 1]"
         lasting = lasting_spec(spec)
         before = load_settings(spec, go1)
@@ -146,7 +146,7 @@ class TestWhatIsKept:
         assert lasting == "mpc@gait.period_s=0.5@weights.force=1e-4@attitude=[3, 2, 1]"
         assert load_settings(lasting, go1) == before
 
-    def test_other_policies_names_last(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_other_policies_keep_their_names(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "mine.onnx").touch()
         (tmp_path / "run").mkdir()
@@ -188,7 +188,7 @@ def numbers(settings: dict[str, Any], prefix: str = "") -> Iterator[str]:
             yield prefix + name
 
 
-class TestNumbersThatCannotWork:
+class TestImpossibleNumbers:
     def test_only_offsets_may_be_negative_and_divisors_must_be_above_zero(self, refusal: Refusal) -> None:
         checked = set()
         for controller, robot in one_of_each_kind().items():

@@ -55,7 +55,7 @@ class TestInverse:
         foot = LEGS.pose(LEGS.scatter(wanted, ROBOT.default_pose)).foot
         np.testing.assert_allclose(LEGS.solve(foot), wanted, atol=1e-6)
 
-    def test_a_place_too_far_below_stretches_the_leg_towards_it(self) -> None:
+    def test_a_tip_out_of_reach_stretches_the_leg_towards_it(self) -> None:
         far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
         reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot
         assert np.all(reached[:, 2] < LEGS.default_foot[:, 2] - 0.05)
@@ -63,7 +63,7 @@ class TestInverse:
 
 
 class TestLoad:
-    """What limbs' own weight asks of their motors, against the potential energy."""
+    """Torques that carry the limbs' weight, against the potential energy."""
 
     @pytest.mark.parametrize("name", ["go1", "g1", "hexapod"])
     @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
@@ -88,8 +88,8 @@ class TestLoad:
         assert np.abs(slope).max() > 0.1
         np.testing.assert_allclose(legs.holding_torque(pose, felt), legs.gather(slope), atol=1e-5)
 
-    def test_turns_and_torques_belong_to_the_given_pose_despite_caches(self) -> None:
-        """Whatever was worked out in between, also by the way back that goes by MuJoCo."""
+    def test_rotations_and_torques_are_of_the_given_pose_despite_caches(self) -> None:
+        """Whatever was computed in between, also by inverse kinematics through MuJoCo."""
         robot = load_robot("g1")
         legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
         pose = robot.default_pose + 0.1
@@ -138,7 +138,7 @@ class TestOtherRobots:
         """It has no closed form."""
         for name in ("robot.yaml", "robot.xml"):
             text = (ROBOT.folder / name).read_text().replace("height_m: 0.2945", "height_m: 0.341")
-            (tmp_path / name).write_text(re.sub(r" lying_rad: [-0-9.]+,", "", text))  # it lies otherwise
+            (tmp_path / name).write_text(re.sub(r" lying_rad: [-0-9.]+,", "", text))  # without a lying pose
         knee = '<default class="knee">\n      <joint axis="0 1 0"'
         text = (tmp_path / "robot.xml").read_text()
         assert knee in text

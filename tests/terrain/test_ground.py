@@ -16,28 +16,30 @@ from footfall.terrain.ground import Ground, edge_at, height_at, tangent_at
 HIGH_M = 5.0
 
 
-def in_mujoco(ground: Ground, places: np.ndarray) -> np.ndarray:
-    """Heights (n,) at places (n, 2), by rays from above on the geoms of a plant."""
+def in_mujoco(ground: Ground, positions: np.ndarray) -> np.ndarray:
+    """Heights (n,) at positions (n, 2), by rays from above on the geoms of a plant."""
     spec = mujoco.MjSpec()
     replace_ground(spec, ground)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hit, down = np.zeros(1, dtype=np.int32), np.array([0.0, 0.0, -1.0])
-    above = np.column_stack([places, np.full(len(places), HIGH_M)])
+    above = np.column_stack([positions, np.full(len(positions), HIGH_M)])
     return np.array([HIGH_M - mujoco.mj_ray(model, data, point, down, None, 1, -1, hit) for point in above])
 
 
 @pytest.mark.parametrize("name", named_grounds())
 def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
     ground = load_ground(name, seed=3)
-    places = np.random.default_rng(1).uniform(-6.0, 6.0, (300, 2))
-    heights = height_at(ground, places)
+    positions = np.random.default_rng(1).uniform(-6.0, 6.0, (300, 2))
+    heights = height_at(ground, positions)
     # MuJoCo divides the squares of a height field into triangles: between grid points it differs.
-    np.testing.assert_allclose(in_mujoco(ground, places), heights, atol=1e-5 if ground.stepped[0] else 0.01)
+    np.testing.assert_allclose(
+        in_mujoco(ground, positions), heights, atol=1e-5 if ground.stepped[0] else 0.01
+    )
     on_jax = ground._replace(heights=jnp.asarray(ground.heights), stepped=jnp.asarray(ground.stepped))
-    apart = np.abs(np.asarray(height_at(on_jax, jnp.asarray(places))) - heights)
-    assert np.quantile(apart, 0.98) < 1e-5  # a place may fall into the next cell by rounding
+    apart = np.abs(np.asarray(height_at(on_jax, jnp.asarray(positions))) - heights)
+    assert np.quantile(apart, 0.98) < 1e-5  # a position may fall into the next cell by rounding
     assert not height_at(ground, np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))).any()
     rim = height_at(ground, np.array([[5.0, 0.0], [-5.0, 4.0], [0.0, -9.0], [2.0, 5.0]]))
     assert np.ptp(rim) < 1e-9
@@ -46,9 +48,9 @@ def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_stairs_rise_by_their_step_at_the_same_distance_on_all_sides(side: float) -> None:
     ground = load_ground("stairs,step_m=0.1,tread_m=0.3,start_m=1.0")
-    places = side * np.array([0.99, 1.01, 1.29, 1.31])
+    positions = side * np.array([0.99, 1.01, 1.29, 1.31])
     for axis in (0, 1):
-        heights = height_at(ground, places[:, None] * np.eye(2)[axis])
+        heights = height_at(ground, positions[:, None] * np.eye(2)[axis])
         np.testing.assert_allclose(heights, [0.0, 0.1, 0.1, 0.2], atol=1e-9)
 
 
@@ -67,21 +69,21 @@ def test_random_heights_fill_the_declared_range(spec: str, low: float, high: flo
 
 def test_slopes_are_the_change_of_height() -> None:
     ground = load_ground("rough,roughness_m=0.05", seed=2)
-    places = np.random.default_rng(0).uniform(-4.0, 4.0, (200, 2))
+    positions = np.random.default_rng(0).uniform(-4.0, 4.0, (200, 2))
     step = 1e-6
     for axis in (0, 1):
-        moved = places + step * np.eye(2)[axis]
-        numeric = (height_at(ground, moved) - height_at(ground, places)) / step
-        np.testing.assert_allclose(tangent_at(ground, places).slope[:, axis], numeric, atol=1e-4)
+        moved = positions + step * np.eye(2)[axis]
+        numeric = (height_at(ground, moved) - height_at(ground, positions)) / step
+        np.testing.assert_allclose(tangent_at(ground, positions).slope[:, axis], numeric, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["stairs", "blocks", "gaps", "rough"])
 def test_an_edge_lies_between_two_levels(name: str) -> None:
     """Just on either side of it the heights are those levels; without one, no other level is near."""
     ground = load_ground(name, seed=3)
-    places = np.random.default_rng(1).uniform(-4.5, 4.5, (400, 2))
-    edge = edge_at(ground, places)
-    here, some = height_at(ground, places), edge.high > -1.0
+    positions = np.random.default_rng(1).uniform(-4.5, 4.5, (400, 2))
+    edge = edge_at(ground, positions)
+    here, some = height_at(ground, positions), edge.high > -1.0
     assert some.any() is np.bool_(name != "rough")
     if name == "rough":
         return
@@ -89,13 +91,15 @@ def test_an_edge_lies_between_two_levels(name: str) -> None:
     assert np.isclose(here, edge.low)[some].mean() > 0.2
     assert np.isclose(here, edge.high)[some].mean() > 0.2
     away, offset = edge.away[some], edge.offset[some]
-    onto = places[some] + (offset - (places[some] * away).sum(axis=1))[:, None] * away
-    assert np.linalg.norm(onto - places[some], axis=1).max() <= 2 * ground.cell_m + 1e-9
+    onto = positions[some] + (offset - (positions[some] * away).sum(axis=1))[:, None] * away
+    assert np.linalg.norm(onto - positions[some], axis=1).max() <= 2 * ground.cell_m + 1e-9
     np.testing.assert_allclose(height_at(ground, onto + 1e-6 * away), edge.low[some], atol=1e-9)
     np.testing.assert_allclose(height_at(ground, onto - 1e-6 * away), edge.high[some], atol=1e-9)
     on_jax = Ground(jnp.asarray(ground.heights), jnp.asarray(ground.stepped), ground.cell_m)
-    for ours, theirs in zip(edge, edge_at(on_jax, jnp.asarray(places)), strict=True):
-        assert np.quantile(np.abs(ours - np.asarray(theirs)), 0.98) < 1e-4  # a place may be in the next cell
+    for ours, theirs in zip(edge, edge_at(on_jax, jnp.asarray(positions)), strict=True):
+        assert (
+            np.quantile(np.abs(ours - np.asarray(theirs)), 0.98) < 1e-4
+        )  # a position may be in the next cell
 
 
 def test_random_heights_follow_from_the_seed() -> None:

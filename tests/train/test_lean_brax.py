@@ -23,7 +23,7 @@ def run(first: str) -> list[str]:
 def test_training_imports_no_simulator_that_it_does_not_use() -> None:
     lean = run("")
     assert lean[0] == "False False"
-    assert lean[-1] == "brax.base brax.base"  # and it is there when it is asked for
+    assert lean[-1] == "brax.base brax.base"  # available on access
 
 
 @long_test

@@ -57,7 +57,7 @@ PPO = replace(
 
 @pytest.fixture(scope="module")
 def torch_imported() -> Iterator[None]:
-    """Where these tests run: every worker reads this file, and torch takes seconds to import.
+    """torch, imported only where these tests run: every worker reads this file, and torch takes seconds.
 
     All of them train in one environment, whose step is compiled once.
     """
@@ -87,7 +87,7 @@ def request(preset: str, out: Path) -> api.TrainRequest:
 
 @pytest.fixture(scope="module")
 def run(torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run as a user makes it."""
+    """A run by the command line's function."""
     folder = tmp_path_factory.mktemp("runs") / "rsl_rl"
     arguments = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
     assert main(["train", *arguments, "--out", str(folder)]) == 0
@@ -321,7 +321,9 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
     assert part in name
 
 
-def test_no_memory_for_export_is_a_line(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_memory_for_export_is_reported_in_one_line(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def exhausted(*_: object) -> float:
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 MiB.")
 
@@ -357,7 +359,7 @@ def test_another_devices_checkpoint_is_exported(trainer: RslRlTrainer, run: Path
 
 
 class Code:
-    """What a hostile file might hold: reading it makes a folder."""
+    """Content of a hostile file: reading it makes a folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

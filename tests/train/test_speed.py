@@ -11,7 +11,7 @@ def test_a_burst_of_reports_does_not_look_fast() -> None:
     assert speed.after(2.000001, 200) == pytest.approx(100.0, rel=1e-3)
 
 
-def test_it_is_of_the_last_five_seconds() -> None:
+def test_the_speed_is_of_the_last_five_seconds() -> None:
     speed = Speed(0.0, 0)
     for second in range(1, 21):
         latest = speed.after(float(second), 100 * second if second <= 14 else 1400 + 7 * (second - 14))

@@ -39,7 +39,7 @@ class TrainState(NamedTuple):
 
     @property
     def learner(self) -> "TrainState":
-        """Everything but the episodes, whose places are empty."""
+        """The state without its episodes: their fields are empty."""
         return self._replace(**_NO_EPISODES)
 
     def with_episodes(self, episodes: tuple[State, dict[str, jax.Array]]) -> "TrainState":

@@ -47,12 +47,12 @@ class Services:
 
         return self._node.create_service(message_type(TRIGGER), name, answer)
 
-    def _wave(self, asked: Any, response: Any) -> Any:
+    def _wave(self, switch: Any, response: Any) -> Any:
         others = [gait for gait in self._gaits if gait != WAVE_GAIT]
-        if not asked.data and not others:
+        if not switch.data and not others:
             response.success, response.message = False, "the current policy has no other gait"
             return response
-        return self._ask(response, {"gait": WAVE_GAIT if asked.data else others[0]})
+        return self._ask(response, {"gait": WAVE_GAIT if switch.data else others[0]})
 
     def _ask(self, response: Any, request: Mapping[str, Any]) -> Any:
         refused = self._link.ask(**request)

@@ -55,7 +55,7 @@ class Jump:
         self._take_stand(inputs)
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        if self._time_s is None and self._asked(inputs):
+        if self._time_s is None and self._requests_jump(inputs):
             self._jump_from(inputs)
         if self._time_s is None:
             return self._stand.act(self._since_landing(inputs))
@@ -81,7 +81,7 @@ class Jump:
         self._stood_s = 0.0  # policy time at which the current stance began
         self._yaw, self._height = 0.0, self._config.plan.stance.height_m
 
-    def _asked(self, inputs: PolicyInput) -> bool:
+    def _requests_jump(self, inputs: PolicyInput) -> bool:
         """Whether the command asks for a jump and the robot has stood long enough on all feet."""
         plan = self._stand.stance()
         if plan is None or plan.min() < 1.0:

@@ -12,7 +12,7 @@ class Swing:
 
     A minimum-jerk motion that comes to rest at its goal after a time s starts with the jerk
     60 d / s^3 - 36 v / s^2 - 9 a / s, d being the remaining distance (Flash and Hogan 1985). It is evaluated
-    anew at each tick, so that a change of the goal needs no new plan.
+    again at each tick, so that a change of the goal needs no new plan.
 
     Args:
         position: (2,) m, position of the foot.

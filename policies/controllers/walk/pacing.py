@@ -25,7 +25,7 @@ class Pacing:
 
     def reset(self) -> None:
         """Start without a command."""
-        self._asked = [0.0, 0.0, 0.0]
+        self._requested = [0.0, 0.0, 0.0]
         self._attainable = np.zeros(3)
         self._pace = self._before = Pace()
         self.tempo = 1.0
@@ -53,11 +53,11 @@ class Pacing:
             length_m: length of a step.
             walk: gives the steady walk at a velocity (3,).
         """
-        asked = command.tolist()
-        if self._checked is not None and asked == self._asked:
+        requested = command.tolist()
+        if self._checked is not None and requested == self._requested:
             return self._attainable
-        self._asked = asked
-        forward, leftward, yaw_rate = asked
+        self._requested = requested
+        forward, leftward, yaw_rate = requested
         speed = math.hypot(forward, leftward) + abs(yaw_rate) * self._farthest
         within = command * min(1.0, length_m / max(speed * stance_s, 1e-9))
         if self._checked is None or np.any(np.abs(within - self._checked) >= _CHANGE):

@@ -88,7 +88,7 @@ def deploy(
 def _simulated(run: Run) -> dict[str, Any]:
     """Run on the simulated robot; returns the figures."""
     from footfall.deploy.wiring_check.proof import must_check
-    from footfall.height_scan_source import arrive_by_the_clock
+    from footfall.height_scan_source import arrive_in_real_time
     from footfall.plant.episode import Episode, run_episode
     from footfall.terrain.declaration import load_ground
 
@@ -110,7 +110,7 @@ def _simulated(run: Run) -> dict[str, Any]:
         charge=options.charge,
         lie_down=options.lie_down,
         ground_truth=options.ground_truth,
-        realtime=options.realtime or steering.realtime or arrive_by_the_clock(options.height_scan),
+        realtime=options.realtime or steering.realtime or arrive_in_real_time(options.height_scan),
         log=options.log,
         log_frames=options.log_frames,
         feed=_feed(options, steering),

@@ -97,7 +97,7 @@ def foot(name: str, /, *, options: FootOptions = FootOptions()) -> int:
         return 1
     held = policy.held
     if options.press and not simulated:
-        held = [_asked(each) for each in held]
+        held = [_with_scale_reading(each) for each in held]
     _show(held, options.press)
     findings = press_findings(held, config) if options.press else reach_findings(held, config)
     write_json(options.json, {"foot": name, "held": [_figures(each) for each in held], "findings": findings})
@@ -115,7 +115,7 @@ def _question(name: str, config: "FootTestConfig", press: bool) -> str:
     )
 
 
-def _asked(held: "Held") -> "Held":
+def _with_scale_reading(held: "Held") -> "Held":
     """The hold with the scale's reading, which the user enters."""
     while True:
         try:

@@ -151,7 +151,7 @@ def _check_cluster(cluster: ClusterOptions) -> None:
 
 def _requested(options: TrainOptions) -> dict[str, Any]:
     """Options given by the user, by the names in `TrainRequest`."""
-    asked = {
+    requested = {
         "robot": options.robot,
         "preset": options.preset,
         "seed": options.seed,
@@ -162,7 +162,7 @@ def _requested(options: TrainOptions) -> dict[str, Any]:
         "settings": _by_key(options.settings) or None,
         "start_from": None if options.start is None else _start(options.start),
     }
-    return {name: value for name, value in asked.items() if value is not None}
+    return {name: value for name, value in requested.items() if value is not None}
 
 
 def _start(spec: str) -> Path:
