@@ -90,7 +90,7 @@ def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, 
         state, observation, outcome = step(state, jnp.asarray(actions))
         fell |= np.asarray(outcome.terminated) > 0
     walked = state.terms[KEY][KEY]
-    return int(np.sum(~fell & np.asarray(walked.along >= SUCCESS_PROGRESS * walked.requested)))
+    return int(np.sum(~fell & np.asarray(walked.along >= SUCCESS_PROGRESS * walked.asked)))
 
 
 def main() -> None:
