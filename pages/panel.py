@@ -42,8 +42,8 @@ class Panel:
             self._push_m_s = self._gui.add_slider("Push, m/s", *PUSHES_M_S, 0.1, 1.0)
             push = self._gui.add_button("Push it")
             restart = self._gui.add_button("Start again", color="gray")
-        push.on_click(lambda _: setattr(self, "_push_asked", True))
-        restart.on_click(lambda _: setattr(self, "_restart_asked", True))
+        push.on_click(lambda _: setattr(self, "_push_requested", True))
+        restart.on_click(lambda _: setattr(self, "_restart_requested", True))
         curves = self._gui.add_panel()
         self._curves = {ALL: Curves(self._gui, curves.add_tab("Training"))}
         self.live_curves = curves.add_tab("Now")  # container of the walking robot's curves

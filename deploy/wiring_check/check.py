@@ -64,7 +64,6 @@ class WiringCheck:
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
         self._motor_lag_s = self._check.motor_lag_s + self._check.motor_lag_ticks * config.tick_us * 1e-6
-        self._labels = [wiring.label(joint) for joint in range(len(robot.joint_names))]
         self._zeros = np.zeros(len(robot.joint_names))
         self._thread: threading.Thread | None = None
         self.verdicts: list[Verdict] = []
@@ -113,12 +112,14 @@ class WiringCheck:
         self._samples.append((time_s, np.concatenate((sensed.joint_position, sensed.joint_torque, up))))
         lean = float(np.linalg.norm(up - self._first_up))
         lost = np.abs(self._here + self._motions.offsets(time_s) - sensed.joint_position)
-        moved = self._labels[self._motions.joint_at(time_s)]
+        moving = self._motions.joint_at(time_s)
         if lean > self._check.lean_rad:
+            moved = self._wiring.label(moving)
             self._fail(f"the base turned by {lean:.2f} rad during a small motion of {moved}")
         elif lost.max() > self._check.lost_rad:
             joint = int(lost.argmax())
-            self._fail(f"{self._labels[joint]} is {lost[joint]:.2f} rad off its target while {moved} moved")
+            off, moved = self._wiring.label(joint), self._wiring.label(moving)
+            self._fail(f"{off} is {lost[joint]:.2f} rad off its target while {moved} moved")
 
     def _fail(self, what: str) -> None:
         why = "a plug, an id, a direction or a gear ratio is wrong there"

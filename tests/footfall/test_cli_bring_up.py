@@ -96,7 +96,7 @@ def test_a_robot_unable_to_lie_starts_up(shell: Shell, monkeypatch: pytest.Monke
     monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
     robot = SimpleNamespace(lying_pose=None)
     setting: Any = SimpleNamespace(robot=robot, deploy=DeployConfig(), config=BringUpConfig())
-    monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wiring_of(go1))
+    monkeypatch.setattr("footfall.deploy.wiring.wiring_of", lambda _: wiring_of(go1))
     for step in STEPS:
         with bring_up._opened(setting, step, "sim"):
             pass
