@@ -141,6 +141,13 @@ def slope(
     return state._replace(fields=state.fields | {GRAVITY: GRAVITY_M_S2 * down})
 
 
+@event_term(generated_only=True)
+def gravity(state: State, occasion: Occasion) -> State:
+    """Gravity at the share of its strength that a curriculum gives: a robot that is lighter at first."""
+    full = state.fields.get(GRAVITY, jnp.array([0.0, 0.0, -GRAVITY_M_S2]))
+    return state._replace(fields=state.fields | {GRAVITY: occasion.strength * full})
+
+
 @event_term(numbers=1)
 def begin_late(
     state: State, occasion: Occasion, *, up_to_s: Annotated[float, Between(0.0, 100.0)] = 2.0
@@ -172,6 +179,7 @@ EVENTS: dict[str, EventTerm] = {
     "reset_pose": reset_pose,
     "drop": drop,
     "slope": slope,
+    "gravity": gravity,
     "begin_late": begin_late,
     "push": push,
 }

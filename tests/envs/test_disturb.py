@@ -23,7 +23,7 @@ from footfall.envs.task import Task
 from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
-from footfall.envs.terms.events import Occasion, drop, push, reset_pose, slope
+from footfall.envs.terms.events import Occasion, drop, gravity, push, reset_pose, slope
 from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
@@ -210,6 +210,13 @@ class TestSlope:
     def test_other_physics_are_refused(self) -> None:
         with pytest.raises(UserError, match="generated"):
             LocomotionEnv(ROBOT, replace(CONFIG, physics="c", events=(EventConfig("slope"),)))
+
+
+def test_gravity_follows_its_curriculum_and_keeps_the_slope(begun: State) -> None:
+    sloped = slope.change(begun, Occasion(SCENE, True, jnp.array([0.5, 0.25]), 1.0), up_to_rad=0.4)
+    for state, full in ((begun, [0.0, 0.0, -9.81]), (sloped, sloped.fields[GRAVITY])):
+        found = gravity.change(state, Occasion(SCENE, True, jnp.zeros(0), 0.3)).fields[GRAVITY]
+        np.testing.assert_allclose(found, 0.3 * np.array(full), atol=1e-5)
 
 
 class TestDrop:

@@ -34,7 +34,7 @@ def test_each_row_has_its_kind(listed: dict[str, dict[str, dict]]) -> None:
     assert (hexapod["feet"], hexapod["joints"]) == (6, 18)
     assert hexapod["controllers"] == ["stand", "tripod", "ripple", "wave", "mpc"]
     assert hexapod["policies"] == ["hexapod-flat", "hexapod-getup", "hexapod-rough"]
-    assert listed["robots"]["g1"]["policies"] == ["g1-flat", "g1-rough"]
+    assert listed["robots"]["g1"]["policies"] == ["g1-flat", "g1-getup", "g1-rough"]
     assert listed["controllers"]["step"]["robots"] == ["g1"]
     assert [listed["controllers"][name]["walks"] for name in ("stand", "mpc")] == [False, True]
     assert listed["policies"]["g1-flat"]["robot"] == "g1"
