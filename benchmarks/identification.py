@@ -46,8 +46,14 @@ FAMILY = Randomisation(
 )
 FITTED = ExcitationConfig()
 JUDGING = ExcitationConfig(
-    amplitude_rad=0.2, triangle_s=2.0, chirp_s=6.0, highest_hz=6.0, stiffness=(0.7, 0.7), damping=(0.9, 0.9)
-)  # fmt: skip
+    amplitude_rad=0.2,
+    swing_rad=0.2,
+    triangle_s=2.0,
+    chirp_s=6.0,
+    highest_hz=6.0,
+    stiffness=(0.7, 0.7),
+    damping=(0.9, 0.9),
+)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,14 @@ import numpy as np
 
 from footfall.common.config import require_between
 from footfall.common.easing import smooth_rise
+from footfall.identify.clearance import clear_share
 from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
 
+CLEAR_HZ = 25.0  # rate of the poses that are checked for contacts
 GOLDEN = 0.618034  # irrational, so that joints never move in the same way
 
 
@@ -24,9 +26,10 @@ class ExcitationConfig:
 
     settle_s: float = 1.0  # from the initial pose to the centre of the motion
     triangle_s: float = 4.0  # duration for each joint of a leg: slow, to identify friction
-    chirp_s: float = 10.0  # duration of each chirp
+    chirp_s: float = 15.0  # duration of each chirp
     burst_s: float = 4.0  # duration of torque bursts, which separate strength from stiffness
     amplitude_rad: float = 0.3
+    swing_rad: float = 0.4  # amplitude of a slow swing beneath the chirps, less where bodies would meet
     second_amplitude: float = 0.5  # relative to the first, in the second chirp
     lowest_hz: float = 0.2
     highest_hz: float = 8.0
@@ -39,6 +42,7 @@ class ExcitationConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.1, 600.0, "settle_s", "triangle_s", "chirp_s", "burst_s")
         require_between(self, 0.01, 1.0, "amplitude_rad", "second_amplitude")
+        require_between(self, 0.0, 1.0, "swing_rad")
         require_between(self, 0.05, 40.0, "lowest_hz", "highest_hz", "corner_hz")
         require_between(self, 0.005, 0.5, "burst_share")
         if (len(self.stiffness), len(self.damping)) != (2, 2):
@@ -68,6 +72,8 @@ class Excitation:
             self._joint_index[joints] = np.arange(len(joints))
         self._side = swing_senses(robot)
         self._longest = 1 + int(self._joint_index.max())
+        self._swing = np.minimum(config.swing_rad, 0.9 * room - self._amplitude).clip(0.0)
+        self._swing *= clear_share(robot, self._chirp_poses)
         self._start = self._middle
         self._signs = np.random.default_rng(config.seed).choice((-1.0, 1.0), size=(4096, n))
 
@@ -95,7 +101,8 @@ class Excitation:
         if time_s < 2 * config.chirp_s:
             second = time_s >= config.chirp_s
             size = config.second_amplitude if second else 1.0
-            return self._command(size * self._chirp(time_s % config.chirp_s), second)
+            chirp = size * self._chirp(time_s % config.chirp_s)
+            return self._command(chirp + self._slow_swing(time_s), second)
         return self._command(np.zeros_like(self._middle), True, self._burst(time_s - 2 * config.chirp_s))
 
     def _command(self, offset: np.ndarray, second: bool, torque: np.ndarray | None = None) -> JointCommand:
@@ -120,6 +127,24 @@ class Excitation:
         phase = GOLDEN * self._joint_index
         wave = np.sin(2.0 * math.pi * (turns + phase))
         return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
+
+    def _slow_swing(self, time_s: float) -> np.ndarray:
+        """Swing over both chirps: in a single pose, gravity hardly tells masses from encoder biases.
+
+        The first joint of a leg swings to both sides. The others swing once for each side, in opposite
+        senses, so that a leg that moves under the trunk keeps away from it.
+        """
+        angle = math.pi * time_s / self._config.chirp_s
+        once = 0.5 - 0.5 * math.cos(2.0 * angle)
+        wave = np.select([self._joint_index == 0, self._joint_index % 2 == 1], [math.sin(angle), -once], once)
+        return self._side * self._swing * wave
+
+    def _chirp_poses(self, share: float) -> np.ndarray:
+        """Targets of the larger chirp with a share of the swing of both chirps, (T, n)."""
+        config = self._config
+        times = np.arange(0.0, 2.0 * config.chirp_s, 1.0 / CLEAR_HZ).tolist()
+        away = [self._chirp(each % config.chirp_s) + share * self._slow_swing(each) for each in times]
+        return self._middle + np.array(away)
 
     def _burst(self, time_s: float) -> np.ndarray:
         """Torque with random changes of sign, ten times a second, N m."""
