@@ -19,6 +19,7 @@ import argparse
 import json
 import math
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -153,7 +154,13 @@ def _scenarios() -> ScenarioFile:
 
 @cache
 def _robot(folder: str) -> Robot:
-    return load_robot(folder)
+    """The robot of a folder with the losses of the nominal motors, from which the hidden robot differs.
+
+    The nominal MJCF has no damping. Without this, the folder's would be added to the hidden robot's.
+    """
+    robot, nominal = load_robot(folder), load_robot(ROBOT)
+    motor = robot.motor._replace(friction=nominal.motor.friction, damping=nominal.motor.damping)
+    return replace(robot, motor=motor)
 
 
 def judge(policies: list[Path], robots: Path, number: int, workers: int, out: Path | None) -> None:
