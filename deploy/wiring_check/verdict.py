@@ -106,15 +106,16 @@ def judged(
         return verdict._replace(fault=search.twin(every, prediction.highest, config))
     passes = passes and errors.max() <= config.alike
     left = config.explained_in_doubt if passes else config.explained
-    fault = search.cause(every, prediction.highest, left)
+    strange = float(np.median(errors)) > config.unlike
+    fails = strange or imu_error > config.unlike
+    fault = search.cause(every, prediction.highest, left, thorough=fails)
     if passes:
         return verdict._replace(fault=fault or search.twin(every, prediction.highest, config))
-    strange = float(np.median(errors)) > config.unlike
     if not fault and askew > config.askew_rad and not strange:
         fault = (
             f"the IMU is askew by {askew:.2f} rad, or the ground is not level: align it with the base's axes"
         )
-    if not fault and (strange or imu_error > config.unlike):
+    if not fault and fails:
         strangest = wiring.label(int(errors.argmax()))
         fault = f"the robot's motions do not match its description, most of all with {strangest}"
     return verdict._replace(fault=fault)
@@ -154,8 +155,11 @@ class Search(NamedTuple):
     noise: float  # error of the IMU's tilts that is ignored
     simulated: Callable[[Cause], Iterator[np.ndarray]]  # response to one motion after the other
 
-    def cause(self, every: list[Cause], highest: np.ndarray, left: float) -> str:
-        """The text of the cause that leaves at most a share `left` of the cost; empty if there is none."""
+    def cause(self, every: list[Cause], highest: np.ndarray, left: float, thorough: bool = False) -> str:
+        """The text of the cause that leaves at most a share `left` of the cost; empty if there is none.
+
+        Exchanges that look unlikely are simulated if `thorough`, or if another cause is possible.
+        """
         cost = self.measured.cost(self.right, self.least, self.noise)
         limit = left * cost
         costs = np.array([self._rough_cost(each, highest) for each in every])
@@ -170,7 +174,7 @@ class Search(NamedTuple):
             groups = [row for row in _of_kind(3, order, every) if row not in first]  # few: legs and buses
             best = min(best, self._best([every[row] for row in groups], min(limit, best[0])))
         if best[0] > SURE * cost:  # rough costs mislead, most of all those of a biped
-            pairs = best[0] <= limit
+            pairs = thorough or best[0] <= limit
             rest = [every[row] for row in order if len(every[row].key) <= 1 + pairs and row not in first]
             best = min(best, self._best(rest, min(limit, best[0])))
         return best[1] if best[0] <= limit else ""
