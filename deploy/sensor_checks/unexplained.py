@@ -92,7 +92,8 @@ class Ignored(JointCheck):
     A late motor still shows all changes: its reports are used for `explained_s` longer. A weak motor ignores
     at most `strength_share`. A change by less than `torque_little` of the peak is not significant, and
     neither is a change in only one window: a foot that hits the ground reports the torque for the speed
-    before.
+    before. Commands that hardly change for the joint's mean position tell nothing, either: with gains that
+    the motor does not have, the noise of a still joint's readings looks like a change.
     """
 
     quantity = "share of the command changes that a motor's torque does not follow: it holds an old command"
@@ -120,10 +121,16 @@ class Ignored(JointCheck):
         readings = np.take_along_axis(kp[None], old, 1) * position
         readings += np.take_along_axis(kd[None], old, 1) * velocity
         shown = (torque + readings).std(axis=1)
-        drive = np.sort((commanded + readings)[:, :count], axis=1)
-        changed = np.minimum(drive[:, 1:].std(axis=1), drive[:, :-1].std(axis=1))  # without one extreme
+        changed = _changed((commanded + readings)[:, :count])
+        at_mean = commanded + kp * (position - position.mean(axis=0)) + kd * velocity
         ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
-        return ignored
+        return np.where(_changed(at_mean[None, :count])[0] > self._least, ignored, 0.0)
+
+
+def _changed(values: np.ndarray) -> np.ndarray:
+    """Standard deviation along the second axis, without one extreme value."""
+    ordered = np.sort(values, axis=1)
+    return np.minimum(ordered[:, 1:].std(axis=1), ordered[:, :-1].std(axis=1))
 
 
 def _least_of_last(values: np.ndarray, count: int) -> np.ndarray:

@@ -241,6 +241,18 @@ class TestIgnored:
         assert self.share(go1, late) < 0.1
         assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.ignored
 
+    def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
+        """A controller holds the joint stiffly, and then limply."""
+        readings, sent, rng = JointReadings(go1, Ignored), np.zeros((5, 12)), np.random.default_rng(0)
+        readings.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
+        values = []
+        for k in range(1, 301):
+            sent[2], sent[3] = (200.0, 4.0) if k < 200 else (0.0, 0.5)
+            joints = np.vstack((rng.normal(0.0, [[0.004], [0.4]], (2, 12)), np.zeros((1, 12))))
+            readings.add(k * SAMPLE_US, joints, sent=sent.copy())
+            values.append(readings.values.max())
+        assert max(values) < 0.5 < LIMITS.ignored
+
     def test_a_momentary_command_does_not_count(self, go1: Robot) -> None:
         """As when a foot hits the ground."""
         moment = lambda time_s: 0.3 * (0.64 < time_s < 0.68)  # noqa: E731
