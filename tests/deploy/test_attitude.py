@@ -27,12 +27,14 @@ def follow(
     found: Attitude, true: Rotation, rate: np.ndarray, seconds: float, swing_m_s2: float = 0.0
 ) -> tuple[Attitude, Rotation]:
     """Turn steadily about the body's axes, with a gyro that has a bias; the base swings ahead at 2 Hz."""
-    for tick in range(round(seconds / DT_S)):
-        true = true * Rotation.from_rotvec(rate * DT_S)
-        own = np.array([swing_m_s2 * np.cos(4.0 * np.pi * tick * DT_S), 0.0, GRAVITY_M_S2])
-        gyro, acceleration = rate + BIAS, true.inv().apply(own)
-        found = advanced(found, tuple(gyro.tolist()), tuple(acceleration.tolist()), DT_S, CONFIG)
-    return found, true
+    ticks = np.arange(round(seconds / DT_S))
+    turned = true * Rotation.from_rotvec(np.outer(ticks + 1, rate * DT_S))
+    ahead = swing_m_s2 * np.cos(4.0 * np.pi * ticks * DT_S)
+    own = np.column_stack([ahead, np.zeros(len(ticks)), np.full(len(ticks), GRAVITY_M_S2)])
+    gyro = tuple((rate + BIAS).tolist())
+    for acceleration in turned.inv().apply(own).tolist():
+        found = advanced(found, gyro, tuple(acceleration), DT_S, CONFIG)
+    return found, turned[-1]
 
 
 def rested(true: Rotation, bias: np.ndarray) -> Attitude:

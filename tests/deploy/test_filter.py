@@ -86,7 +86,7 @@ class TestFilter:
             motion.correct([seen.tolist()], [1.0], turn.as_matrix().tolist(), 0.002)
             np.testing.assert_allclose(motion.bias, bias + share * turn.inv().apply(error), rtol=1e-9)
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=30, deadline=None)
     @given(st.integers(0, 10**6))
     def test_its_covariance_stays_valid(self, seed: int) -> None:
         """Whatever readings come, no variance becomes negative and no correlation exceeds one."""
