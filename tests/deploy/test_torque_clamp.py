@@ -102,7 +102,7 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return least, most
 
 
-@settings(max_examples=180, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(wiring=wirings, decision=decisions, share=readings, begun=readings)
 def test_a_command_stays_within_motor_limits(
     wiring: Wiring, decision: np.ndarray, share: np.ndarray, begun: np.ndarray

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-import scipy.optimize
-import scipy.stats
+import scipy  # its parts are loaded where they are used
 from hypothesis import given
 from hypothesis import strategies as st
 
