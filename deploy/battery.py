@@ -98,8 +98,8 @@ class BatteryMonitor:
         """Current drawn from the pack, A."""
         _, velocity, torque = joints
         power_w = torque * velocity + self._loss * torque**2
-        of_motors = np.where(np.isfinite(current), current, power_w / self._battery.nominal_v)
-        return float(of_motors.sum()) + self._battery.idle_w / self._battery.nominal_v
+        motor_currents = np.where(np.isfinite(current), current, power_w / self._battery.nominal_v)
+        return float(motor_currents.sum()) + self._battery.idle_w / self._battery.nominal_v
 
     def _state(self, elapsed_s: float, voltage_v: float, current_a: float) -> BatteryState:
         battery, limits = self._battery, self._limits
@@ -110,9 +110,9 @@ class BatteryMonitor:
             spent = current_a * elapsed_s / battery.capacity_c
             charge, error = self.state.charge - spent, self.state.charge_error
             error += limits.current_error * abs(spent)
-            of_measured = error_v / battery.volts_per_charge(charge)
-            of_measured *= math.sqrt(limits.error_s / max(elapsed_s, limits.period_s))
-            gain = error**2 / (error**2 + of_measured**2)
+            measured_error = error_v / battery.volts_per_charge(charge)
+            measured_error *= math.sqrt(limits.error_s / max(elapsed_s, limits.period_s))
+            gain = error**2 / (error**2 + measured_error**2)
             charge, error = charge + gain * (measured - charge), math.sqrt(1.0 - gain) * error
             new = min(1.0, elapsed_s / limits.smooth_s)
         else:

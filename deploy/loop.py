@@ -206,7 +206,7 @@ class ControlLoop:
             self._decide()
         elif steering.due(now_us):
             runner.poll(now_us, self)
-        self._end.heed(steering.lie_down, self.state.mode)
+        self._end.finish_if_requested(steering.lie_down, self.state.mode)
         if runner.signals is not signals.policy:
             self._supervise(signals._replace(policy=runner.signals))
         if self.state.mode is Mode.STANDING:

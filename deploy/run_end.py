@@ -32,8 +32,8 @@ class RunEnd:
         self._skip_lie_down |= skip_lie_down or mode in CUT_SHORT
         self._finish = True
 
-    def heed(self, lie_down: bool, mode: Mode) -> None:
-        """Request the end, once, if the command source wants the robot to lie down."""
+    def finish_if_requested(self, lie_down: bool, mode: Mode) -> None:
+        """Request the end, once, if the command source requests that the robot lies down."""
         if lie_down and not self._finish:
             self.finish(mode, skip_lie_down=False)
 

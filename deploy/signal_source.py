@@ -161,10 +161,10 @@ class SignalSource:
         silent."""
         if now_us - motor_us[oldest] > self._silence_us:
             silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
-            of_bus = silent[self._channel == channel]
+            on_same_bus = silent[self._channel == channel]
             if silent.all() and len(silent) > 1:
                 return "any motor"
-            if of_bus.all() and len(of_bus) > 1:
+            if on_same_bus.all() and len(on_same_bus) > 1:
                 return f"any motor on {self._buses[channel]}"
         return self._labels[oldest]
 

@@ -47,7 +47,7 @@ class Disturbances:
             due = state.event_steps[name] <= 0
             occasion = Occasion(self._scene, due, own, self._task.strength(name, state.level))
             changed = event.change(state, occasion)
-            state = changed if event.heeds_due else _where(due, changed, state)
+            state = changed if event.reads_due else _where(due, changed, state)
             steps = self._steps(interval, event.interval_s)
             event_steps[name] = jnp.where(due, steps, state.event_steps[name] - 1)
         command_due = state.hold_steps <= 0

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from footfall.envs.state import State
 
 
-def heeded(
+def while_limp(
     state: State, action: jax.Array, goal: jax.Array, position: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """The action and the goal that take effect in this control step.

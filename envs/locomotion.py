@@ -21,7 +21,7 @@ from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.lateness import Lateness
-from footfall.envs.limp import heeded, one_step_less, stiffness
+from footfall.envs.limp import one_step_less, stiffness, while_limp
 from footfall.envs.metrics import tracking_metrics
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
@@ -168,7 +168,7 @@ class LocomotionEnv:
         """One control step: delayed targets through the joint law and the physics, then a new observation."""
         config, task = self.config, self.task
         goal = joint_target(action, state.phase, state.command, self.contract)
-        action, goal = heeded(state, action, goal, state.qpos[self.scene.positions])
+        action, goal = while_limp(state, action, goal, state.qpos[self.scene.positions])
         state = state._replace(
             actions=jnp.concatenate([action[None], state.actions[:-1]]),
             goals=jnp.concatenate([goal[None], state.goals[:-1]]),

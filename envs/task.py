@@ -60,7 +60,7 @@ class Event(NamedTuple):
     change: Callable[..., Any]
     numbers: int  # uniform numbers that it takes
     interval_s: Distribution | None  # None: at each reset
-    heeds_due: bool
+    reads_due: bool
     generated_only: bool
 
 
@@ -161,7 +161,7 @@ def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
         change = bind(term.change, entry.settings, key)
         interval_s = entry.interval_s or term.interval_s
         found[entry.label] = Event(
-            change, term.numbers(parts), interval_s, term.heeds_due, term.generated_only
+            change, term.numbers(parts), interval_s, term.reads_due, term.generated_only
         )
     return found
 

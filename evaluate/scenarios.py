@@ -137,13 +137,13 @@ class Scenario:
                     raise ValueError(f"level {name} must be from {least:g} to {most:g}, not {value:g}")
 
     def _check_ground(self) -> None:
-        of_ground = {name: self.levels[name] for name in GROUND_LEVELS if name in self.levels}
-        if of_ground and self.ground is None:
-            raise ValueError(f"level {next(iter(of_ground))} needs a ground")
+        ground_levels = {name: self.levels[name] for name in GROUND_LEVELS if name in self.levels}
+        if ground_levels and self.ground is None:
+            raise ValueError(f"level {next(iter(ground_levels))} needs a ground")
         if self.ground is not None:
-            lengths = {len(values) for values in of_ground.values()}
+            lengths = {len(values) for values in ground_levels.values()}
             for index in range(max(lengths, default=1)):
-                level = {name: values[min(index, len(values) - 1)] for name, values in of_ground.items()}
+                level = {name: values[min(index, len(values) - 1)] for name, values in ground_levels.items()}
                 check_ground(at_level(self.ground, level))
 
     def _check_pushes(self) -> None:

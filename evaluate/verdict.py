@@ -29,8 +29,8 @@ def headlines(by_scenario: Mapping[str, Summaries]) -> list[Headline]:
     first = next(iter(by_scenario))
     found = []
     for key, figure in figures().items():
-        of_pushes = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
-        scenario = next(of_pushes, first) if key == "dv50" else first
+        push_scenarios = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
+        scenario = next(push_scenarios, first) if key == "dv50" else first
         if figure.headline and measured(figure, list(by_scenario[scenario].values())):
             found.append((figure, scenario))
     return found

@@ -162,9 +162,9 @@ def _correlation_times(residual: np.ndarray) -> np.ndarray:
     w, kinds, rows, n = residual.shape
     length = max(1, rows // BATCHES)
     whole = residual[:, :, : rows // length * length].reshape(w, kinds, -1, length, n)
-    of_means = (whole.mean(axis=3) ** 2).mean(axis=2)
-    of_all = (whole**2).mean(axis=(2, 3))
-    ratio = length * of_means / np.where(of_all > 0.0, of_all, 1.0)
+    mean_squares = (whole.mean(axis=3) ** 2).mean(axis=2)
+    squares = (whole**2).mean(axis=(2, 3))
+    ratio = length * mean_squares / np.where(squares > 0.0, squares, 1.0)
     result: np.ndarray = np.maximum(ratio, 1.0)[:, :, None]
     return result
 

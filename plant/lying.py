@@ -57,17 +57,17 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
     Raises:
         UserError: the robot has no lying pose, or no driver for its motors.
     """
-    look = _PoseRecorder(robot)
+    recorder = _PoseRecorder(robot)
     still = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
-    trace = run_episode(robot, HoldDefaultPose(robot), still, look)
+    trace = run_episode(robot, HoldDefaultPose(robot), still, recorder)
     trouble = trace.fall_reason or "; ".join(trace.faults)
     if not trouble and trace.base_position[-1, 2] < STANDING_SHARE * robot.description.standing_height_m:
         trouble = f"it stands {trace.base_position[-1, 2]:.3f} m high only"
-    if not trouble and look.clearance_m > _max_clearance_m(robot):
-        trouble = f"its base stays {look.clearance_m:.3f} m above the ground"
-    if not trouble and look.tilt_rad > MAX_TILT_RAD:
-        trouble = f"it tilts by {np.degrees(look.tilt_rad):.0f} degrees"
-    return LyingResult(trouble, look.clearance_m, look.tilt_rad)
+    if not trouble and recorder.clearance_m > _max_clearance_m(robot):
+        trouble = f"its base stays {recorder.clearance_m:.3f} m above the ground"
+    if not trouble and recorder.tilt_rad > MAX_TILT_RAD:
+        trouble = f"it tilts by {np.degrees(recorder.tilt_rad):.0f} degrees"
+    return LyingResult(trouble, recorder.clearance_m, recorder.tilt_rad)
 
 
 def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndarray | None:

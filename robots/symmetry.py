@@ -11,7 +11,7 @@ from footfall.robots.model import training_model
 from footfall.robots.stance import in_default_pose
 
 Array = Any
-PLACE_TOLERANCE_M = 0.01
+POSITION_TOLERANCE_M = 0.01
 HALF_CYCLE = 0.5
 VECTOR = np.array([1.0, -1.0, 1.0])  # mirrors positions, velocities and forces at the x-z plane
 ROTATION = np.array([-1.0, 1.0, -1.0])  # mirrors rotation vectors, angular velocities and torques
@@ -89,6 +89,6 @@ def _partners(positions: np.ndarray, robot: Robot, names: list[str]) -> np.ndarr
     distances = np.linalg.norm(positions[:, None] * VECTOR - positions[None], axis=-1)
     nearest = np.argmin(distances, axis=1)
     for name, distance in zip(names, distances.min(axis=1), strict=True):
-        if distance > PLACE_TOLERANCE_M:
+        if distance > POSITION_TOLERANCE_M:
             raise UserError(f"robot '{robot.name}' is not symmetric: {name} has no mirror image")
     return nearest

@@ -19,8 +19,8 @@ def check_robot(config: TrainConfig, robot: Robot, preset: str) -> Contract:
     try:
         environment = make_environment(robot, config.env)
     except UserError as error:
-        of_an_entry = str(error).startswith("env.")
-        raise UserError(f"{preset}: {error}" if of_an_entry else str(error)) from None
+        about_entry = str(error).startswith("env.")
+        raise UserError(f"{preset}: {error}" if about_entry else str(error)) from None
     if config.ppo.symmetry:
         environment.mirror()
     return environment.contract

@@ -34,7 +34,7 @@ def start_device() -> None:
     Thread(target=_wake_driver, name="wake driver").start()
     # Imported here, not in the thread: beside other imports this one would take twice as long, and the device
     # starts after it.
-    with suppress(Exception), lasting_objects():  # whoever needs JAX next reports it
+    with suppress(Exception), lasting_objects():  # the next use of JAX reports it
         import_module("jax.numpy")
     Thread(target=_first_operation, name="start device").start()
 
@@ -48,7 +48,7 @@ def _wake_driver() -> None:
 
 
 def _first_operation() -> None:
-    with suppress(Exception), lasting_objects():  # whoever needs JAX or the device next reports it
+    with suppress(Exception), lasting_objects():  # the next use of JAX or the device reports it
         import jax.numpy
 
         from footfall.train.compilation_cache import use_compilation_cache

@@ -164,9 +164,9 @@ class DamiaoDriver(PolledDriver):
         sender = self.senders(frames)
         motor = self._lookup[frames.channel, sender]
         usable = (motor >= 0) & (sender >= 0)
-        of_register = usable & about_registers
-        if np.count_nonzero(of_register):
-            self._note_registers(frames.data[of_register], motor[of_register])
+        register_frames = usable & about_registers
+        if np.count_nonzero(register_frames):
+            self._note_registers(frames.data[register_frames], motor[register_frames])
         usable &= ~about_registers
         if usable.all() and np.array_equal(motor, np.arange(len(self._was_on))):
             self._usual = layout_of(frames)

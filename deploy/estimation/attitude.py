@@ -76,14 +76,14 @@ def advanced(
     bias += dt_s * config.bias_drift**2
     ex, ey, ez = _shown_tilt(acceleration, _up(quaternion))
     noise = (config.acceleration_noise / GRAVITY_M_S2) ** 2 / dt_s
-    of_tilt, of_bias = tilt / (tilt + noise), cross / (tilt + noise)
+    tilt_gain, bias_gain = tilt / (tilt + noise), cross / (tilt + noise)
     return Attitude(
-        _turned(quaternion, (of_tilt * ex, of_tilt * ey, of_tilt * ez)),
-        (bx + of_bias * ex, by + of_bias * ey, bz + of_bias * ez),
+        _turned(quaternion, (tilt_gain * ex, tilt_gain * ey, tilt_gain * ez)),
+        (bx + bias_gain * ex, by + bias_gain * ey, bz + bias_gain * ez),
         gyro,
-        tilt - of_tilt * tilt,
-        cross - of_tilt * cross,
-        bias - of_bias * cross,
+        tilt - tilt_gain * tilt,
+        cross - tilt_gain * cross,
+        bias - bias_gain * cross,
     )
 
 

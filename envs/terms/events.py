@@ -39,19 +39,19 @@ class EventTerm(NamedTuple):
     change: Callable[..., State]  # from a state and an `Occasion` to the state after the event
     numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
     interval_s: Distribution | None  # between two events; None: at each reset
-    heeds_due: bool  # the function itself reads `due`: selecting the state again would cost 5 %
+    reads_due: bool  # the function itself reads `due`: selecting the state again would cost 5 %
     generated_only: bool  # needs the generated physics
 
 
 def event_term(
     numbers: int | Callable[[Parts], int] = 0,
     interval_s: Distribution | None = None,
-    heeds_due: bool = False,
+    reads_due: bool = False,
     generated_only: bool = False,
 ) -> Callable[[Callable[..., State]], EventTerm]:
     """Decorator of a function of a state and an `Occasion` that returns the changed state."""
     count = numbers if callable(numbers) else lambda _: numbers
-    return lambda change: EventTerm(change, count, interval_s, heeds_due, generated_only)
+    return lambda change: EventTerm(change, count, interval_s, reads_due, generated_only)
 
 
 def scattered(values: jax.Array, indices: np.ndarray, vector: jax.Array) -> jax.Array:
@@ -156,7 +156,7 @@ def begin_late(
     return state._replace(steps=jnp.int32(occasion.u[0] * up_to_s / occasion.scene.period_s))
 
 
-@event_term(numbers=6, interval_s=Distribution(2.0, 6.0), heeds_due=True)
+@event_term(numbers=6, interval_s=Distribution(2.0, 6.0), reads_due=True)
 def push(
     state: State,
     occasion: Occasion,

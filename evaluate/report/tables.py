@@ -51,7 +51,7 @@ def headline_table(comparison: Comparison) -> Table:
     """Policies in rows; the headline figures, and the time per step."""
     by_scenario = {name: comparison.summaries(name) for name in comparison.config.scenarios}
     chosen = headlines(by_scenario)
-    columns = [_of_policies(figure, list(by_scenario[scenario].values())) for figure, scenario in chosen]
+    columns = [_cells(figure, list(by_scenario[scenario].values())) for figure, scenario in chosen]
     columns.append([_time_per_step(policy) for policy in comparison.policies])
     headings = [
         Heading(figure.label, ", ".join(filter(None, [figure.unit, scenario]))) for figure, scenario in chosen
@@ -68,7 +68,7 @@ def falls_table(comparison: Comparison) -> Table:
     """Policies in rows, scenarios in columns: number of falls."""
     falls = figures()["falls"]
     scenarios = comparison.config.scenarios
-    columns = [_of_policies(falls, list(comparison.summaries(name).values())) for name in scenarios]
+    columns = [_cells(falls, list(comparison.summaries(name).values())) for name in scenarios]
     rows = [
         (Heading(policy.name, index=index), [column[index] for column in columns])
         for index, policy in enumerate(comparison.policies)
@@ -84,7 +84,7 @@ def scenario_parts(comparison: Comparison) -> list[ScenarioPart]:
         by_name = comparison.summaries(scenario)
         summaries = list(by_name.values())
         rows = [
-            (Heading(figure.label, figure.unit), _of_policies(figure, summaries))
+            (Heading(figure.label, figure.unit), _cells(figure, summaries))
             for figure in [*figures().values(), *own_figures(summaries)]
             if measured(figure, summaries)
         ]
@@ -108,7 +108,7 @@ def all_warnings(comparison: Comparison) -> list[str]:
     ]
 
 
-def _of_policies(figure: Figure, summaries: Sequence[Summary]) -> list[Cell]:
+def _cells(figure: Figure, summaries: Sequence[Summary]) -> list[Cell]:
     """Cells with one figure, for each policy."""
     winner = best(figure, summaries)
     return [

@@ -81,7 +81,7 @@ class MissionSource:
     def _walk(self, status: Status, pose: Pose) -> Request:
         if status.charge <= self._mission.settings.low_charge and not self._low:
             self._low = True
-            self._instead(HOME if self._mission.settings.on_low_charge == "home" else LIE_DOWN)
+            self._replace_steps(HOME if self._mission.settings.on_low_charge == "home" else LIE_DOWN)
             note = f"low battery ({status.charge:.0%}): the mission goes on with '{self._steps[0].kind}'"
             self._request = self._request._replace(note=note)
         while True:
@@ -98,7 +98,7 @@ class MissionSource:
                 return self._over(DONE)
             self._plan = None
 
-    def _instead(self, steps: tuple[NamedStep, ...]) -> None:
+    def _replace_steps(self, steps: tuple[NamedStep, ...]) -> None:
         """Replace the remaining steps."""
         self._steps, self._index, self._plan = steps, -1, None
         self._later_s = [0.0] * len(steps)

@@ -166,9 +166,9 @@ def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, floa
     if max(pair.values(), default=0.0) >= MAX_FRICTION:
         raise UserError(f"--engine drake does not simulate friction of {MAX_FRICTION:g} or more")
     # a = p b / (2 b - p) must be positive for each pair's p.
-    of_ground = max(float(np.median(list(pair.values()))), 0.6 * max(pair.values()))
-    return dict.fromkeys(ground, of_ground) | {
-        geom: value * of_ground / (2.0 * of_ground - value) for geom, value in pair.items()
+    ground_friction = max(float(np.median(list(pair.values()))), 0.6 * max(pair.values()))
+    return dict.fromkeys(ground, ground_friction) | {
+        geom: value * ground_friction / (2.0 * ground_friction - value) for geom, value in pair.items()
     }
 
 

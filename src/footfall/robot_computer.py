@@ -104,33 +104,33 @@ def check_can(
     described, commands = [], list[str]()
     for link in links:
         is_down = _read(link / "operstate") == "down"
-        of_link = known.get(link.name, {})
-        described.append(link.name + "".join(f" ({what})" for what in _can_state(is_down, of_link)))
-        commands += _can_commands(link.name, is_down, of_link, int(_read(link / "tx_queue_len") or 0))
+        link_details = known.get(link.name, {})
+        described.append(link.name + "".join(f" ({what})" for what in _can_state(is_down, link_details)))
+        commands += _can_commands(link.name, is_down, link_details, int(_read(link / "tx_queue_len") or 0))
     return Finding("CAN interfaces", not commands, ", ".join(described), "; ".join(commands))
 
 
-def _can_state(is_down: bool, of_link: dict[str, Any]) -> Iterator[str]:
+def _can_state(is_down: bool, link_details: dict[str, Any]) -> Iterator[str]:
     if is_down:
         yield "down"
         return
-    if rate := of_link.get("bittiming", {}).get("bitrate"):
+    if rate := link_details.get("bittiming", {}).get("bitrate"):
         yield f"{rate / 1000:g} kbit/s"
-    if (state := of_link.get("state", "ERROR-ACTIVE")) != "ERROR-ACTIVE":
+    if (state := link_details.get("state", "ERROR-ACTIVE")) != "ERROR-ACTIVE":
         yield state.lower()
 
 
-def _can_commands(name: str, is_down: bool, of_link: dict[str, Any], queue: int) -> Iterator[str]:
+def _can_commands(name: str, is_down: bool, link_details: dict[str, Any], queue: int) -> Iterator[str]:
     """Commands that correct an interface."""
     up = f"ip link set {name} up type can bitrate {BITRATE} restart-ms 100"
     if is_down:
         yield up
-    elif of_link.get("bittiming", {}).get("bitrate", BITRATE) != BITRATE:
+    elif link_details.get("bittiming", {}).get("bitrate", BITRATE) != BITRATE:
         yield f"ip link set {name} down"
         yield up
-    elif of_link.get("state") == "BUS-OFF":
+    elif link_details.get("state") == "BUS-OFF":
         yield f"ip link set {name} type can restart"
-    elif of_link.get("state", "ERROR-ACTIVE") != "ERROR-ACTIVE":
+    elif link_details.get("state", "ERROR-ACTIVE") != "ERROR-ACTIVE":
         yield f"{name} sees errors: check 120 ohm at both ends of its bus, and one bit rate for all nodes"
     if 0 < queue < MIN_CAN_QUEUE:
         yield f"ip link set {name} txqueuelen {MIN_CAN_QUEUE}"

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
 
 SAFE = "IDLE"
-PLACE = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
+ON_STAND = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
 
 
 def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: ExitStack) -> "Bus":

@@ -1,4 +1,4 @@
-"""When the base's velocity and height are estimated, and with what."""
+"""Which runs estimate the base's velocity and height, and from which sensors."""
 
 from typing import cast
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
 from relaxed_limits import RELAXED
-from watched_simulation import Simulation, asked_of_motors
+from watched_simulation import Simulation, motor_commands
 
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
@@ -158,7 +158,7 @@ class TestGuard:
         session = replace(LONG, config=replace(CONFIG, safety=strict))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "a guard damped the robot" in outcome.faults[-1]
-        assert [what for what, _ in asked_of_motors(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]
+        assert [what for what, _ in motor_commands(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]
 
 
 class TestMotorsOff:

@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
-from watched_simulation import Simulation, asked_of_motors
+from watched_simulation import Simulation, motor_commands
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -27,7 +27,7 @@ def test_an_exception_from_each_tick_damps_and_disables(go1: Robot, ends: type[B
 
     with pytest.raises(ends):
         run_session(go1, Hold(go1), simulation.bus, SESSION, end)
-    (stiff, _), (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-3:]
+    (stiff, _), (damped, ticks), (off, _) = motor_commands(go1, simulation.sent)[-3:]
     assert (stiff, damped, off) == ("stiff", "damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
     assert not simulation.body.motors_on.any()
@@ -60,7 +60,7 @@ def test_repeated_exceptions_do_not_stop_the_damping(go1: Robot) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         run_session(go1, Hold(go1), simulation.bus, SESSION, end)
-    (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-2:]
+    (damped, ticks), (off, _) = motor_commands(go1, simulation.sent)[-2:]
     assert (damped, off) == ("damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
     assert not simulation.body.motors_on.any()

@@ -70,8 +70,8 @@ def test_its_tilt_is_right_within_a_degree(
     assert np.median(trace.base_velocity[50:, 0]) == pytest.approx(forward, abs=0.2)
 
 
-def test_a_robot_that_does_not_keep_still_at_first_is_not_let_up(go1: Robot) -> None:
-    """Its gyro reads 0.2 rad/s: the filter would take that for the bias."""
+def test_a_robot_that_moves_at_first_may_not_stand_up(go1: Robot) -> None:
+    """Its gyro reads 0.2 rad/s, which the filter would mistake for the bias."""
     episode = short_episode(sample={"gyro_bias": np.array([0.0, 0.2, 0.0])})
     robot = without_orientation(go1)
     trace = run_episode(robot, Hold(robot), episode)
@@ -87,7 +87,7 @@ def test_the_simulated_imu_sends_no_orientation(go1: Robot) -> None:
 
 
 def test_an_unexpected_quaternion_is_ignored(go1: Robot) -> None:
-    """An IMU on its side claims to be level."""
+    """An IMU that lies on its side sends the quaternion of a level one."""
     on_side = AT_REST._replace(acceleration=(0.0, 9.81, 0.0))
     reader, end = open_imu(wiring_of(without_orientation(go1))), open_imu_end(wiring_of(go1))
     for tick in range(400):

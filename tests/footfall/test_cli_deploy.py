@@ -27,7 +27,7 @@ SHORT = ("--duration", "0.6")
 
 
 class Made(NamedTuple):
-    """What a deployment has left."""
+    """Files that a deployment wrote."""
 
     log: Path
     figures: dict[str, Any]
@@ -42,7 +42,7 @@ def made(folder: Path, *tokens: str) -> Made:
 
 @pytest.fixture(scope="module")
 def stood(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """By a robot that stood for a moment."""
+    """Files of a robot that stood for a moment."""
     return made(tmp_path_factory.mktemp("stood"), "stand", "--command", "0,0,0", "--seed", "3")
 
 
@@ -277,7 +277,9 @@ class TestOptions:
         shell("deploy", "stand", "--bus", bus, "--no-lie-down")
         assert called.of("run_on_interface")[0][3].lie_down is False
 
-    def test_on_an_interface_untipped_is_up(self, shell: Shell, called: Recorder, tmp_path: Path) -> None:
+    def test_on_an_interface_a_robot_that_did_not_tilt_has_not_fallen(
+        self, shell: Shell, called: Recorder, tmp_path: Path
+    ) -> None:
         for state, status in (("IDLE", 0), ("ESTOP", 1)):
             ended = ran(final_state=state, faults=("motor 3",))
             called.replace("footfall.deploy.session.run_on_interface", ended)

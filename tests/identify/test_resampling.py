@@ -5,7 +5,7 @@ import numpy as np
 from footfall.identify.resampling import refitted
 
 
-def test_refits_ask_for_nothing_beyond_the_bounds_and_keep_their_spread() -> None:
+def test_refits_evaluate_within_the_bounds_only_and_keep_their_spread() -> None:
     """A delay near 0 has resamples whose best delay is negative, which no simulation supports."""
     best, weights = np.array([-0.3, 0.5]), np.array([[1.0, 0.0], [0.0, 1.0]])
 

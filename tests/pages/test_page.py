@@ -56,7 +56,9 @@ def test_one_free_address_is_enough(monkeypatch: pytest.MonkeyPatch, found: tupl
         ((NO_IPV6, NOT_OURS), NO_IPV6),
     ],
 )
-def test_taken_or_foreign_ones(monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int) -> None:
+def test_taken_or_foreign_addresses_are_refused(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int
+) -> None:
     with pytest.raises(UserError) as caught:
         checked(monkeypatch, *found)
     assert str(caught.value) == (

@@ -7,15 +7,15 @@ import pytest
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
-DEEP_M = 0.01  # by which shapes may overlap before what stands for them touches
-NEAR_M = 0.006  # how near they may be when it touches
+DEEP_M = 0.01  # shapes may overlap this far before the simpler shapes of training touch
+NEAR_M = 0.006  # shapes may be this far apart when the simpler ones touch
 
 
 @pytest.mark.parametrize("name", ["go1", "g1"])
 def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     robot = load_robot(name)
     plant, trained = plant_model(robot), training_model(robot, contacts="whole_body")
-    plant.geom_margin[:] = NEAR_M  # a geom that stands for a shank and a foot is thicker than the shank
+    plant.geom_margin[:] = NEAR_M  # training's one geom for a shank and its foot is thicker than the shank
     (plant_joints, _), (joints, _) = joint_addresses(plant, robot), joint_addresses(trained, robot)
     theirs, ours, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
     touching = missed = invented = 0

@@ -26,15 +26,15 @@ class Simulation:
         self.bus.watch = self.sent.append
 
 
-def asked_of_motors(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
+def motor_commands(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
     """Commands to the motors, tick after tick: kind, and number of ticks in a row."""
     end = MitMotorEnd(wiring_of(robot))
 
-    def asked(frames: Frames) -> str:
+    def kind(frames: Frames) -> str:
         word = mit.words(frames.data)[0]
         if word in (mit.ENTER, mit.EXIT):
             return "on" if word == mit.ENTER else "off"
         _, _, stiffness, damping, _ = end.requests(frames).values
         return "stiff" if stiffness.any() else "damped" if damping.all() else "limp"
 
-    return [(what, len(list(ticks))) for what, ticks in groupby(map(asked, sent))]
+    return [(what, len(list(ticks))) for what, ticks in groupby(map(kind, sent))]

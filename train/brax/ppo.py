@@ -29,7 +29,7 @@ MIN_LEARNING_RATE = 1e-5
 
 
 class Learner(NamedTuple):
-    """What a gradient step changes."""
+    """State that a gradient step changes."""
 
     params: PPONetworkParams
     optimizer: Any

@@ -41,22 +41,22 @@ def taken_over(
     """
     try:
         if path.suffix == EXPORTED:
-            return _of_policy(path, params, normalizer, ppo)
-        return _of_checkpoint(path, params, normalizer, ppo)
+            return _from_policy(path, params, normalizer, ppo)
+        return _from_checkpoint(path, params, normalizer, ppo)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = " ".join(str(error).split())[:120]
         raise UserError(f"cannot start from {path}: {reason}") from None
 
 
-def _of_checkpoint(
+def _from_checkpoint(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     saved = serialization.msgpack_restore(path.read_bytes())["state"]
-    policy = _of_same_shape(params.policy, saved["params"]["policy"])
+    policy = _same_shapes(params.policy, saved["params"]["policy"])
     if policy is None:
         raise ValueError("its actor's layers have other sizes")
-    value = _of_same_shape(params.value, saved["params"]["value"])
-    whole = _of_same_shape(normalizer, saved["normalizer"])
+    value = _same_shapes(params.value, saved["params"]["value"])
+    whole = _same_shapes(normalizer, saved["normalizer"])
     if value is not None and whole is not None:
         return params.replace(policy=policy, value=value), whole, CHECKPOINT_COPIED
     old = saved["normalizer"]
@@ -64,7 +64,7 @@ def _of_checkpoint(
     return params.replace(policy=policy), kept, CRITIC_NOT_COPIED
 
 
-def _of_policy(
+def _from_policy(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     actor = read_exported(path)
@@ -75,7 +75,7 @@ def _of_policy(
     )
 
 
-def _of_same_shape(fresh: Any, saved: Any) -> Any:
+def _same_shapes(fresh: Any, saved: Any) -> Any:
     """A saved tree in the form of a fresh one; None if shapes or names differ."""
     try:
         restored = serialization.from_state_dict(fresh, saved)

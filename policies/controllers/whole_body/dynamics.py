@@ -153,8 +153,8 @@ class WholeBody:
         jacobian = written.jacobian[:, :, order].copy()
         drift = written.jacobian_rate[:, :, order].dot(velocity)
         spin = jacobian[:, 3:].dot(velocity)
-        of = soles.foot_of_point
-        arm = points - foot[of]
+        foot_of_point = soles.foot_of_point
+        arm = points - foot[foot_of_point]
         turning = -skews(arm)
         return Dynamics(
             velocity,
@@ -164,8 +164,10 @@ class WholeBody:
             data.subtree_linvel[self._base].copy(),
             data.subtree_angmom[self._base].copy(),
             points,
-            jacobian[of, :3] + turning @ jacobian[of, 3:],
-            drift[of, :3] + (turning @ drift[of, 3:, None])[:, :, 0] + _centripetal(spin[of], arm),
+            jacobian[foot_of_point, :3] + turning @ jacobian[foot_of_point, 3:],
+            drift[foot_of_point, :3]
+            + (turning @ drift[foot_of_point, 3:, None])[:, :, 0]
+            + _centripetal(spin[foot_of_point], arm),
             foot,
             np.full(self.feet, 1.0 / self.feet).dot(foot),
             data.xmat[soles.bodies].reshape(-1, 3, 3) @ self._level,

@@ -14,7 +14,7 @@ from footfall.common.outputs import check_outputs, write_json, write_text
 from footfall.confirm import Yes, confirm
 from footfall.options import AS_TYPED, SIMULATED, VIRTUAL, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import PLACE, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, opened
 from footfall.verbs.identify_foot import foot
 from footfall.verbs.identify_gains import gains
 
@@ -74,7 +74,7 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
     motion = ExcitationConfig() if options.excitation is None else load(options.excitation, ExcitationConfig)
     deploy = deploy_config(robot, options.config, simulated)
     if options.bus not in (SIMULATED, VIRTUAL):
-        confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {PLACE}?", options.yes)
+        confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {ON_STAND}?", options.yes)
     with ExitStack() as resources:
         bus = opened(robot, options.bus, options.plant, options.seed, resources)
         outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)

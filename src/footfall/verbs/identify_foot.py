@@ -16,7 +16,7 @@ from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, answer, confirm
 from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import PLACE, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, opened
 
 if TYPE_CHECKING:
     from footfall.deploy.bus import Bus
@@ -107,7 +107,7 @@ def foot(name: str, /, *, options: FootOptions = FootOptions()) -> int:
 
 def _question(name: str, config: "FootTestConfig", press: bool) -> str:
     if not press:
-        return f"Foot {name} moves by {config.reach_m:g} m in all directions. {PLACE}?"
+        return f"Foot {name} moves by {config.reach_m:g} m in all directions. {ON_STAND}?"
     return (
         f"Foot {name} presses {len(config.presses)} times, {config.press_s:g} s each: note what the scale"
         " shows each time. Is the robot bolted to a stand, the scale just under this foot, the others in the"

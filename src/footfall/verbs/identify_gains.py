@@ -11,7 +11,7 @@ from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, confirm
 from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import PLACE, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, opened
 
 if TYPE_CHECKING:
     from footfall.identify.gain_search import Tuned
@@ -52,7 +52,7 @@ def gains(*, options: GainOptions = GainOptions()) -> int:
     steps = GainConfig() if options.steps is None else load(options.steps, GainConfig)
     deploy = deploy_config(robot, options.config, simulated)
     if options.bus not in (SIMULATED, VIRTUAL):
-        confirm(f"Each joint steps by {steps.step_rad:g} rad and may ring. {PLACE}?", options.yes)
+        confirm(f"Each joint steps by {steps.step_rad:g} rad and may ring. {ON_STAND}?", options.yes)
     policy = GainSearch(robot, steps, deploy.joint_rate_hz)
     with ExitStack() as resources:
         bus = opened(robot, options.bus, None, options.seed, resources)

@@ -34,11 +34,11 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No lying pose is looked for, which takes seconds (tests/plant/test_lying.py)."""
+    """Skip the search for a lying pose, which takes seconds (tests/plant/test_lying.py)."""
     monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)
 
 
-class TestWhatIsKept:
+class TestKeptFromTheSource:
     def test_the_joints_in_the_order_of_the_tree(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
         assert robot.joint_names == tuple(f"{leg}_{part}" for leg in HIPS for part in ("roll", "hip", "knee"))
@@ -74,7 +74,7 @@ class TestWhatIsKept:
         assert not any("reflected inertia" in guess for guess in made.guesses)
 
 
-class TestWhatIsMade:
+class TestDerived:
     def test_feet_that_touch_together_within_the_soft_limits(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
         assert np.ptp(robot.foot_positions[:, 2]) < 2e-3
@@ -111,7 +111,9 @@ class TestWhatIsMade:
         assert robot.default_pose[:6] == pytest.approx([0.1, 0.05, -0.4, 0.9, -0.5, -0.05])
         assert robot.default_pose[9] == pytest.approx(0.03 * 2.2, abs=1e-4)
 
-    def test_two_points_are_held_up_at_first(self, two: tuple[Robot, Imported], tmp_path: Path) -> None:
+    def test_a_biped_with_point_feet_is_held_up_at_first(
+        self, two: tuple[Robot, Imported], tmp_path: Path
+    ) -> None:
         sole = '<geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>'
         sphere = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
         robot, made = make(tmp_path, BIPED_MJCF.replace(sole, sphere), "xml")
@@ -158,7 +160,7 @@ class TestWhatIsMade:
         assert load_robot(tmp_path / "dog").name == "dog"
 
 
-class TestWishes:
+class TestOptions:
     def test_a_torque_by_part_of_a_joints_name(self, tmp_path: Path) -> None:
         """The longest part that fits counts; joints that are not named keep the file's."""
         wishes = {"knee": 11.0, "RR_knee": 12.5}
