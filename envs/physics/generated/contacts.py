@@ -20,7 +20,7 @@ class Contact(NamedTuple):
 
     meeting: Meeting
     distance: Scalar  # m
-    place: Vector  # (3,) m, from the base's origin
+    position: Vector  # (3,) m, from the base's origin
     normal: Vector  # (3,) from the first to the second
     tangents: tuple[Vector, ...]  # empty without friction
     excess: Scalar = 0.0  # m; above 0 there is no contact, however near the geoms are
@@ -30,7 +30,7 @@ class LinkPose(NamedTuple):
     """Where a link lies, in the base's frame."""
 
     turn: Matrix  # (3, 3) from the link's frame
-    place: Vector  # (3,) m
+    position: Vector  # (3,) m
 
 
 class Geometry:
@@ -42,7 +42,7 @@ class Geometry:
         tree: Tree,
         poses: dict[int, LinkPose],
         base_turn: Matrix,
-        base_place: Vector,
+        base_position: Vector,
     ) -> None:
         """All results are in the base's frame.
 
@@ -51,19 +51,19 @@ class Geometry:
             tree: its tree.
             poses: by link; the base's is the identity.
             base_turn: (3, 3) from the base's frame to the world's.
-            base_place: (3,) m, of the base in the world.
+            base_position: (3,) m, of the base in the world.
         """
         self._model, self._tree, self.poses = model, tree, poses
-        self._base_turn, self._base_place = base_turn, base_place
+        self._base_turn, self._base_position = base_turn, base_position
 
     def centre(self, geom: int) -> Vector:
         """Centre of a geom, in the base's frame, m, (3,)."""
         body = self._attachment(geom)
-        return self._place(body.link, body.place + body.rotation @ self._model.geom_pos[geom])
+        return self._in_base_frame(body.link, body.position + body.rotation @ self._model.geom_pos[geom])
 
-    def in_world(self, place: Vector) -> Vector:
+    def in_world(self, position: Vector) -> Vector:
         """The world position of a point in the base's frame, m, (3,)."""
-        return self._base_place + self._base_turn @ place
+        return self._base_position + self._base_turn @ position
 
     def contacts(self, meeting: Meeting, ground: np.ndarray | None = None) -> list[Contact]:
         """The contacts that two geoms can make; their number does not depend on the pose.
@@ -77,10 +77,10 @@ class Geometry:
             return [self._between(meeting, *self._nearest(meeting.geoms, lambda of, k: of(meeting.geoms[k])))]
         if ground is None:
             body = self._model.geom_bodyid[one]
-            turn, place = self._fixed(int(body))
+            turn, position = self._fixed(int(body))
             normal = turn @ rotation(self._model.geom_quat[one])[:, 2]
             normal[np.abs(normal) < TINY] = 0.0
-            ground = np.append(normal, normal @ (place + turn @ self._model.geom_pos[one]))
+            ground = np.append(normal, normal @ (position + turn @ self._model.geom_pos[one]))
         match self._model.geom_type[two]:
             case mujoco.mjtGeom.mjGEOM_SPHERE:
                 return self._on_ground(meeting, ground, two, np.zeros(3))
@@ -141,8 +141,8 @@ class Geometry:
         normal = outwards * side + vector(0.0, 0.0, up)
         distance = where(outside, length, maximum(away, above)) - radius
         turned = self._base_turn.T @ normal
-        place = centre - turned * (radius + 0.5 * distance)
-        return Contact(meeting, distance, place, turned, self._tangents(meeting, normal, along)), -away
+        position = centre - turned * (radius + 0.5 * distance)
+        return Contact(meeting, distance, position, turned, self._tangents(meeting, normal, along)), -away
 
     def _sphere(self, geom: int, offset: Vector) -> tuple[Vector, float]:
         """Centre, in the base's frame, and radius of a sphere at this offset; 0 for a box's corner."""
@@ -155,9 +155,9 @@ class Geometry:
         """The plane's contact with a sphere at this offset from a geom's centre."""
         centre, radius = self._sphere(geom, offset)
         normal = self._base_turn.T @ ground[:3]
-        distance = ground[:3] @ self._base_place - ground[3] + normal @ centre - radius
-        place = centre - normal * (radius + 0.5 * distance)
-        return Contact(meeting, distance, place, normal, self._tangents(meeting, ground[:3], along))
+        distance = ground[:3] @ self._base_position - ground[3] + normal @ centre - radius
+        position = centre - normal * (radius + 0.5 * distance)
+        return Contact(meeting, distance, position, normal, self._tangents(meeting, ground[:3], along))
 
     def _between(self, meeting: Meeting, one: Vector, two: Vector) -> Contact:
         """The contact of two spheres around these points, with the geoms' radii."""
@@ -165,9 +165,9 @@ class Geometry:
         away = two - one
         length = sqrt(maximum(away @ away, TINY**2))
         normal, distance = away / length, length - sum(radii)
-        place = one + normal * (radii[0] + 0.5 * distance)
+        position = one + normal * (radii[0] + 0.5 * distance)
         world = self._base_turn @ normal if meeting.dimensions > SMOOTH else normal
-        return Contact(meeting, distance, place, normal, self._tangents(meeting, world, None))
+        return Contact(meeting, distance, position, normal, self._tangents(meeting, world, None))
 
     def _tangents(self, meeting: Meeting, normal: Vector, along: Vector | None) -> tuple[Vector, ...]:
         """MuJoCo's two directions along the surface, in the base's frame (mju_makeFrame).
@@ -227,15 +227,15 @@ class Geometry:
     def _attachment(self, geom: int) -> Attachment:
         return self._tree.bodies[int(self._model.geom_bodyid[geom])]
 
-    def _place(self, link: int, place: Vector) -> Vector:
+    def _in_base_frame(self, link: int, position: Vector) -> Vector:
         pose = self.poses[link]
-        return pose.place + pose.turn @ place
+        return pose.position + pose.turn @ position
 
     def _fixed(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Rotation and position in the world of a body that is fixed to it."""
-        turn, place = np.eye(3), np.zeros(3)
+        turn, position = np.eye(3), np.zeros(3)
         while body != 0:
             own = rotation(self._model.body_quat[body])
-            turn, place = own @ turn, self._model.body_pos[body] + own @ place
+            turn, position = own @ turn, self._model.body_pos[body] + own @ position
             body = int(self._model.body_parentid[body])
-        return turn, place
+        return turn, position

@@ -28,15 +28,15 @@ class Inertia(NamedTuple):
         """A share of the inertia."""
         return Inertia(self.mass * share, self.moment * share, self.matrix * share)
 
-    def seen_from(self, rotation: Matrix, place: Vector) -> "Inertia":
+    def seen_from(self, rotation: Matrix, position: Vector) -> "Inertia":
         """The inertia in another frame, in which this frame has these axes and origin (RBDA, (2.66))."""
         moment = rotation @ self.moment
-        shift = 2.0 * (place @ moment) + self.mass * (place @ place)
-        outer = np.outer(place, moment)
-        outer = outer + outer.T + self.mass * np.outer(place, place)
+        shift = 2.0 * (position @ moment) + self.mass * (position @ position)
+        outer = np.outer(position, moment)
+        outer = outer + outer.T + self.mass * np.outer(position, position)
         turned = rotation @ self.matrix @ rotation.T
         matrix = mirrored(turned + np.eye(3) * shift - outer)
-        return Inertia(self.mass, moment + self.mass * place, matrix)
+        return Inertia(self.mass, moment + self.mass * position, matrix)
 
 
 NO_INERTIA = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -66,9 +66,9 @@ class _Wrench(NamedTuple):
     force: Vector
     torque: Vector  # about the frame's origin
 
-    def seen_from(self, rotation: Matrix, place: Vector) -> "_Wrench":
+    def seen_from(self, rotation: Matrix, position: Vector) -> "_Wrench":
         force = rotation @ self.force
-        return _Wrench(force, rotation @ self.torque + cross(place, force))
+        return _Wrench(force, rotation @ self.torque + cross(position, force))
 
 
 def dynamics(
@@ -112,15 +112,15 @@ def dynamics(
             hinge, turn = tree.hinges[child], turns[child]
             along = hinge.axis * speeds[child]
             carried = turn.T @ spin
-            moved = acceleration + cross(turning, hinge.place) + cross(spin, cross(spin, hinge.place))
+            moved = acceleration + cross(turning, hinge.position) + cross(spin, cross(spin, hinge.position))
             part, wrench = visit(
                 child, carried + along, turn.T @ turning + cross(carried, along), turn.T @ moved
             )
             bias[BASE_DOFS + child] = hinge.axis @ wrench.torque
-            wrench = wrench.seen_from(turn, hinge.place)
+            wrench = wrench.seen_from(turn, hinge.position)
             force, torque = force + wrench.force, torque + wrench.torque
             _mass_of_hinge(child, part)
-            whole = whole + part.seen_from(turn, hinge.place)
+            whole = whole + part.seen_from(turn, hinge.position)
         return whole, _Wrench(force, torque)
 
     def _mass_of_hinge(link: int, beyond: Inertia) -> None:
@@ -129,7 +129,7 @@ def dynamics(
         wrench = _Wrench(cross(axis, beyond.moment), beyond.matrix @ axis)
         mass[row, row] = axis @ wrench.torque
         while True:
-            wrench = wrench.seen_from(turns[link], tree.hinges[link].place)
+            wrench = wrench.seen_from(turns[link], tree.hinges[link].position)
             link = tree.hinges[link].parent
             if link == BASE:
                 break

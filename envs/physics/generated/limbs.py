@@ -15,7 +15,7 @@ from footfall.envs.physics.generated.expression import Expression, Graph, Scalar
 from footfall.envs.physics.generated.meetings import SMOOTH, Meeting, meetings
 from footfall.envs.physics.generated.tree import BASE, ROUNDING, Hinge, Tree
 
-GEOMETRY = ("rotation", "place", "axis")  # of a hinge
+GEOMETRY = ("rotation", "position", "axis")  # of a hinge
 MAX_PAIRS = 6  # contacts between limbs: all limbs compute the forces of all
 
 

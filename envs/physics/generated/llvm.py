@@ -183,18 +183,18 @@ class _Writer:
         self._temporary += 1
         return f"%u{self._temporary}"
 
-    def _place(self, rows: str, index: int) -> str:
-        place = self._new()
-        self._emit(f"  {place} = getelementptr {self._item}, <{self._lanes} x ptr> {rows}, i64 {index}")
-        return place
+    def _address(self, rows: str, index: int) -> str:
+        address = self._new()
+        self._emit(f"  {address} = getelementptr {self._item}, <{self._lanes} x ptr> {rows}, i64 {index}")
+        return address
 
     def _gather(self, rows: str, index: int) -> str:
         pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
         name = f"@llvm.masked.gather.{self._short}.v{self._lanes}p0"
         self._declared.add(f"declare {self._vector} {name}({pointers}, i32, {self._flags}, {self._vector})")
-        place, value = self._place(rows, index), self._new()
+        address, value = self._address(rows, index), self._new()
         self._emit(
-            f"  {value} = call {self._vector} {name}({pointers} {place}, i32 {self._bytes},"
+            f"  {value} = call {self._vector} {name}({pointers} {address}, i32 {self._bytes},"
             f" {self._flags} {every}, {self._vector} poison)"
         )
         return value
@@ -203,23 +203,23 @@ class _Writer:
         pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
         name = f"@llvm.masked.scatter.{self._short}.v{self._lanes}p0"
         self._declared.add(f"declare void {name}({self._vector}, {pointers}, i32, {self._flags})")
-        place = self._place(rows, index)
+        address = self._address(rows, index)
         self._emit(
-            f"  call void {name}({self._vector} {value}, {pointers} {place}, i32 {self._bytes},"
+            f"  call void {name}({self._vector} {value}, {pointers} {address}, i32 {self._bytes},"
             f" {self._flags} {every})"
         )
 
     def _room(self, name: str, index: int) -> str:
-        place = self._new()
-        self._emit(f'  {place} = getelementptr {self._vector}, ptr %"room.{name}", i64 {index}')
-        return place
+        address = self._new()
+        self._emit(f'  {address} = getelementptr {self._vector}, ptr %"room.{name}", i64 {index}')
+        return address
 
     def _keep(self, name: str, index: int, value: str) -> None:
         self._emit(f"  store {self._vector} {value}, ptr {self._room(name, index)}, align 64")
 
     def _kept(self, name: str, index: int) -> str:
-        place, value = self._room(name, index), self._new()
-        self._emit(f"  {value} = load {self._vector}, ptr {place}, align 64")
+        address, value = self._room(name, index), self._new()
+        self._emit(f"  {value} = load {self._vector}, ptr {address}, align 64")
         return value
 
     def _input(self, name: str, array: str, index: int) -> None:

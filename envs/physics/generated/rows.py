@@ -159,11 +159,11 @@ def _row(
     for body, sign in signs:
         parts: Row = {}
         if len(signs) == 1:  # the base moves both ends of a contact within the robot alike
-            parts = dict(enumerate((*direction, *cross(contact.place, direction))))
+            parts = dict(enumerate((*direction, *cross(contact.position, direction))))
         for link in tree.chain(tree.bodies[body].link):
             pose = poses[link]
             axis = pose.turn @ tree.hinges[link].axis
-            parts[BASE_DOFS + link] = direction @ cross(axis, contact.place - pose.place)
+            parts[BASE_DOFS + link] = direction @ cross(axis, contact.position - pose.position)
         for dof, part in parts.items():
             row[dof] = row.get(dof, 0.0) + sign * part
     return {dof: part for dof, part in row.items() if not (isinstance(part, float) and part == 0.0)}

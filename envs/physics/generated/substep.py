@@ -200,7 +200,7 @@ def _step(
     linear = base_turn @ vector(*acceleration[:3])
     acceleration = [*linear, *acceleration[3:]]
     velocity = [v + timestep_s * a for v, a in zip(qvel, acceleration, strict=True)]
-    place = [x + timestep_s * v for x, v in zip(qpos[:3], velocity[:3], strict=True)]
+    position = [x + timestep_s * v for x, v in zip(qpos[:3], velocity[:3], strict=True)]
     quaternion = _turned(qpos[3:7], vector(*velocity[3:6]) * timestep_s)
     moved = [q + timestep_s * v for q, v in zip(angles, velocity[6:], strict=True)]
     feet: Values = {
@@ -209,16 +209,16 @@ def _step(
         if int(model.geom_bodyid[point]) in tree.bodies
         for axis, x in enumerate(geometry.in_world(geometry.centre(point)))
     }
-    return Motion([*place, *quaternion, *moved], velocity, acceleration), feet
+    return Motion([*position, *quaternion, *moved], velocity, acceleration), feet
 
 
 def _inertias(model: mujoco.MjModel, part: Part, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
     """Inertia of each link and of the part's share of the base, in the link's frame."""
     masses, centres, principal = field("body_mass"), field("body_ipos"), field("body_inertia")
     found: dict[int, Inertia] = {}
-    for body, (link, turn, place) in part.tree.bodies.items():
+    for body, (link, turn, position) in part.tree.bodies.items():
         own = body_inertia(masses[body], centres[body], rotation(model.body_iquat[body]), principal[body])
-        own = own.seen_from(turn, place)
+        own = own.seen_from(turn, position)
         found[link] = found[link] + own if link in found else own
     return found | {BASE: found[BASE].part(part.share)}
 
@@ -227,7 +227,7 @@ def _poses(tree: Tree, turns: list[np.ndarray]) -> dict[int, LinkPose]:
     poses = {BASE: LinkPose(np.eye(3), np.zeros(3))}
     for link, (hinge, turn) in enumerate(zip(tree.hinges, turns, strict=True)):
         parent = poses[hinge.parent]
-        poses[link] = LinkPose(parent.turn @ turn, parent.place + parent.turn @ hinge.place)
+        poses[link] = LinkPose(parent.turn @ turn, parent.position + parent.turn @ hinge.position)
     return poses
 
 

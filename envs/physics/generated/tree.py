@@ -18,18 +18,18 @@ ROUNDING = 1e-14  # largest error of a zero after rotations by right angles
 
 
 class Hinge(NamedTuple):
-    """A hinge and the place of its link on the parent link, at angle 0."""
+    """A hinge and the pose of its link on the parent link, at angle 0."""
 
     parent: int  # link, or BASE
     rotation: np.ndarray  # (3, 3) from the link's frame to the parent's
-    place: np.ndarray  # (3,) m, of the anchor, in the parent's frame
+    position: np.ndarray  # (3,) m, of the anchor, in the parent's frame
     axis: np.ndarray  # (3,) unit vector
     zero_rad: float  # qpos at angle 0
     stiffness: float  # N m/rad
     relaxed_rad: float  # qpos at which its spring is relaxed
     damping: float  # N m s/rad, beyond the joint law's
     joint: int  # of the model
-    dof: int  # of the model; its position is the next number, since the base has one position more
+    dof: int  # of the model; its index in qpos is one higher, since the base has 7 positions and 6 velocities
 
 
 class Attachment(NamedTuple):
@@ -37,7 +37,7 @@ class Attachment(NamedTuple):
 
     link: int  # or BASE
     rotation: np.ndarray  # (3, 3) to the link's frame
-    place: np.ndarray  # (3,) m
+    position: np.ndarray  # (3,) m
 
 
 class Tree(NamedTuple):
@@ -57,9 +57,9 @@ class Tree(NamedTuple):
         return Tree(
             tuple(self.hinges[link]._replace(parent=local[self.hinges[link].parent]) for link in links),
             {
-                body: place._replace(link=local[place.link])
-                for body, place in self.bodies.items()
-                if place.link in local
+                body: attachment._replace(link=local[attachment.link])
+                for body, attachment in self.bodies.items()
+                if attachment.link in local
             },
         )
 
@@ -91,25 +91,25 @@ def read_tree(model: mujoco.MjModel) -> Tree:
         parent = bodies[int(model.body_parentid[body])]
         link = parent.link
         turn = parent.rotation @ rotation(model.body_quat[body])
-        place = parent.place + parent.rotation @ model.body_pos[body]  # of the body's origin
+        position = parent.position + parent.rotation @ model.body_pos[body]  # of the body's origin
         for k in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
-            anchor, dof, position = model.jnt_pos[k], model.jnt_dofadr[k], model.jnt_qposadr[k]
+            anchor, dof, qpos_index = model.jnt_pos[k], model.jnt_dofadr[k], model.jnt_qposadr[k]
             hinges.append(
                 Hinge(
                     parent=link,
                     rotation=turn,
-                    place=place + turn @ anchor,
+                    position=position + turn @ anchor,
                     axis=np.where(np.abs(model.jnt_axis[k]) < ROUNDING, 0.0, model.jnt_axis[k]),
-                    zero_rad=float(model.qpos0[position]),
+                    zero_rad=float(model.qpos0[qpos_index]),
                     stiffness=float(model.jnt_stiffness[k]),
-                    relaxed_rad=float(model.qpos_spring[position]),
+                    relaxed_rad=float(model.qpos_spring[qpos_index]),
                     damping=float(model.dof_damping[dof]),
                     joint=k,
                     dof=int(dof),
                 )
             )
-            link, turn, place = len(hinges) - 1, np.eye(3), -anchor
-        bodies[body] = Attachment(link, turn, place)
+            link, turn, position = len(hinges) - 1, np.eye(3), -anchor
+        bodies[body] = Attachment(link, turn, position)
     return Tree(tuple(hinges), bodies)
 
 
