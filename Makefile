@@ -30,7 +30,7 @@ $(STAMP): pyproject.toml
 	@touch $(STAMP)
 
 # Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. Which files' tests are
-# begun first, and which stay together in a worker, is settled in tests/conftest.py.
+# begun first, and which stay together in a worker, is settled in tests/support/file_order.py.
 test: $(STAMP)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --no-loadscope-reorder $(TESTS)
 

@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from file_order import LONGEST, TOGETHER
 from hypothesis import settings
 from lowering import share_contexts
 from recorder import Recorder
@@ -53,46 +54,6 @@ settings.load_profile("footfall")
 HERE = Path(__file__).parent
 
 held.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
-
-# Files that share what is slow to compile stay in one worker: the program of a training, and operations on
-# arrays of the same sizes.
-TRAININGS = (
-    "train/test_cluster.py",
-    "train/test_sweep.py",
-    "train/test_runs.py",
-    "train/test_failure.py",
-    "footfall/test_cli_train.py",
-)
-UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py", "train/test_symmetry.py")
-TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
-
-# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
-# others have nothing left to do.
-LONGEST = (
-    *TRAININGS,
-    *UPDATES,
-    "deploy/test_wiring_check.py",
-    "envs/test_physics.py",
-    "identify/test_fit.py",
-    "policies/test_controllers_walk.py",
-    "benchmarks/test_fault_table.py",
-    "envs/test_generated_physics.py",
-    "evaluate/test_report.py",
-    "deploy/test_estimator.py",
-    "pages/test_page.py",
-    "policies/test_hexapod_walks.py",
-    "examples/test_notebook.py",
-    "deploy/test_log.py",
-    "footfall/test_cli_replay.py",
-    "train/test_rsl_rl.py",
-    "deploy/test_odrive.py",
-    "policies/test_jump.py",
-    "footfall/test_cli_log.py",
-    "train/test_environment.py",
-    "policies/test_controllers_biped.py",
-    "footfall/test_cli_process.py",
-    "train/test_devices.py",
-)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,0 +1,65 @@
+"""Which files' tests run in one worker, and which begin first."""
+
+# Files that share what is slow to compile stay in one worker: the program of a training, and operations on
+# arrays of the same sizes.
+TRAININGS = (
+    "train/test_cluster.py",
+    "train/test_sweep.py",
+    "train/test_runs.py",
+    "train/test_failure.py",
+    "footfall/test_cli_train.py",
+)
+UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py", "train/test_symmetry.py")
+TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
+
+# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
+# others have nothing left to do.
+LONGEST = (
+    *TRAININGS,
+    *UPDATES,
+    "envs/test_generated_physics.py",
+    "envs/test_physics.py",
+    "deploy/test_wiring_check.py",
+    "deploy/test_bench.py",
+    "identify/test_fit.py",
+    "benchmarks/test_fault_table.py",
+    "deploy/test_log.py",
+    "policies/test_controllers_walk.py",
+    "examples/test_notebook.py",
+    "train/test_rsl_rl.py",
+    "footfall/test_cli_process.py",
+    "footfall/test_cli_result.py",
+    "policies/test_controllers_biped.py",
+    "envs/test_locomotion.py",
+    "plant/test_sensors.py",
+    "robots/importer/test_create.py",
+    "deploy/test_sensor_faults.py",
+    "identify/test_imported.py",
+    "evaluate/test_weakest.py",
+    "identify/test_explain.py",
+    "policies/test_controllers_delay.py",
+    "train/test_environment.py",
+    "evaluate/test_episodes.py",
+    "repository/test_imports.py",
+    "policies/test_flight.py",
+    "deploy/test_estimator.py",
+    "footfall/test_cli_log.py",
+    "policies/test_hexapod_walks.py",
+    "envs/test_task.py",
+    "envs/test_gymnasium.py",
+    "policies/test_other_bipeds.py",
+    "robots/test_check.py",
+    "deploy/test_battery.py",
+    "benchmarks/test_recordings.py",
+    "train/test_devices.py",
+    "footfall/test_cli_replay.py",
+    "repository/test_docs.py",
+    "pages/test_page.py",
+    "footfall/test_cli_can.py",
+    "deploy/test_foot_force.py",
+    "train/test_actuator_net.py",
+    "plant/test_walking.py",
+    "policies/test_controllers_walk_gaits.py",
+    "policies/test_jump.py",
+    "footfall/test_cli_bad_input.py",
+)
