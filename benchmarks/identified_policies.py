@@ -131,7 +131,7 @@ Task = tuple[str, str, int, EpisodePlan]  # policy, robot folder, number of the 
 def run(task: Task) -> EpisodeMetrics:
     """One episode on the hidden robot."""
     policy, folder, number, plan = task
-    robot = _robot(folder)
+    robot = with_nominal_losses(folder)
     rng = np.random.default_rng(plan.seed)
     sample = hidden(number) | {"friction": rng.uniform(*GROUND_FRICTION)}
     episode = Episode(
@@ -153,7 +153,7 @@ def _scenarios() -> ScenarioFile:
 
 
 @cache
-def _robot(folder: str) -> Robot:
+def with_nominal_losses(folder: str) -> Robot:
     """The robot of a folder with the losses of the nominal motors, from which the hidden robot differs.
 
     The nominal MJCF has no damping. Without this, the folder's would be added to the hidden robot's.
