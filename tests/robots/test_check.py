@@ -1,12 +1,14 @@
 """`footfall robot check`: a robot's figures, and whether it stands."""
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from foreign_robots import BALL, make, quadruped
+from shell import Shell
 
 from footfall.cli import main
 from footfall.plant.standing import StandingResult, standing_test
@@ -145,3 +147,10 @@ class TestCommand:
         changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
         folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")
         assert "joint FL_roll: kd is 18.8, above the" in wrong(folder, capsys)
+
+
+def test_ranges_that_no_training_can_read_are_refused(four: Robot, tmp_path: Path, shell: Shell) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(four.folder, folder)
+    (folder / "randomisation.yaml").write_text("armature: {low: 1.05, high: 0.95}")
+    assert "armature" in shell.refuses("robot", "check", str(folder))

@@ -140,6 +140,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     """Print a robot's tree and feet, test standing and walking in simulation; exit 1 if something is
     wrong."""
     from footfall import robot_check
+    from footfall.domain_rand.randomisation import randomisation_of
     from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
     from footfall.plant.walking import controllers_test
@@ -147,6 +148,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     from footfall.robots.inspection import inspect_robot
 
     loaded = load_robot(robot)
+    randomisation_of(loaded)  # refuses ranges that no training could read
     looked = inspect_robot(loaded, options.seed)
     robot_check.show_tree(loaded, looked)
     robot_check.show_feet(looked)
