@@ -287,7 +287,9 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
     def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         """A run that has been logging for half a second."""
         root = Path(__file__).parents[2]
-        environment = os.environ | {"PYTHONPATH": f"{root / 'tests/support'}:{root / 'benchmarks'}:{root}"}
+        environment = os.environ | {
+            "PYTHONPATH": f"{root / 'tests/support'}:{root / 'benchmarks'}:{root / 'src'}"
+        }
         command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         assert process.stdout is not None

@@ -10,7 +10,8 @@ PROGRAMS = 200  # of one context, which keeps all their constants
 def share_contexts() -> None:
     """Programs that are compiled one after the other have one context, if JAX has been imported.
 
-    Other threads compile in contexts of their own, and so does this one beside them.
+    Other threads compile in contexts of their own, and so does this one beside them. JAX 0.11 shares contexts
+    by itself.
     """
     try:
         mlir: Any = sys.modules["jax._src.interpreters.mlir"]
