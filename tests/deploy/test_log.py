@@ -253,9 +253,9 @@ def children(pid: int) -> list[int]:
 
 
 def logged_us(log: LogFile) -> int:
-    """Time from the first to the last joint reading."""
-    readings = [entry.time_ns for entry in log.entries if entry.topic == "/joint_states"]
-    return (readings[-1] - readings[0]) // 1000
+    """Time of the last joint reading since the run began, when the robot was described."""
+    at_ns = {entry.topic: entry.time_ns for entry in log.entries}
+    return (at_ns["/joint_states"] - at_ns["/robot_description"]) // 1000
 
 
 def wait_for_end(pid: int) -> None:
