@@ -22,7 +22,7 @@ class WiringCheckConfig:
     alike: float = 0.13  # maximum error of a joint's response
     doubtful: float = 0.09  # same, if a wrong wiring explains the error
     imu_alike: float = 0.25  # maximum error of the base's tilt measured by the IMU
-    explained: float = 0.55  # maximum share of the squared error that a cause may leave unexplained
+    explained: float = 0.5  # maximum share of the squared error that a cause may leave unexplained
     explained_in_doubt: float = 0.3  # same for errors that would pass otherwise
     unlike: float = 0.9  # error of most joints, or of the IMU, that is a fault even without an explanation
     askew_rad: float = 0.25  # maximum difference between the mean tilts of IMU and model, on level ground
