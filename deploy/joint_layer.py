@@ -246,8 +246,8 @@ class JointLayer:
         if self._sent_before is self.sent:  # the same command was sent twice
             return last
         before = pd_torque(JointCommand.of(self._sent_before), position, velocity)
-        least, most = np.minimum(last, before), np.maximum(last, before)
-        return np.maximum(least, 0.0) + np.minimum(most, 0.0)
+        low, high = np.minimum(last, before), np.maximum(last, before)
+        return np.maximum(low, 0.0) + np.minimum(high, 0.0)
 
 
 def _share(possible: np.ndarray, demand: np.ndarray) -> np.ndarray:

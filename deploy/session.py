@@ -199,7 +199,7 @@ def run_session(
                 loop.shut_down()
         wall_s = time.perf_counter() - started
         at_the_end = [*_unheard(loop), *_damaged(loop)]
-        lacking = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
+        missing_parts = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
         return SessionResult(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
@@ -210,7 +210,7 @@ def run_session(
             timing=loop.timing.summary(),
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
-            notes=(*refused, *runner.notes, *filter(None, [lacking]), *at_the_end),
+            notes=(*refused, *runner.notes, *filter(None, [missing_parts]), *at_the_end),
         )
 
 

@@ -22,9 +22,9 @@ class Durations:
         self.count += 1
         self.longest = max(self.longest, value)
 
-    def values(self, most: int = MAX_SAMPLES) -> np.ndarray:
-        """Up to `most` latest durations, oldest first."""
-        number = min(most, self.count, self._kept)
+    def values(self, max_count: int = MAX_SAMPLES) -> np.ndarray:
+        """Up to `max_count` latest durations, oldest first."""
+        number = min(max_count, self.count, self._kept)
         end = (self.count - 1) % self._kept + 1
         if number <= end:
             return np.array(self._values[end - number : end])
@@ -41,13 +41,13 @@ class Timing:
     overruns: int = 0  # ticks whose work took longer than the period; wall clock only
     ticks_skipped: int = 0  # because the loop was late; wall clock only
 
-    def summary(self, most: int = MAX_SAMPLES) -> dict[str, float]:
-        """By name: p50 and p99 of up to `most` latest durations, the maximum of all; 0 without any."""
+    def summary(self, max_count: int = MAX_SAMPLES) -> dict[str, float]:
+        """By name: p50 and p99 of up to `max_count` latest durations, the maximum of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         found["ticks_skipped"] = float(self.ticks_skipped)
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)
-            values = durations.values(most) if durations.count else np.zeros(1)
+            values = durations.values(max_count) if durations.count else np.zeros(1)
             found[f"{name}_p50"], found[f"{name}_p99"] = np.percentile(values, (50, 99)).tolist()
             found[f"{name}_max"] = durations.longest
         return found

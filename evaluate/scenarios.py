@@ -131,10 +131,10 @@ class Scenario:
         if math.prod(map(len, self.levels.values())) > MAX_EPISODES:
             raise ValueError(f"levels have more than {MAX_EPISODES:,} combinations")
         for name, values in self.levels.items():
-            least, most = LEVEL_LIMITS.get(name, (-math.inf, math.inf))
+            low, high = LEVEL_LIMITS.get(name, (-math.inf, math.inf))
             for value in values:
-                if not least <= value <= most:
-                    raise ValueError(f"level {name} must be from {least:g} to {most:g}, not {value:g}")
+                if not low <= value <= high:
+                    raise ValueError(f"level {name} must be from {low:g} to {high:g}, not {value:g}")
 
     def _check_ground(self) -> None:
         ground_levels = {name: self.levels[name] for name in GROUND_LEVELS if name in self.levels}

@@ -75,18 +75,18 @@ def disturbed(plan: EpisodePlan, severities: Severities) -> EpisodePlan:
     return replace(plan, pushes=(Push(push.time_s, (x, y, z)),) if size else (), levels=levels)
 
 
-def smallest(falls: Callable[[float], bool], halvings: int = BISECTION_STEPS) -> float:
-    """Smallest share, from 0 to 1, at which `falls` is true; infinite if it is false at 1.
+def smallest(fails: Callable[[float], bool], halvings: int = BISECTION_STEPS) -> float:
+    """Smallest share, from 0 to 1, at which `fails` is true; infinite if it is false at 1.
 
-    It is 0 for a policy that falls without a disturbance.
+    It is 0 for a policy that fails without a disturbance.
     """
-    if not falls(1.0):
+    if not fails(1.0):
         return math.inf
     low, high = 0.0, 1.0
     for _ in range(halvings):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if falls(middle) else (middle, high)
-    return 0.0 if low == 0.0 and falls(0.0) else high
+        low, high = (low, middle) if fails(middle) else (middle, high)
+    return 0.0 if low == 0.0 and fails(0.0) else high
 
 
 def bisect(ray: Ray) -> float:
@@ -157,7 +157,7 @@ def _run(rays: Sequence[Ray], workers: int | None) -> list[float]:
 
 
 def _figures(name: str, shares: np.ndarray, seed: int) -> dict[str, Any]:
-    """Smallest and median disturbance that makes the robot fall, in its unit; None if none does."""
+    """Smallest and median disturbance at which the policy fails, in its unit; None if it does not."""
     resamples = np.random.default_rng(seed).choice(shares, (RESAMPLES, len(shares)))
     middles = np.sort(np.quantile(resamples, 0.5, axis=1, method="lower"))
     tail = (1 - CONFIDENCE) / 2

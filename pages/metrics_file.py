@@ -59,8 +59,8 @@ class MetricsFile:
         return steps, values
 
 
-def thinned(values: np.ndarray, most: int) -> np.ndarray:
-    """At most `most` of the values (k,), evenly spaced, including the first and the last."""
-    if len(values) <= most:
+def thinned(values: np.ndarray, max_count: int) -> np.ndarray:
+    """At most `max_count` of the values (k,), evenly spaced, including the first and the last."""
+    if len(values) <= max_count:
         return values
-    return values[np.linspace(0, len(values) - 1, most).round().astype(int)]
+    return values[np.linspace(0, len(values) - 1, max_count).round().astype(int)]

@@ -17,7 +17,7 @@ class Plan:
     occupied: list[float]  # microseconds that the batch takes on each wire
     longest: float  # largest of `occupied`
     frames: np.ndarray  # (channels,) frames on each wire
-    most: int  # frames on the busiest wire
+    max_frames: int  # frames on the busiest wire
     wires: list[int]  # indices of the wires with a frame
     first: list[float]  # least precedence on each wire
     last: list[float]  # greatest precedence on each wire
@@ -47,7 +47,7 @@ def planned(frames: Frames, wires: int) -> Plan:
         occupied=occupied,
         longest=max(occupied, default=0.0),
         frames=count,
-        most=int(count.max(initial=0)),
+        max_frames=int(count.max(initial=0)),
         wires=np.flatnonzero(count).tolist(),
         first=[float(row.min(initial=math.inf)) for row in each],
         last=[float(row.max(initial=0.0)) for row in each],

@@ -250,7 +250,7 @@ class SimulatedWires:
     def _crowded(self, side: Side, plan: Plan, now_us: float) -> bool:
         """Whether a frame might be refused: a fast test that is false in ordinary traffic."""
         if side is Side.HOST:
-            return self._all_free_at > now_us or plan.most > self._host_queue
+            return self._all_free_at > now_us or plan.max_frames > self._host_queue
         return self._all_free_at > now_us + NODE_BACKLOG_US
 
     def _accept(self, side: Side, frames: Frames, plan: Plan, now_us: float) -> np.ndarray:

@@ -70,9 +70,9 @@ def shared(defaults: Mapping[str, float]) -> dict[str, Span]:
     }
 
 
-def approached(value: float, goal: float, most: float) -> float:
-    """A value moved towards its goal by at most `most`."""
-    return value + min(max(goal - value, -most), most)
+def approached(value: float, goal: float, max_change: float) -> float:
+    """A value moved towards its goal by at most `max_change`."""
+    return value + min(max(goal - value, -max_change), max_change)
 
 
 def require_steerable(policy: object, name: str) -> None:

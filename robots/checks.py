@@ -132,11 +132,11 @@ def overreach(description: Description, action_scale: np.ndarray, span: np.ndarr
         action_scale: position target per unit of action, rad, (n,).
         span: each joint's range, rad, (n,).
     """
-    for name, scale, most in zip(description.joint_names, action_scale, span, strict=True):
-        if scale > most:
+    for name, scale, width in zip(description.joint_names, action_scale, span, strict=True):
+        if scale > width:
             yield (
                 f"gains: torque_share times the peak torque over kp lets an action of 1 move joint {name} by"
-                f" {scale:.3g} rad, its range is {most:.3g}"
+                f" {scale:.3g} rad, its range is {width:.3g}"
             )
 
 

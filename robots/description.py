@@ -121,8 +121,8 @@ class Robot:
         """Lowest and highest voltage of each joint's motor, V; infinite without a limit."""
         motors = self.description.motors
         given = [motors[j.motor].voltage_v or (-np.inf, np.inf) for j in self.description.joints]
-        least, most = np.array(given).T
-        return least, most
+        low, high = np.array(given).T
+        return low, high
 
     @cached_property
     def foot_sensors(self) -> int:

@@ -73,16 +73,16 @@ class LeastSquares:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The best angles found from a start, (limbs, m), and their remaining error, (limbs,) m."""
         angles = best = start
-        least = np.full(len(start), np.inf)
+        smallest = np.full(len(start), np.inf)
         for _ in range(_ITERATIONS):
             error, jacobian = self._error(angles, target, weight)
             square = (error * error).sum(axis=1)
-            better = square < _WORTHWHILE * least
-            best, least = np.where(better[:, None], angles, best), np.where(better, square, least)
-            if not better.any() or least.max() < _CLOSE_M**2:
+            better = square < _WORTHWHILE * smallest
+            best, smallest = np.where(better[:, None], angles, best), np.where(better, square, smallest)
+            if not better.any() or smallest.max() < _CLOSE_M**2:
                 break
             angles = self._stepped(angles, error, jacobian, square)
-        return best, np.sqrt(least)
+        return best, np.sqrt(smallest)
 
     def _error(
         self, angles: np.ndarray, target: np.ndarray, weight: np.ndarray

@@ -91,8 +91,8 @@ def accelerate_makers(value: Mapping[str, Any], state: jnp.ndarray, given: jnp.n
     weight = -mass * GRAVITY * length * jnp.sin(q + value["offset"])
     load = jnp.abs(weight - drive)
     slow = jnp.exp(-(jnp.abs(v / value["stribeck_speed"]) ** value["alpha"]))
-    most = value["coulomb"] + value["load_friction"] * load + value["viscous"] * jnp.abs(v)
-    most = most + slow * (value["stribeck"] + value["load_stribeck"] * load)
+    max_friction = value["coulomb"] + value["load_friction"] * load + value["viscous"] * jnp.abs(v)
+    max_friction = max_friction + slow * (value["stribeck"] + value["load_stribeck"] * load)
     inertia = mass * length**2 + value["armature"]
     stops = inertia / STEP_S * v + drive + weight
-    return ((drive + weight - jnp.clip(stops, -most, most)) / inertia)[None]
+    return ((drive + weight - jnp.clip(stops, -max_friction, max_friction)) / inertia)[None]

@@ -24,7 +24,7 @@ def continuity(time_s: np.ndarray, paths: np.ndarray, min_step: float) -> Contin
     Args:
         time_s: (T,) times of the samples, s.
         paths: (T, paths, d) positions.
-        least: difference between a jump and twice the steps around it.
+        min_step: difference between a jump and twice the steps around it.
     """
     if len(time_s) < 2:
         return Continuity(0.0, 0.0, [])

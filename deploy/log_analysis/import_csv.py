@@ -111,9 +111,9 @@ def import_recording(
                 next_us = now_us + ODOMETRY_EVERY_US
                 log.odometry(now_us, estimator.odometry())
     finally:
-        lacking = log.close()
-    if lacking:
-        raise UserError(lacking)
+        missing_parts = log.close()
+    if missing_parts:
+        raise UserError(missing_parts)
     duration_s = 1e-6 * float(recorded.time_us[-1])
     attitude = "as recorded" if recorded.quaternion is not None else "from gyro and accelerometer"
     if not recorded.imu:

@@ -52,9 +52,9 @@ class McapFile:
         self._file.flush()
 
     def _register(self, topic: str) -> int:
-        how = TOPICS[topic]
-        if how.kind not in self._schemas:
-            text = definition(how.kind).encode()
-            self._schemas[how.kind] = self._writer.register_schema(how.kind, "ros2msg", text)
-        qos = {"offered_qos_profiles": how.qos_profile}
-        return self._writer.register_channel(topic, "cdr", self._schemas[how.kind], qos)
+        topic_type = TOPICS[topic]
+        if topic_type.kind not in self._schemas:
+            text = definition(topic_type.kind).encode()
+            self._schemas[topic_type.kind] = self._writer.register_schema(topic_type.kind, "ros2msg", text)
+        qos = {"offered_qos_profiles": topic_type.qos_profile}
+        return self._writer.register_channel(topic, "cdr", self._schemas[topic_type.kind], qos)

@@ -178,10 +178,10 @@ def _limbs(found: LogFindings) -> Iterator[tuple[str, list[int]]]:
         yield "other joints", others
 
 
-def _feet(found: LogFindings, most: int) -> list[str]:
+def _feet(found: LogFindings, count: int) -> list[str]:
     if found.robot is not None:
         return [foot.name for foot in found.robot.description.feet]
-    return [f"foot {number}" for number in range(most)]
+    return [f"foot {number}" for number in range(count)]
 
 
 def _readings(found: LogFindings, values: Column, members: Sequence[int], unit: str) -> list[Reading]:

@@ -180,15 +180,15 @@ def sweep(summaries: Summaries) -> Plot:
     shown = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
     errors = np.array([_error(row) for _, rows in shown for row in rows])
     known = errors[np.isfinite(errors)]
-    most = float(np.percentile(known, 95)) if len(known) else 1.0
+    high = float(np.percentile(known, 95)) if len(known) else 1.0
     return Plot(
         "Commands",
         "Velocity error in m/s by command, the darker the smaller. ✕: it fell. Empty cells were not tried.",
-        [_sweep_panel(number, *item, most) for number, item in enumerate(shown)],
+        [_sweep_panel(number, *item, high) for number, item in enumerate(shown)],
     )
 
 
-def _sweep_panel(number: int, policy: str, rows: list[Summary], most: float) -> Markup:
+def _sweep_panel(number: int, policy: str, rows: list[Summary], high: float) -> Markup:
     forward, yaw = (sorted({row[axis] for row in rows}) for axis in ("forward_m_s", "yaw_rad_s"))
     cells = np.full((len(yaw), len(forward)), np.nan)
     readings = []
@@ -199,7 +199,7 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], most: float) -> 
             error = _error(row)
             cells[y, x] = error
             mark = "✕" if row["falls"] else "" if math.isnan(error) else f"{error:.2f}"
-            dark = not math.isnan(error) and error < 0.6 * most
+            dark = not math.isnan(error) and error < 0.6 * high
             ink = INK if math.isnan(error) else "white" if dark else "black"
             ax.text(x, y, mark, ha="center", va="center", fontsize=10.5, color=ink)
             readings.append(
@@ -211,7 +211,7 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], most: float) -> 
                     f"\nfell in {row['falls']} of {row['episodes']}",
                 )
             )
-        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=most)
+        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=high)
         ax.set_xticks(range(len(forward)), [f"{value:g}" for value in forward])
         ax.set_yticks(range(len(yaw)), [f"{value:g}" for value in yaw])
         ax.set(title=policy, xlabel="forward, m/s", ylabel="yaw rate, rad/s")

@@ -29,7 +29,7 @@ from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
 from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, time_outs
 
-DELIVERED_TIME_OUT = 2000  # 0.1 s
+FACTORY_TIME_OUT = 2000  # 0.1 s
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
@@ -50,7 +50,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
         self._codec = mit.Codec.of(ranges)
         self.registers: list[dict[int, float]] = [
             {
-                TIME_OUT: DELIVERED_TIME_OUT,
+                TIME_OUT: FACTORY_TIME_OUT,
                 MODE: MIT_MODE,
                 POSITION_MAX: r.position,
                 VELOCITY_MAX: r.velocity,

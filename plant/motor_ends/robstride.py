@@ -33,7 +33,7 @@ from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, time_outs
 
-DELIVERED_TIME_OUT = 2000  # 0.1 s
+FACTORY_TIME_OUT = 2000  # 0.1 s
 _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
@@ -48,7 +48,7 @@ class RobstrideMotorEnd(PolledMotorEnd):
         self._lookup = motor_lookup(wiring)
         self._codec = Codec(wiring.models)
         self.parameters: list[dict[int, float]] = [
-            {RUN_MODE: 0, TORQUE_LIMIT: RANGES[model].torque, TIME_OUT: DELIVERED_TIME_OUT}
+            {RUN_MODE: 0, TORQUE_LIMIT: RANGES[model].torque, TIME_OUT: FACTORY_TIME_OUT}
             for model in wiring.models
         ]
         self._length = np.full(len(wiring.models), 8)

@@ -76,12 +76,12 @@ def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float
     return None if total <= 0.0 else (x / total, y / total, z / total)
 
 
-def followed_gradient(gradient: np.ndarray, ignored: float, most: float) -> np.ndarray:
-    """The gradient (2,), reduced by `ignored` and limited to `most`; exactly zero on nearly level ground."""
+def followed_gradient(gradient: np.ndarray, ignored: float, limit: float) -> np.ndarray:
+    """The gradient (2,), reduced by `ignored` and limited to `limit`; exactly zero on nearly level ground."""
     steep = math.hypot(*gradient.tolist())
     if steep <= ignored:
         return np.zeros(2)
-    return gradient * (min(steep - ignored, most) / steep)
+    return gradient * (min(steep - ignored, limit) / steep)
 
 
 def plane_quaternion(gradient: np.ndarray) -> np.ndarray:

@@ -94,14 +94,14 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
         UserError: a joint has none, or the file's is implausible for a machine of this weight.
     """
     peak = {}
-    most = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
+    max_torque = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
     for hinge in machine.hinges:
         named, filed = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
         if named is None and filed is None:
             raise UserError(
                 f"{source.path}: joint {hinge.name} has no peak torque (effort): give --peak-torque"
             )
-        if named is None and filed is not None and filed > most:
+        if named is None and filed is not None and filed > max_torque:
             raise UserError(
                 f"{source.path}: joint {hinge.name} has a peak torque of {filed:g} N m, which is no motor's"
                 f" on a machine of {machine.mass:.3g} kg: give --peak-torque"

@@ -115,12 +115,12 @@ def _repair_inertias(root: ET.Element, path: Path) -> Iterator[str]:
         xx, yy, zz = _vector(" ".join(entry.get(name, "0") for name in ("ixx", "iyy", "izz")), path)
         xy, xz, yz = _vector(" ".join(entry.get(name, "0") for name in ("ixy", "ixz", "iyz")), path)
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        least = weight * SMALLEST_RADIUS_M**2
-        if moments[0] < least:
-            raised = axes @ np.diag(np.maximum(moments, least)) @ axes.T
+        min_moment = weight * SMALLEST_RADIUS_M**2
+        if moments[0] < min_moment:
+            raised = axes @ np.diag(np.maximum(moments, min_moment)) @ axes.T
             for name, (row, column) in MOMENTS.items():
                 entry.set(name, repr(float(raised[row, column])))
-        if moments[0] < least or moments[2] > moments[0] + moments[1] + SMALLEST_INERTIA:
+        if moments[0] < min_moment or moments[2] > moments[0] + moments[1] + SMALLEST_INERTIA:
             yield link.get("name", "")
 
 

@@ -137,6 +137,6 @@ def beyond_frames(robot: "Robot") -> Iterator[str]:
         ranges = RANGES.get(protocol)
         if ranges is None:
             continue
-        for gain, value, most in (("kp", kp, ranges.kp), ("kd", kd, ranges.kd)):
-            if value > most:
-                yield f"joint {joint.name}: {gain} is {value:.3g}, above the {most:g} of {protocol} frames"
+        for gain, value, limit in (("kp", kp, ranges.kp), ("kd", kd, ranges.kd)):
+            if value > limit:
+                yield f"joint {joint.name}: {gain} is {value:.3g}, above the {limit:g} of {protocol} frames"

@@ -21,7 +21,7 @@ def kind(within_s: float | None) -> TimingFault:
     [
         (0.12, {}, True),
         (0.11, {}, False),
-        (0.12, {"seconds": None}, False),  # a fault before there was one
+        (0.12, {"seconds": None}, False),  # a reaction before the fault came
         (None, {}, False),
         (None, {"fault": "", "seconds": None}, True),
         (None, {"fault": "", "seconds": None, "fell": True}, False),
@@ -51,7 +51,7 @@ def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a machine as busy as may be: 50 ticks a second, and no other limit counts."""
+    """At 50 ticks a second, with all other limits relaxed, so that a busy machine passes too."""
     relaxed = replace(RELAXED.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)
     config = replace(RELAXED, safety=relaxed)
     monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)

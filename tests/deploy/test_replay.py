@@ -107,7 +107,7 @@ class TestReplay:
         assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
 
     @pytest.mark.parametrize(("tolerance", "step"), [(0.2499, 1), (0.25, 2), (1.9, 2), (2.0, None)])
-    def test_a_difference_of_the_tolerance_passes(
+    def test_a_difference_within_the_tolerance_passes(
         self, go1: Robot, joints: list[str], tmp_path: Path, tolerance: float, step: int | None
     ) -> None:
         path = write_steps(tmp_path / "a.mcap", decided(3, at_1_17=-0.25, at_2_40=2.0), 3, joints)
@@ -115,7 +115,9 @@ class TestReplay:
         assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
         assert result.worst_difference == pytest.approx(2.0)
 
-    def test_a_torn_log_may_end_undecided(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
+    def test_a_truncated_log_may_end_without_a_decision(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
         result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
         assert (result.steps, result.first_difference) == (2, "")
 
@@ -300,8 +302,8 @@ class TestWritten:
         assert json.loads(found["/orders"][0][1].data) == stop
         assert json.loads(found["/rosout"][-1][1].msg) == stop
 
-    def test_the_head_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
-        """As left by a run that is killed at once."""
+    def test_the_metadata_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
+        """The file of a run that is killed at once already has it."""
         deadline = time.monotonic() + 20.0
         while (tmp_path / "run.mcap").stat().st_size == 0 and time.monotonic() < deadline:
             time.sleep(0.01)

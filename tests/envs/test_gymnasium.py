@@ -73,7 +73,7 @@ class TestOne:
             assert (terminated, truncated) == ends
             assert np.isfinite([reward, info["linear_error_m_s"], info["yaw_error_rad_s"]]).all()
 
-    def test_the_command_in_the_information_is_the_one_to_go_on_with(self, one: GymnasiumEnv) -> None:
+    def test_the_info_has_the_command_of_the_next_step(self, one: GymnasiumEnv) -> None:
         _, info = one.reset(seed=4)
         for _ in range(3):
             assert np.array_equal(info["command"], one.state.command)
@@ -138,7 +138,9 @@ class TestMany:
 
         assert data_equivalence(rollout(), rollout(), exact=True)
 
-    def test_each_is_the_single_one_of_its_seed(self, many: GymnasiumVectorEnv, one: GymnasiumEnv) -> None:
+    def test_each_is_the_single_environment_of_its_seed(
+        self, many: GymnasiumVectorEnv, one: GymnasiumEnv
+    ) -> None:
         observations, _ = many.reset(seed=10)
         alone, _ = one.reset(seed=10 + 3)
         assert observations[3] == pytest.approx(alone, abs=1e-6)
@@ -156,7 +158,7 @@ class TestMany:
             one.reset(seed=5 + k)
             assert second[k] == pytest.approx(one.reset()[0], abs=1e-6)
 
-    def test_one_alone_can_be_seeded(self, many: GymnasiumVectorEnv) -> None:
+    def test_a_single_one_can_be_seeded(self, many: GymnasiumVectorEnv) -> None:
         first, _ = many.reset(seed=5)
         second, _ = many.reset()
         many.reset(seed=5)
@@ -165,7 +167,7 @@ class TestMany:
         assert np.array_equal(np.delete(again, 1, axis=0), np.delete(second, 1, axis=0))
 
     @pytest.mark.parametrize("count", [0, 1, MANY + 1])
-    def test_other_than_one_seed_for_each_is_refused(self, many: GymnasiumVectorEnv, count: int) -> None:
+    def test_a_wrong_number_of_seeds_is_refused(self, many: GymnasiumVectorEnv, count: int) -> None:
         with pytest.raises(ValueError, match=f"{count} seeds for {MANY} environments"):
             many.reset(seed=list(range(count)))
 
@@ -206,7 +208,7 @@ class TestMany:
                 ours.pop("command"), theirs.pop("command")
             assert alike(ours, theirs)
 
-    def test_gymnasiums_wrappers_take_it(
+    def test_gymnasiums_wrappers_accept_it(
         self, many: GymnasiumVectorEnv, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         # Gymnasium 1.4 refuses this mode at once, although the wrapper's step supports it.
@@ -266,7 +268,7 @@ print(picture.shape, picture.dtype, picture.std() > 5)
 """
 
 
-def test_it_can_be_seen() -> None:
+def test_it_renders() -> None:
     """In processes of their own, since MuJoCo settles on a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}

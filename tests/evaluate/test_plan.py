@@ -29,7 +29,7 @@ MANY = [0.5] * 250
 
 
 def written(folder: Path, text: str) -> Path:
-    """A file of a scenario with this beside what every one has."""
+    """A file of one scenario: this text, and the entries that every scenario needs."""
     path = folder / "own.yaml"
     path.write_text(f"scenarios: {{own: {{about: x, episodes: 1, duration_s: 5, {text}}}}}")
     return path
@@ -115,12 +115,12 @@ class TestScenarioFile:
             (f"levels: {{friction: {MANY}, kp: {MANY}, kd: [1, 1.1]}}", "more than 100,000 combinations"),
         ],
     )
-    def test_numbers_that_make_no_sense_are_refused(self, tmp_path: Path, text: str, complaint: str) -> None:
+    def test_invalid_numbers_are_refused(self, tmp_path: Path, text: str, complaint: str) -> None:
         assert complaint in refusal(tmp_path, text)
 
 
 class TestCommandsOfARobot:
-    """Scenarios give shares of what a robot is meant to be asked."""
+    """Commands in scenarios are shares of the robot's range of commands."""
 
     ASKED = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
 
@@ -182,7 +182,7 @@ class TestCommandsOfARobot:
     @pytest.mark.parametrize(
         "text", ["[1, 2]", "scenarios: 3", "scenarios: {a: {forward_share: high}}", "noise: 1"]
     )
-    def test_a_file_that_makes_no_sense_is_named(self, tmp_path: Path, text: str) -> None:
+    def test_an_invalid_file_is_named(self, tmp_path: Path, text: str) -> None:
         path = tmp_path / "own.yaml"
         path.write_text(text)
         with pytest.raises(UserError, match=r"own\.yaml"):
@@ -201,7 +201,7 @@ class TestPlans:
         few, many = (plan_episodes(name, FILE.scenarios[name], 0, count) for count in (5, 40))
         assert many[:5] == few
 
-    def test_more_than_anybody_waits_for_are_refused(self) -> None:
+    def test_too_many_episodes_are_refused(self) -> None:
         scenario = FILE.scenarios["nominal"]
         with pytest.raises(UserError, match="1000000000 episodes of nominal: 100,000 at most"):
             plan_episodes("nominal", scenario, 0, 10**9)
@@ -268,7 +268,7 @@ class TestPlans:
             assert plan.pushes[0].delta_v_m_s == pytest.approx((plan.levels["push_m_s"], 0.0, 0.0))
         assert plan_episodes("x", replace(scenario, levels={"friction": (0.5,)}), 0)[0].pushes == ()
 
-    def test_levels_meet_every_combination_before_one_comes_twice(self) -> None:
+    def test_every_combination_of_levels_comes_before_one_repeats(self) -> None:
         levels = {"friction": (0.2, 0.4, 0.6), "payload_kg": (0.0, 1.0), "forward_m_s": (0.3, 0.5)}
         chosen = spread_levels(levels, 24, np.random.default_rng(1))
         assert [list(each) for each in chosen] == [list(levels)] * 24
@@ -280,7 +280,7 @@ class TestPlans:
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
 
     def test_which_level_comes_first_is_drawn(self) -> None:
-        """Or the first few episodes would always meet the mildest ones."""
+        """Otherwise the first few episodes would always have the mildest levels."""
         firsts = [
             spread_levels({"friction": (0.2, 0.4, 0.6)}, 1, np.random.default_rng(seed))[0]["friction"]
             for seed in range(20)

@@ -1,4 +1,4 @@
-"""The search for the smallest disturbance that fells a policy."""
+"""The search for the smallest disturbance at which a policy fails."""
 
 import json
 import math
@@ -36,7 +36,7 @@ def test_a_policy_that_falls_by_itself_needs_no_disturbance() -> None:
     assert smallest(lambda share: True) == 0.0
 
 
-def test_without_falls_the_time_to_a_fall_is_infinite() -> None:
+def test_a_policy_that_never_fails_has_an_infinite_share() -> None:
     assert math.isinf(smallest(lambda share: False))
 
 
@@ -55,7 +55,7 @@ def test_other_disturbances_take_the_pushs_place(plan: EpisodePlan) -> None:
 
 
 class MadeUp:
-    """Episodes whose policy falls by a rule of severities, in the place of simulated ones."""
+    """Replaces simulated episodes: whether the policy falls is a function of the severities."""
 
     def __init__(self, rule) -> None:
         self._rule = rule
@@ -82,7 +82,7 @@ def test_each_disturbance_has_its_figures_in_its_unit(go1: Robot, monkeypatch: p
 
 
 def test_together_less_of_each_is_enough(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A product fells: a fifth of what each alone would take."""
+    """The product of both counts: a fifth of what each alone would take."""
     pytest.importorskip("cma")
 
     def rule(push: float, latency: float) -> bool:
@@ -100,7 +100,9 @@ def test_an_unknown_or_repeated_disturbance_is_refused(go1: Robot, names: list[s
         weakest("go1-flat", EvaluationConfig(), load_scenarios(go1), names)
 
 
-def test_a_push_fells_a_simulated_one(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_push_makes_a_simulated_robot_fall(
+    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=1))
     early = replace(plan, duration_s=1.2, pushes=(replace(plan.pushes[0], time_s=0.1),))
     task = EpisodeTask("stand", "go1", early, load_scenarios(go1).noise)
@@ -109,7 +111,7 @@ def test_a_push_fells_a_simulated_one(go1: Robot, plan: EpisodePlan, monkeypatch
 
 
 def test_a_robot_on_ice_has_failed(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It falls at neither end; a robot that shall stand gets nowhere anyway."""
+    """It never falls, but makes no progress; for a robot that only stands, that is no failure."""
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
     task = EpisodeTask("go1-flat", "go1", replace(plan, duration_s=1.5), load_scenarios(go1).noise)
     assert bisect(Ray(task, {"friction": 1.0})) == 1.0

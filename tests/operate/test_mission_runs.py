@@ -16,7 +16,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
 
 
-def test_a_mission_leads_the_robot_and_ends_the_run(go1: Robot) -> None:
+def test_a_mission_steers_the_robot_and_ends_the_run(go1: Robot) -> None:
     policy = load_policy("go1-flat", go1)
     steps = [{"go_to": {"to": [0.3, 0.0], "heading_deg": 30.0}}]
     mission = mission_of({"speed_m_s": 0.5, "steps": steps, "tracking": {"tolerance_m": 0.03}}, "mission")

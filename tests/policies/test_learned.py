@@ -55,7 +55,7 @@ def test_a_second_episode_is_the_first_to_the_bit(policy: LearnedPolicy) -> None
 
 
 def test_history_begins_with_the_first_reading(policy: LearnedPolicy, contract: Contract) -> None:
-    """As in training: the frames of before the beginning are copies of the first."""
+    """As in training: earlier readings are copies of the first."""
     seen = observations(1)[0]
     policy.reset(seen)
     policy.act(seen)
@@ -107,7 +107,7 @@ def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract
     np.testing.assert_allclose(reference, [lifted, np.zeros(3), np.zeros(3), lifted], atol=1e-6)
 
 
-def test_its_action_is_the_networks_answer(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:
     """However large: the joint layer limits the targets."""
     weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
@@ -169,8 +169,10 @@ def write_graph(
 
 
 class TestFile:
-    def test_its_name_is_its_files_or_given(self, tmp_path: Path, contract: Contract, go1: Robot) -> None:
-        """Whatever its input and output are called."""
+    def test_its_name_is_that_of_its_file_or_the_given_one(
+        self, tmp_path: Path, contract: Contract, go1: Robot
+    ) -> None:
+        """The names of its input and output may be any."""
         size = observation_size(contract)
         path = write_graph(tmp_path / "gentle.v2.onnx", contract, [("x", size)], [("y", 12)])
         policy = LearnedPolicy(path, go1)
@@ -215,7 +217,7 @@ class TestFile:
         ("takes", "answers", "expected"),
         [("DOUBLE", "DOUBLE", "does not run: .*double"), ("FLOAT", "DOUBLE", "returns float64")],
     )
-    def test_a_network_of_other_numbers_is_refused(
+    def test_a_network_with_another_number_type_is_refused(
         self, tmp_path: Path, contract: Contract, go1: Robot, takes: str, answers: str, expected: str
     ) -> None:
         size = observation_size(contract)
@@ -234,7 +236,7 @@ class TestFile:
             LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
 
     def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:
-        """A control loop has one core: threads that spin beside it cost it its deadlines."""
+        """A control loop has one core: it would miss deadlines beside threads that spin."""
         options = policy._session.get_session_options()
         assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
         assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"

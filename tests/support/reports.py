@@ -1,4 +1,4 @@
-"""States of simulated motors that are on and without errors unless said otherwise."""
+"""Motor states as a simulated robot reports them: on and without errors by default."""
 
 import numpy as np
 
@@ -11,6 +11,6 @@ def report(
     temperature_c: int = 30,
     on: np.ndarray | bool = True,
 ) -> Report:
-    """Of motors with position rad, velocity rad/s and torque N m (3, k)."""
+    """`values`: positions rad, velocities rad/s and torques N m of k motors, (3, k)."""
     k = values.shape[1]
     return Report(values, np.full(k, error, np.uint64), np.full(k, on, bool), temperature_c)

@@ -45,7 +45,7 @@ class Graph:
         """The values after repeating `body`, from `start`.
 
         Args:
-            most: largest number of repetitions.
+            max_repetitions: more are not made, whatever the flag.
             start: the initial values.
             body: returns the next values, and a flag that is true to continue.
         """

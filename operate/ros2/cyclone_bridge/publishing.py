@@ -18,9 +18,9 @@ class Publishing:
     def __init__(self, participant: DomainParticipant) -> None:
         self._writers: dict[str, tuple[RawWriter, Throttle]] = {}
         for each in PUBLISHED:
-            how = TOPICS[each.feed]
-            quality_ = quality(True, how.latched, 1 if how.latched else how.depth)
-            writer = RawWriter(participant, absolute(each.name), how.kind, quality_)
+            topic = TOPICS[each.feed]
+            quality_ = quality(True, topic.latched, 1 if topic.latched else topic.depth)
+            writer = RawWriter(participant, absolute(each.name), topic.kind, quality_)
             self._writers[each.feed] = writer, Throttle(each.rate_hz)
 
     def pass_on(self, message: FeedMessage) -> None:

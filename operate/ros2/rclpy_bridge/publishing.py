@@ -30,15 +30,15 @@ class Publishing:
         """Advertise the topics; one whose message package is not installed is skipped with a warning."""
         self._publishers: dict[str, tuple[Publisher, Throttle]] = {}
         for each in PUBLISHED:
-            how = TOPICS[each.feed]
-            durability = DurabilityPolicy.TRANSIENT_LOCAL if how.latched else DurabilityPolicy.VOLATILE
+            topic = TOPICS[each.feed]
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
             quality = QoSProfile(
-                depth=1 if how.latched else how.depth,
+                depth=1 if topic.latched else topic.depth,
                 reliability=ReliabilityPolicy.RELIABLE,
                 durability=durability,
             )
             try:
-                publisher = node.create_publisher(message_type(how.kind), each.name, quality)
+                publisher = node.create_publisher(message_type(topic.kind), each.name, quality)
             except ImportError as error:
                 node.get_logger().warning(f"no {each.name}: {error}")
                 continue

@@ -213,11 +213,13 @@ class Footwork:
         by the step.
         """
         config = self._config.pressure
-        most = np.array([config.half_length_m, config.half_width_m])
+        half_size = np.array([config.half_length_m, config.half_width_m])
         growth = math.exp(self.fall_rate * max(remaining_s, self.dt_s))
         missing = capture - (nominal.foothold + nominal.offset) / growth
         now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
-        return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
+        return np.minimum(np.maximum(now, -half_size), half_size), np.minimum(
+            np.maximum(held, -half_size), half_size
+        )
 
     def swing_acceleration(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
         """Acceleration (6,) of the swing foot towards its foothold."""

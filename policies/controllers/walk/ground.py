@@ -44,15 +44,15 @@ class TouchDown:
             dt_s: time step of the lowering.
         """
         config = self._config
-        least, enough = config.force_share
+        low, high = config.force_share
         shares = pushed.tolist()
         met = [
-            share > enough and foot.progress > config.from_progress
+            share > high and foot.progress > config.from_progress
             for share, foot in zip(shares, cycle.each_foot, strict=True)
         ]
         if any(met):
             cycle.touch_down(np.array(met), tips.dot(up))
-        cycle.lower([share < least for share in shares], config.probe_m_s * dt_s, -config.probe_m)
+        cycle.lower([share < low for share in shares], config.probe_m_s * dt_s, -config.probe_m)
 
 
 class GroundForce:

@@ -163,11 +163,11 @@ class QuadraticPrograms:
         gradient = -aim.dot(matrix)
         gradient[forces:] -= self._weights.posture * wanted.joints
 
-        most = most_force[standing]
+        max_force = most_force[standing]
         rows, lower, upper = pattern.cones.copy(), pattern.lower.copy(), pattern.upper.copy()
         rows[-n:] = torque
-        lower[:forces].reshape(-1, 3)[:] *= most[:, None]
-        upper[:forces].reshape(-1, 3)[:] *= most[:, None]
+        lower[:forces].reshape(-1, 3)[:] *= max_force[:, None]
+        upper[:forces].reshape(-1, 3)[:] *= max_force[:, None]
         lower[-n:], upper[-n:] = min_torque - torque_offset, max_torque - torque_offset
         program = QuadraticProgram(hessian, gradient, rows, lower, upper)
         return program, TorqueMap(standing, acceleration, offset, torque, torque_offset)

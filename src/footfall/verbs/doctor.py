@@ -14,12 +14,12 @@ def doctor() -> None:
     table.add_column()
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    looked = list(findings())
-    for finding in looked:
+    found = list(findings())
+    for finding in found:
         table.add_row(
             Text("ok", "green") if finding.good else Text("--", "yellow"), finding.what, Text(finding.found)
         )
     console.print(table)
-    for finding in looked:  # not wrapped, so that a command can be copied
+    for finding in found:  # not wrapped, so that a command can be copied
         if finding.advice:
             console.print(Text(f"{finding.what}: {finding.advice}"), soft_wrap=True)

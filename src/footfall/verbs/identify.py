@@ -221,8 +221,8 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
         raise UserError(
             f"{given.robot.name} has an actuator net: learn another one with the robot without it"
         )
-    how = FitConfig(explain=False)
-    fits = [fit_leg(leg, given.recordings, given.held_out, how) for leg in given.legs]
+    fit_config = FitConfig(explain=False)
+    fits = [fit_leg(leg, given.recordings, given.held_out, fit_config) for leg in given.legs]
     with TemporaryDirectory() as temporary:
         folder = Path(temporary) / "robot"
         compared = learn(given.robot, fits, given.recordings, given.held_out, folder, config)

@@ -149,9 +149,9 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
 
     loaded = load_robot(robot)
     randomisation_of(loaded)  # refuses ranges that no training could read
-    looked = inspect_robot(loaded, options.seed)
-    robot_check.show_tree(loaded, looked)
-    robot_check.show_feet(looked)
+    inspection = inspect_robot(loaded, options.seed)
+    robot_check.show_tree(loaded, inspection)
+    robot_check.show_feet(inspection)
     held = loaded.description.held_start
     standing = None if held else standing_test(loaded, options.duration, options.seed)
     robot_check.show_standing(loaded, standing)
@@ -160,7 +160,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     results = controllers_test(loaded, options.duration, options.seed) if options.controllers else []
     robot_check.show_controllers(results)
     wrong = [
-        *looked.findings(stands_still=not held),
+        *inspection.findings(stands_still=not held),
         *robot_check.beyond_frames(loaded),
         *robot_check.wrong_standing(loaded, standing),
         *robot_check.wrong_lying(lying),

@@ -27,7 +27,7 @@ from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # scenario for every finished run
 OTHERWISE_NAMED = {"settings": "set", "start": "from"}  # option names that differ from their fields
-OF_ANY_RUN = {"resume", "evaluate", "watch"}
+BESIDE_RESUME = {"resume", "evaluate", "watch"}  # options that --resume permits
 ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
 
@@ -196,6 +196,6 @@ def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
 def _refuse_other_options(options: TrainOptions) -> None:
     nominal = TrainOptions()
     for field in fields(options):
-        if field.name not in OF_ANY_RUN and getattr(options, field.name) != getattr(nominal, field.name):
+        if field.name not in BESIDE_RESUME and getattr(options, field.name) != getattr(nominal, field.name):
             option = OTHERWISE_NAMED.get(field.name, field.name.replace("_", "-"))
             raise UserError(f"--resume uses the run's own settings: leave --{option} out")

@@ -28,7 +28,7 @@ class TestShapes:
         points = np.random.default_rng(1).normal(size=(6000, 3))
         return points / np.linalg.norm(points, axis=1, keepdims=True)
 
-    def test_a_slanting_rod(self) -> None:
+    def test_a_rod_at_an_angle(self) -> None:
         points = 0.02 * self.cloud()
         points[:, 2] += 0.1 * np.sign(points[:, 2])
         shape, _ = fit_shape(points @ self.TURN.T + self.PLACE)
@@ -44,7 +44,7 @@ class TestShapes:
         assert shape.position == pytest.approx([0.1, 0.15, 0.025])
 
     def test_a_sole_is_as_large_as_its_contact_area(self) -> None:
-        """Of a shoe with a wider shaft, seen from a link whose x axis points down."""
+        """A foot that is wider above its sole; the link's x axis points down."""
         bottom = np.array([[0.4, y, z] for y in (-0.03, 0.05) for z in (-0.1, 0.14)])
         shaft = np.array([[0.2, y, z] for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
         shape = fit_sole(np.concatenate([bottom, shaft]), up=np.array([-1.0, 0.0, 0.0]))

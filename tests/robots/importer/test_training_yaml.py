@@ -43,7 +43,7 @@ def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
     return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m), default_ranges()))
 
 
-def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_path: Path) -> None:
+def test_a_robot_of_the_presets_size_keeps_their_figures(tmp_path: Path) -> None:
     env, gpu = written(tmp_path, 0.45, 13.0), load_preset("gpu").env
     assert gpu.gait is not None
     assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
@@ -52,7 +52,7 @@ def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_pat
     assert env["rewards"]["swing_height"]["height_m"] == 0.08
 
 
-def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
+def test_figures_scale_with_leg_length_and_mass(tmp_path: Path) -> None:
     env = written(tmp_path, 1.8, 39.0)
     assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
     assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
@@ -61,7 +61,7 @@ def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
     assert env["rewards"]["crowded_feet"] == pytest.approx({"weight": -40.0 / 16, "distance_m": 0.48})
 
 
-def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
+def test_loads_scale_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
     default = load_randomisation()
     alike = ranges_of(machine_of(tmp_path, 13.0), 0.45)
     for name in ("payload_kg", "com_offset_m"):
@@ -82,7 +82,7 @@ def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
 )
-def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
+def test_every_preset_loads_with_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
     robot, _ = make(tmp_path, text, suffix, usual=default_ranges(), gaits_of=gaits_of)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
