@@ -43,8 +43,8 @@ class ModeActions:
             self._estimate.reset(now_us, sensed)
         if mode is Mode.STANDING:
             measured = recovers or before.mode is Mode.IDLE
-            here = sensed.joint_position if measured else self._joints.target
-            self._postures.stand_up(here, sensed.quaternion)
+            start = sensed.joint_position if measured else self._joints.target
+            self._postures.stand_up(start, sensed.quaternion)
             if recovers:
                 self._estimate.stood_up(now_us, sensed)
         elif mode is Mode.CHECKING and self._wiring_check is not None:

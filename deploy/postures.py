@@ -61,20 +61,22 @@ class Postures:
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
 
-    def stand_up(self, here: np.ndarray, quaternion: np.ndarray) -> None:
+    def stand_up(self, joint_position: np.ndarray, quaternion: np.ndarray) -> None:
         """Start the path to the default pose; a lying robot folds its legs first.
 
         Args:
-            here: joint positions, rad, (n,).
+            joint_position: joint positions, rad, (n,).
             quaternion: orientation of the base, w x y z.
         """
         self._gains, self._levels = self._stiff, self._stands
         if not self._stands:
-            self._path = PosePath([here, here], [self._rate], MOVING_SHARE * self._config.stand_s)
+            self._path = PosePath(
+                [joint_position, joint_position], [self._rate], MOVING_SHARE * self._config.stand_s
+            )
             return
         sunk = self._config.safety.sensors.sunk
-        lies = self._lying is not None and self._clearance.sunk_share(here, quaternion) >= sunk
-        poses = [here, self._standing]
+        lies = self._lying is not None and self._clearance.sunk_share(joint_position, quaternion) >= sunk
+        poses = [joint_position, self._standing]
         if lies and self._lying is not None:
             poses.insert(1, self._lying)
         min_s = MOVING_SHARE * self._config.stand_s
@@ -99,17 +101,17 @@ class Postures:
         self._path = PosePath(poses, rates)
         self._carried_s = float("inf")
 
-    def unfold(self, here: np.ndarray) -> None:
+    def unfold(self, joint_position: np.ndarray) -> None:
         """Start the path of a fallen robot to the default pose, in any position of its base.
 
         Crossed limbs, or a thigh under the trunk, would block a get-up policy.
 
         Args:
-            here: joint positions, rad, (n,).
+            joint_position: joint positions, rad, (n,).
         """
         self._gains, self._levels = self._soft, False
         min_s = MOVING_SHARE * self._config.safety.recovery.unfold_s
-        self._path = PosePath([here, self._standing], [self._fastest], min_s)
+        self._path = PosePath([joint_position, self._standing], [self._fastest], min_s)
 
     def unfolded(self, time_s: float) -> bool:
         """Whether the time for unfolding is over."""

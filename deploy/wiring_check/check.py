@@ -69,26 +69,26 @@ class WiringCheck:
         self.verdicts: list[Verdict] = []
         self.signals = WiringSignals(due=True)
 
-    def begin(self, here: np.ndarray, sensed: Sensed) -> None:
+    def begin(self, centre: np.ndarray, sensed: Sensed) -> None:
         """Start the motions about these joint positions, rad, (n,).
 
         A robot that has stood up uses its measured positions instead: friction holds its feet away from their
         targets, and legs that press against each other slip.
         """
         check, again = self._check, bool(self.verdicts)
-        here = sensed.joint_position.copy() if again else here
-        lies = not again and self._clearance.sunk_share(here, sensed.quaternion) >= self._sunk
+        centre = sensed.joint_position.copy() if again else centre
+        lies = not again and self._clearance.sunk_share(centre, sensed.quaternion) >= self._sunk
         lower, upper = self._robot.soft_limits
-        room = np.minimum(here - lower, upper - here).clip(check.least_rad, None)
+        room = np.minimum(centre - lower, upper - centre).clip(check.least_rad, None)
         amplitude = np.minimum(room, check.lying_rad if lies else check.standing_rad)
-        self._here, self._motions = here, Motions(amplitude, check)
+        self._centre, self._motions = centre, Motions(amplitude, check)
         self._samples: list[tuple[float, np.ndarray]] = []
         self._first_up, self._ticks = _up(sensed), 0
         self.signals = WiringSignals(due=lies, stood=again)
 
     def command(self, time_s: float) -> JointCommand:
         """The joint command at a time since the start of the check, s."""
-        target = self._here + self._motions.offsets(time_s)
+        target = self._centre + self._motions.offsets(time_s)
         kp, kd = self._base_gains
         return JointCommand(target, self._zeros, kp, kd, self._zeros)
 
@@ -111,7 +111,7 @@ class WiringCheck:
         up = _up(sensed)
         self._samples.append((time_s, np.concatenate((sensed.joint_position, sensed.joint_torque, up))))
         lean = float(np.linalg.norm(up - self._first_up))
-        lost = np.abs(self._here + self._motions.offsets(time_s) - sensed.joint_position)
+        lost = np.abs(self._centre + self._motions.offsets(time_s) - sensed.joint_position)
         moving = self._motions.joint_at(time_s)
         if lean > self._check.lean_rad:
             moved = self._wiring.label(moving)
@@ -129,7 +129,7 @@ class WiringCheck:
         """Compute the verdict; runs in a separate thread if the loop must not wait."""
         try:
             times, values = zip(*self._samples, strict=True)
-            n = len(self._here)
+            n = len(self._centre)
             position, torque, up = np.split(np.array(values), [n, 2 * n], axis=1)
             recorded = Recorded(np.array(times), position, torque, up, self._motor_lag_s)
             kp, kd = self._gains
@@ -137,7 +137,7 @@ class WiringCheck:
             verdict = judged(
                 recorded,
                 self._motions,
-                self._here,
+                self._centre,
                 prediction,
                 self._wiring,
                 self._robot.foot_joints,

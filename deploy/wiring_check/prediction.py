@@ -38,17 +38,17 @@ class Prediction:
         self._base_at = int(self._model.jnt_qposadr[self._model.body_jntadr[plant.base]])
         self._kp, self._kd, self._default = kp, kd, robot.default_pose
 
-    def responses(self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
+    def responses(self, start: np.ndarray, centre: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
         """Responses to all motions, and the means of the values in the last row, (n + 1, n + 2).
 
         Arguments as for `one_by_one`.
         """
-        values = np.empty((_steps(motions), len(here) + 2))
-        rows = list(self._simulated(start, here, motions, cause, values))
+        values = np.empty((_steps(motions), len(centre) + 2))
+        rows = list(self._simulated(start, centre, motions, cause, values))
         return np.vstack([*rows, values.mean(axis=0)])
 
     def one_by_one(
-        self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause
+        self, start: np.ndarray, centre: np.ndarray, motions: Motions, cause: Cause
     ) -> Iterator[np.ndarray]:
         """Yield the response to one motion after the other, (n + 2,): torques, and x and y of `up`.
 
@@ -56,18 +56,18 @@ class Prediction:
 
         Args:
             start: joint positions reported by the motors before the motions, rad, (n,).
-            here: position targets at the centre of the motions, rad, (n,).
+            centre: position targets at the centre of the motions, rad, (n,).
             motions: the joints' motions.
             cause: the wiring; encoders are correct in the default pose.
         """
-        values = np.empty((_steps(motions), len(here) + 2))
-        yield from self._simulated(start, here, motions, cause, values)
+        values = np.empty((_steps(motions), len(centre) + 2))
+        yield from self._simulated(start, centre, motions, cause, values)
 
     def _simulated(
-        self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause, values: np.ndarray
+        self, start: np.ndarray, centre: np.ndarray, motions: Motions, cause: Cause, values: np.ndarray
     ) -> Iterator[np.ndarray]:
         """Fill `values` step by step, and yield each response at the end of its motion."""
-        data, model, n = self._data, self._model, len(here)
+        data, model, n = self._data, self._model, len(centre)
         ratio, about = cause.ratio, self._default
         units = cause.units(self.highest)
         pose = np.empty(n)
@@ -82,7 +82,7 @@ class Prediction:
         for step in range(-round(SETTLE_S / STEP_S), len(values)):
             position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
             seen = about + ratio * (position[cause.joint] - about)
-            target = here + motions.offsets(step * STEP_S) if step >= 0 else here
+            target = centre + motions.offsets(step * STEP_S) if step >= 0 else centre
             command = JointCommand(units[0] * target, zero, kp, kd, zero)
             motor_nm = motor_torque(command, seen, ratio * velocity[cause.joint], self._limits)
             torque[cause.joint] = ratio * motor_nm

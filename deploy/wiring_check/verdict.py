@@ -69,7 +69,7 @@ class Responses(NamedTuple):
 def judged(
     recorded: Recorded,
     motions: Motions,
-    here: np.ndarray,
+    centre: np.ndarray,
     prediction: Prediction,
     wiring: Wiring,
     legs: Sequence[np.ndarray],
@@ -80,20 +80,20 @@ def judged(
     Args:
         recorded: the samples.
         motions: the joints' motions.
-        here: position targets at the centre of the motions, rad, (n,).
+        centre: position targets at the centre of the motions, rad, (n,).
         prediction: the robot's model.
         wiring: the wiring of `robot.yaml`.
         legs: joints of each leg.
         config: limits of the check.
     """
-    n, up = len(here), recorded.up[:, :2]
+    n, up = len(centre), recorded.up[:, :2]
     settled = (recorded.time_s > 0.5 * config.settle_s) & (recorded.time_s < config.settle_s)
     start = recorded.position[settled].mean(axis=0)
 
     def simulated(cause: Cause) -> Iterator[np.ndarray]:
-        return prediction.one_by_one(start, here, motions, cause)
+        return prediction.one_by_one(start, centre, motions, cause)
 
-    right_rows = prediction.responses(start, here, motions, as_wired(n))
+    right_rows = prediction.responses(start, centre, motions, as_wired(n))
     right = _responses(right_rows[:n])
     least = right.min_size
     measured = _measured(recorded, motions, right, config)

@@ -28,8 +28,8 @@ def joint_figures(feed: RunFeed, joints: JointNames) -> dict[str, Any]:
         "joints": {
             "names": list(joints.names),
             "load": [
-                _rounded(100.0 * abs(effort) / most)
-                for effort, most in zip(states.effort, joints.peak_nm, strict=True)
+                _rounded(100.0 * abs(effort) / peak)
+                for effort, peak in zip(states.effort, joints.peak_nm, strict=True)
             ],
             "temperature_c": [_rounded(value) for value in temperature],
             "error_rad": [

@@ -21,7 +21,7 @@ HELD_START = (
 SOFT_LIMIT_FACTOR = 0.95
 DAMPING_RATIO = 1.0
 # Largest command over sqrt(gravity times leg length), and rad/s of yaw: on two legs, and on more.
-OF_TWO, OF_MORE = (0.25, 0.6), (0.45, 1.0)
+TWO_LEGS, MORE_LEGS = (0.25, 0.6), (0.45, 1.0)
 MOTORS_PER_BUS = 3  # at 500 Hz and 1 Mbit/s, together with an IMU
 TARGET_RATE_SHARE = 2.0  # of the fastest joint's no-load speed
 # Of medium-sized motors; used for the copper loss only.
@@ -182,7 +182,7 @@ def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
 
 def command_range(machine: Machine, pose: Pose) -> CommandRange:
     """Speeds proportional to sqrt(g L), at a constant Froude number, with L the legs' reach."""
-    share, yaw = OF_TWO if len(machine.legs) == 2 else OF_MORE
+    share, yaw = TWO_LEGS if len(machine.legs) == 2 else MORE_LEGS
     forward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5, 1)
     leftward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5 / 2, 1)
     return CommandRange((-forward, forward), (-leftward, leftward), (-yaw, yaw))

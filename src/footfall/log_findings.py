@@ -18,16 +18,16 @@ def findings_of(file: Path, robot: str | None) -> "LogFindings":
     from footfall.robots.description import load_robot
 
     columns = read_columns(file)
-    found = None
+    described = None
     if robot is not None:
-        found = load_robot(robot)
-        if list(found.joint_names) != columns.joints:
+        described = load_robot(robot)
+        if list(described.joint_names) != columns.joints:
             raise UserError(
                 f"{file} is from another robot than {robot}: its joints are {', '.join(columns.joints)}"
             )
     with suppress(UserError):
-        found = found or logged_robot(columns.log)
-    return LogFindings(columns, found)
+        described = described or logged_robot(columns.log)
+    return LogFindings(columns, described)
 
 
 def headline(found: "LogFindings") -> str:

@@ -35,14 +35,14 @@ def yawed(angle: float) -> np.ndarray:
 
 
 class Unplanned(Generator):
-    """A trot that keeps to itself when which foot stands, as learned policies do."""
+    """A trot that does not tell which feet stand, like learned policies."""
 
     def stance(self) -> None:  # type: ignore[override]
         return None
 
 
 class Follower:
-    """An estimator that notes its odometry at each update, beside the truth."""
+    """An estimator that records its odometry and the truth at each update."""
 
     def __init__(self, plant: DirectPlant, config: EstimatorConfig | None = None) -> None:
         self.plant, self._estimator = plant, BaseEstimator(plant.robot, config)

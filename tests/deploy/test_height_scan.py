@@ -20,7 +20,7 @@ class Source:
 
 
 def test_a_scan_counts_until_it_is_too_old_and_a_new_one_counts_again() -> None:
-    """One of the future does not."""
+    """A scan with a time in the future does not count."""
     source = Source(Scanned(1_000_000, HEIGHTS))
     scans = HeightScans(SCAN, source)
     assert HeightScans(SCAN, source).fresh(900_000) is None

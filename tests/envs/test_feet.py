@@ -32,7 +32,7 @@ class TestFeet:
         clearance = Feet(MODEL, ROBOT, CONFIG.timestep_s, None).clearance(jnp.asarray(lifted, jnp.float32))
         np.testing.assert_allclose(clearance, [0.0, 0.001, 0.003, 0.05], atol=1e-6)
         np.testing.assert_array_equal(in_contact(clearance), [1.0, 1.0, 0.0, 0.0])
-        assert np.abs(feet[:, 2] - radius).max() < 0.005  # the description's height is true
+        assert np.abs(feet[:, 2] - radius).max() < 0.005  # so standing_height_m is right
 
     def test_speed_is_horizontal_and_of_the_last_physics_step(self) -> None:
         feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
@@ -41,7 +41,7 @@ class TestFeet:
         places[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
         np.testing.assert_allclose(feet.speed(jnp.asarray(places)), [1.0, 0.0, 2.0, 4.0], rtol=1e-5)
 
-    def test_feet_crowd_where_two_are_nearer_than_they_should(self) -> None:
+    def test_feet_crowd_if_two_are_too_close(self) -> None:
         feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
         places = jnp.array([[0.0, 0.0, 0.5], [0.03, 0.04, 0.0], [1.0, 0.0, 0.0], [1.0, 0.09, 0.0]])
         assert float(feet.crowding(places, 0.1)) == pytest.approx(0.05**2 + 0.01**2, rel=1e-4)

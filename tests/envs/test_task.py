@@ -48,7 +48,7 @@ from footfall.robots import kinds
 
 @dataclass(frozen=True)
 class AirTime:
-    """Seconds for which each landing foot was in the air, beyond a least."""
+    """Seconds for which each landing foot was in the air, less a minimum."""
 
     least_s: Annotated[float, Between(0.0, 1.0)] = 0.1
 
@@ -212,7 +212,7 @@ def test_a_changed_term_makes_another_program(own_module: Path) -> None:
     sys.modules.pop("own_helper")
 
 
-def test_wrong_entries_are_refused_by_their_place() -> None:
+def test_refusals_name_the_entry() -> None:
     reward, named = SMOKE.rewards[0], NamedTermConfig
     cases: list[tuple[dict[str, object], str]] = [
         ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance': there are"),

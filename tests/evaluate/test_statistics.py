@@ -13,7 +13,7 @@ from footfall.evaluate.statistics import bootstrap_mean_interval, fit_survival, 
 
 class TestWilsonInterval:
     @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 7), (12, 24), (96, 96), (499, 500)])
-    def test_is_as_scipy_has_it(self, successes: int, trials: int) -> None:
+    def test_equals_scipys(self, successes: int, trials: int) -> None:
         theirs = scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson")
         assert wilson_interval(successes, trials) == pytest.approx((theirs.low, theirs.high))
 
@@ -23,7 +23,7 @@ class TestWilsonInterval:
 
 
 class TestBootstrap:
-    def test_is_as_scipy_has_it_for_weighted_episodes(self) -> None:
+    def test_equals_scipys_for_weighted_episodes(self) -> None:
         rng = np.random.default_rng(4)
         values, weights = rng.normal(size=60), rng.uniform(1.0, 20.0, 60)
         theirs = scipy.stats.bootstrap(
@@ -37,7 +37,7 @@ class TestBootstrap:
             (theirs.low, theirs.high), abs=0.1 * (theirs.high - theirs.low)
         )
 
-    def test_of_one_value_throughout_is_that_value_however_long_each_episode_was(self) -> None:
+    def test_of_equal_values_is_that_value_for_any_weights(self) -> None:
         weights = np.random.default_rng(8).uniform(1.0, 20.0, 12)
         assert bootstrap_mean_interval(np.full(12, 0.3), weights) == pytest.approx((0.3, 0.3), abs=1e-12)
 
@@ -83,7 +83,7 @@ class TestSurvival:
         with pytest.raises(ValueError, match="as many outcomes"):
             fit_survival(pushes, stood)
 
-    def test_survivors_and_fallen_that_do_not_overlap_meet_in_the_middle(self) -> None:
+    def test_dv50_lies_midway_if_survivors_and_fallen_do_not_overlap(self) -> None:
         fit = fit_survival([0.5, 1.0, 1.5, 2.0], [True, True, False, False])
         assert fit.dv50 == pytest.approx(1.25, abs=0.05)
         assert fit.chance(np.array([fit.dv50])) == pytest.approx(0.5)
@@ -95,7 +95,7 @@ class TestSurvival:
         assert fit_survival([0.5, 1.0, 1.5], [False] * 3).dv50 == 0.0
 
     @given(st.lists(st.tuples(st.sampled_from([0.5, 1.0, 1.5, 2.0]), st.booleans()), min_size=1, max_size=20))
-    def test_is_never_not_a_number(self, outcomes: list[tuple[float, bool]]) -> None:
+    def test_is_never_nan(self, outcomes: list[tuple[float, bool]]) -> None:
         fit = fit_survival(*zip(*outcomes, strict=True))
         assert not math.isnan(fit.dv50)
         assert fit.interval[0] <= fit.interval[1]

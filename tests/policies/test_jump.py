@@ -28,7 +28,7 @@ def jumps(trace: Trace) -> int:
     return int((high[1:] & ~high[:-1]).sum())
 
 
-def test_a_command_makes_it_jump_up_and_ahead_and_it_stands_again() -> None:
+def test_on_command_it_jumps_ahead_and_stands_again() -> None:
     """Once, although the command lasts until it has landed."""
     episode = Episode(
         command_source=lambda time_s: np.array([0.5 * (time_s < 1.2), 0.0, 0.0]),
@@ -62,7 +62,7 @@ def test_the_plans_velocity_is_the_derivative_of_its_position() -> None:
     np.testing.assert_array_equal(later.velocity, leaving.velocity)
 
 
-def test_a_mission_has_it_jump_twice_and_another_policy_decides_again() -> None:
+def test_a_mission_jumps_twice_and_returns_to_another_policy() -> None:
     policies = {name: load_policy(name, ROBOT) for name in ("stand", "jump")}
     source = MissionSource(
         mission_of({"steps": [{"jump": 2}, {"wait": 0.5}]}, "mission"), "stand", abilities_of(policies, ROBOT)

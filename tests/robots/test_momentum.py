@@ -7,11 +7,11 @@ from footfall.robots.momentum import MomentumObserver, upward_force
 
 INERTIA = np.array([[[2.0]]])
 FILTER_S, DT_S = 0.01, 0.002
-KEPT = 1 / 1.2  # of a difference, after a tick: filter / (filter + tick)
+KEPT = 1 / 1.2  # share of a difference that is left after a tick: filter / (filter + tick)
 
 
 def after(ticks: int, outside: float = 0.0, acceleration: float = 0.0) -> list[float]:
-    """What holds it and what accelerates it, N m, once something does."""
+    """Filtered outside torque and rate of change of the momentum, N m, after constant readings."""
     observer = MomentumObserver(INERTIA, FILTER_S)
     observer.reset(np.zeros((1, 1)), np.zeros((1, 1)))
     for tick in range(1, ticks + 1):
@@ -22,7 +22,7 @@ def after(ticks: int, outside: float = 0.0, acceleration: float = 0.0) -> list[f
 
 @pytest.mark.parametrize("ticks", [1, 5, 100])
 def test_both_parts_are_filtered_alike(ticks: int) -> None:
-    """So they cancel at any time where a motor accelerates its own limb and nothing else acts."""
+    """So they cancel at any time if a motor accelerates its own limb and nothing else acts."""
     share = 1 - KEPT**ticks
     assert after(ticks, outside=3.0) == pytest.approx([3.0 * share, 0.0])
     assert after(ticks, acceleration=1.5) == pytest.approx([0.0, 2.0 * 1.5 * share])
