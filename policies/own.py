@@ -21,8 +21,8 @@ def load_own(import_path: str, robot: Robot) -> Policy:
         policy = cls(robot)
     except Exception as error:  # of any type, because the class is the user's
         raise UserError(f"{import_path} cannot be built: {one_line(error)}") from error
-    if lacking := [part for part in _PARTS if not hasattr(policy, part)]:
+    if missing := [part for part in _PARTS if not hasattr(policy, part)]:
         raise UserError(
-            f"{import_path} is not a policy: it has no {', '.join(lacking)} (see policies/policy.py)"
+            f"{import_path} is not a policy: it has no {', '.join(missing)} (see policies/policy.py)"
         )
     return policy

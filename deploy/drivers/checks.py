@@ -94,9 +94,9 @@ def _class_at(import_path: str, what: str, names: tuple[str, ...], page: str) ->
 
 
 def _require(found: Any, import_path: str, what: str, names: tuple[str, ...], page: str) -> None:
-    if lacking := [name for name in names if not hasattr(found, name)]:
+    if missing := [name for name in names if not hasattr(found, name)]:
         raise UserError(
-            f"{import_path} cannot be used as {what}: it has no {', '.join(lacking)} (see {page})"
+            f"{import_path} cannot be used as {what}: it has no {', '.join(missing)} (see {page})"
         )
 
 

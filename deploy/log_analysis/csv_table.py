@@ -46,10 +46,10 @@ class CsvTable(NamedTuple):
         Raises:
             UserError: as `take`, or the map has joints or feet that the robot does not have.
         """
-        lacking = [name for name in names if name not in chosen and ALL not in chosen]
+        missing = [name for name in names if name not in chosen and ALL not in chosen]
         unknown = [name for name in chosen if name not in names and name != ALL]
-        if lacking or unknown:
-            wrong = f"lacks {lacking[0]}" if lacking else f"names {unknown[0]}, which the robot does not have"
+        if missing or unknown:
+            wrong = f"lacks {missing[0]}" if missing else f"names {unknown[0]}, which the robot does not have"
             raise UserError(f"{what} of the map {wrong}: the robot has {', '.join(names)}")
         return self.take([chosen[name] if name in chosen else chosen[ALL] for name in names])
 

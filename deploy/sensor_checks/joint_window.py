@@ -69,8 +69,8 @@ class _Sums:
         self.repeated = np.ones((3, n), bool)
         self.strongest = np.zeros(n)
         self.torques: list[np.ndarray] = []
-        self.least: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
-        self.minus_most: list[np.ndarray] = []
+        self.smallest: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
+        self.minus_largest: list[np.ndarray] = []
         self.expected, self.commanded_sum = np.zeros((2, n))
         self.gains = np.zeros((2, n))
         self.travel, self.jolts = np.zeros((2, n))
@@ -149,9 +149,9 @@ class JointWindows:
         sums.readings += joints
         np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
         sums.torques.append(joints[2])
-        least, minus_most = commanded or (expected, -expected)
-        sums.least.append(least)
-        sums.minus_most.append(minus_most)
+        smallest, minus_largest = commanded or (expected, -expected)
+        sums.smallest.append(smallest)
+        sums.minus_largest.append(minus_largest)
         sums.expected += expected
         if sent is not None:
             sums.gains = sent[2:4]
@@ -215,7 +215,7 @@ class JointWindows:
             commanded_mean=sums.commanded_sum / count,
             gains=sums.gains,
             torques=np.array(sums.torques),
-            commanded=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
+            commanded=np.array((*sums.smallest, *sums.minus_largest)).reshape(2, count, -1),
             temperature_c=temperature_c,
             voltage=voltage,
         )

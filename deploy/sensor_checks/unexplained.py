@@ -68,11 +68,11 @@ class Unexplained(JointCheck):
             before = np.repeat(window.commanded[:, :1], self._looks - 1, axis=1)
         commanded = np.concatenate((before, window.commanded), axis=1)
         self._commanded = commanded[:, 1 - self._looks :]
-        least, minus_most = _least_of_last(commanded, self._looks)
+        smallest, minus_largest = _smallest_of_last(commanded, self._looks)
         lag_rad = limits.reading_rad + limits.lag_s * window.speed
         doubt = limits.torque_hidden * self._peak + window.stiffness * lag_rad
-        doubt = doubt - limits.strength_share * np.minimum(np.minimum(least, minus_most), 0.0)
-        beyond: np.ndarray = np.maximum(window.torques + minus_most, least - window.torques) - doubt
+        doubt = doubt - limits.strength_share * np.minimum(np.minimum(smallest, minus_largest), 0.0)
+        beyond: np.ndarray = np.maximum(window.torques + minus_largest, smallest - window.torques) - doubt
         return beyond
 
     def measure(self, window: JointWindow) -> np.ndarray:
@@ -133,7 +133,7 @@ def _changed(values: np.ndarray) -> np.ndarray:
     return np.minimum(ordered[:, 1:].std(axis=1), ordered[:, :-1].std(axis=1))
 
 
-def _least_of_last(values: np.ndarray, count: int) -> np.ndarray:
+def _smallest_of_last(values: np.ndarray, count: int) -> np.ndarray:
     """Minimum of each `count` successive values along the second axis, by doubling."""
     done = 1
     while done < count:

@@ -33,23 +33,26 @@ def check_python() -> Finding:
 
 def check_packages() -> Finding:
     """Whether all packages for running on a robot are installed."""
-    lacking = missing()
-    if not lacking:
+    missing_packages = missing()
+    if not missing_packages:
         return Finding("packages", True, "all that are required on a robot")
     return Finding(
-        "packages", False, f"missing or too old: {_names(lacking)}", install_command(*map(str, lacking))
+        "packages",
+        False,
+        f"missing or too old: {_names(missing_packages)}",
+        install_command(*map(str, missing_packages)),
     )
 
 
 def check_extras() -> Finding:
     """Installed extras."""
-    lacking = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
-    there = [extra for extra, packages in lacking.items() if not packages]
-    absent = [extra for extra in lacking if extra not in there]
+    missing_by_extra = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
+    there = [extra for extra, packages in missing_by_extra.items() if not packages]
+    absent = [extra for extra in missing_by_extra if extra not in there]
     if not absent:
         return Finding("extras", True, ", ".join(there))
     found = [", ".join(there)] if there else []
-    found += [f"{extra} lacks {_names(lacking[extra])}" for extra in absent]
+    found += [f"{extra} lacks {_names(missing_by_extra[extra])}" for extra in absent]
     return Finding("extras", False, "; ".join(found), f"if you need them: {extras_command(*absent)}")
 
 

@@ -62,7 +62,7 @@ TURNS = Rotation.from_quat(QUATERNIONS, scalar_first=True)
 
 
 @pytest.mark.parametrize("library", [np, jnp])
-def test_tilt_heading_and_their_batches_are_scipys(library) -> None:
+def test_tilt_and_heading_equal_scipys_also_in_batches(library) -> None:
     atol = 1e-12 if library is np else 2e-5
     upright = TURNS.apply([0.0, 0.0, 1.0])[:, 2]
     forward = TURNS.apply([1.0, 0.0, 0.0])
@@ -76,14 +76,14 @@ def test_tilt_heading_and_their_batches_are_scipys(library) -> None:
         assert float(rotations.tilt(library.asarray(quaternion))) == pytest.approx(np.arccos(up), abs=atol)
 
 
-def test_tilts_of_zero_and_half_a_turn_survive_rounding() -> None:
+def test_tilts_of_zero_and_half_a_turn_are_finite() -> None:
     for scale in (1.0, 1.0 + 1e-12):
         assert rotations.tilt(scale * np.array([0.0, 1.0, 0.0, 0.0])) == pytest.approx(np.pi)
         batch = scale * np.array([[0.0, 0.6, 0.8, 0.0], [1.0, 0.0, 0.0, 0.0]])
         np.testing.assert_allclose(rotations.tilt(batch), [np.pi, 0.0])
 
 
-def test_roll_pitch_yaw_survive_in_all_octants() -> None:
+def test_roll_pitch_yaw_are_recovered_in_all_octants() -> None:
     for yaw, pitch, roll in TURNS.as_euler("ZYX"):
         turn = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
         assert rotations.roll_pitch_yaw(turn) == pytest.approx((roll, pitch, yaw))
@@ -117,7 +117,7 @@ def test_angles_are_wrapped_into_half_a_turn(turns: int) -> None:
     assert rotations.wrap_angle(np.pi) == -np.pi
 
 
-def test_a_cross_product_of_rows_is_numpys_for_any_shape() -> None:
+def test_a_cross_product_equals_numpys_for_any_shape() -> None:
     others = RNG.normal(size=(2, 4, 3))
     np.testing.assert_allclose(rotations.cross(VECTORS[2], others), np.cross(VECTORS[2], others), atol=1e-12)
     np.testing.assert_allclose(

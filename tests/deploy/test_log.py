@@ -330,11 +330,13 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             assert log.metadata["policy"] == "hold"
             assert logged_us(log) >= seen_us - 4_000
         assert decoded(whole)
-        if not with_its_writer:  # which has written the index, too
+        if not with_its_writer:  # a writer that lives on writes the index, too
             assert decoded(path, "/imu/data")
             assert "died before the end of the run" in decoded(path, "/notes")[-1].message.data
 
-    def test_torn_file_is_recovered(self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path) -> None:
+    def test_a_truncated_file_is_recovered(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
         torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
         content = logged[0].read_bytes()
         end = content.rindex(ENDED.encode())  # after the last message, and before definitions and index
@@ -453,7 +455,7 @@ class TestDisk:
         assert 0 < len(readings) == 1000 - int(lacks[1])
         assert read_log(path).complete
 
-    def test_a_log_that_never_ends_is_given_up(
+    def test_a_writer_that_never_ends_is_given_up(
         self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
@@ -522,7 +524,7 @@ class TestDamage:
             ((_, _, message),) = reader.iter_messages()
         assert (message.log_time, message.publish_time, message.sequence) == (3, 2, 7)
 
-    def test_definitions_that_are_none_are_counted_and_nothing_is_printed(
+    def test_invalid_definitions_are_counted_and_nothing_is_printed(
         self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
     ) -> None:
         """mcap_ros2 prints unknown content on stderr."""

@@ -86,6 +86,6 @@ def test_numpy_and_jax_agree() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"noise_m": -0.1}, {"lag_s": [0.2, 0.1]}, {"lost_share": 1.5}, {"fog": 1}])
-def test_errors_that_make_no_sense_are_refused_by_name(wrong: dict[str, object]) -> None:
+def test_invalid_errors_are_refused_by_name(wrong: dict[str, object]) -> None:
     with pytest.raises(UserError, match=next(iter(wrong))):
         structure(wrong, HeightScanErrors, "x.yaml")

@@ -114,7 +114,7 @@ def arrivals(wires: SimulatedWires, side: Side) -> list[tuple[int, float]]:
 
 
 class TestArbitration:
-    def test_of_two_that_begin_alike_the_one_of_11_bits_goes_first(self) -> None:
+    def test_of_two_with_equal_first_bits_the_one_with_11_goes_first(self) -> None:
         """Its next bit is dominant. 0x101 in 29 bits begins with 0x000, and so wins over 0x001."""
         wires = SimulatedWires(("a",))
         begins_alike = EXTENDED | 0x101 << 18
@@ -123,8 +123,8 @@ class TestArbitration:
         assert order == [EXTENDED | 0x101, 0x001, 0x101, begins_alike]
 
     @pytest.mark.parametrize("seed", range(5))
-    def test_random_traffic_goes_as_a_bus_that_decides_bit_by_bit_would_have_it(self, seed: int) -> None:
-        """Beside a model that looks at what each node offers whenever the wire falls idle."""
+    def test_random_traffic_goes_as_on_a_bus_that_arbitrates_bit_by_bit(self, seed: int) -> None:
+        """Compared with a model that arbitrates among the waiting frames whenever the wire is idle."""
         rng = np.random.default_rng(seed)
         wires = SimulatedWires(("a",), host_queue=1000)
         sent: list[tuple[float, int, int, int]] = []  # time, side, identifier, length
@@ -165,7 +165,7 @@ def by_hand(sent: list[tuple[float, int, int, int]]) -> dict[int, float]:
 
 
 class TestFaults:
-    def test_a_share_of_frames_is_lost_as_the_seed_has_it(self) -> None:
+    def test_a_share_of_frames_is_lost_by_seed(self) -> None:
         def heard(seed: int) -> list[int]:
             wires = SimulatedWires(("a",), faults=WireFaults(lost=0.3, seed=seed))
             for tick in range(200):
@@ -208,7 +208,7 @@ class TestFaults:
         assert arrived == [[], [2], [], [0], [], [1], [], [3]]
         assert wires.busy_us().tolist() == [879, 135]
 
-    def test_errors_count_for_eight_and_each_frame_that_gets_through_takes_one_off(self) -> None:
+    def test_an_error_counts_eight_and_a_sent_frame_minus_one(self) -> None:
         """ISO 11898-1; frames destroyed one time in ten never make a controller passive."""
         draws = iter([np.ones(4, np.intp), np.array([3, 1, 2, 1]), np.array([3, 1, 2, 1])])
         given: Any = SimpleNamespace(geometric=lambda *_: next(draws))
@@ -295,7 +295,7 @@ class PlainWires:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 9, 10])
-def test_wires_carry_random_traffic_as_plain_ones_would(seed: int) -> None:
+def test_wires_carry_random_traffic_like_a_plain_model(seed: int) -> None:
     """Unequal buses and lengths, some batches sent again, both sides, from idle to jammed."""
     rng = np.random.default_rng(seed)
     wires, plain = SimulatedWires(("a", "b", "c"), host_queue=4), PlainWires(3, 4)

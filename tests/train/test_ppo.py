@@ -48,7 +48,7 @@ class TestEndsOfEpisodes:
         _, losses = learnt(state, rolled_out(env, state))
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * (REWARD - self.value(state)) ** 2, rel=1e-4)
 
-    def test_a_time_out_leaves_the_expectation_as_it_is(self) -> None:
+    def test_after_a_time_out_the_expectation_stays(self) -> None:
         """A time limit does not reveal the following rewards: the target is the critic's own value."""
         env = environment(out_of_time=ENVIRONMENTS)
         state = begun(env)
@@ -84,7 +84,7 @@ class TestLearningRate:
     def test_an_actor_that_moves_too_far_is_slowed_down(self) -> None:
         assert self.rates(moved=3.0, limit=1.0) == pytest.approx(RATE / 1.5 ** np.arange(1, 4), rel=1e-5)
 
-    def test_but_never_past_the_limit(self) -> None:
+    def test_a_rate_never_exceeds_the_limit(self) -> None:
         assert self.rates(moved=1e-2, limit=1.2e-7, start=1e-7) == pytest.approx(1.2e-7)
 
     def test_a_rate_above_the_limit_falls_to_it_at_once(self) -> None:
@@ -97,7 +97,7 @@ class TestLearningRate:
         assert learnt(state, rolled_out(env, state))[1]["learning_rate"] == pytest.approx(RATE)
 
 
-def test_a_gradient_is_shortened_to_its_limit() -> None:
+def test_a_long_gradient_is_clipped() -> None:
     """Adam's first step would hide it: it is the same for any length. Its moments do not."""
     env = environment(fallen=ENVIRONMENTS)
     state = begun(env)

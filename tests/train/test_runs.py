@@ -132,7 +132,9 @@ def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
         ("  num_envs: 32", "  num_envs: 33", "num_envs 33"),
     ],
 )
-def test_misfitting_settings_leave_no_folder(right: str, wrong: str, reason: str, tmp_path: Path) -> None:
+def test_settings_that_do_not_fit_leave_no_folder(
+    right: str, wrong: str, reason: str, tmp_path: Path
+) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
     preset = tmp_path / "preset.yaml"
     preset.write_text(smoke.replace(right, wrong))
@@ -142,7 +144,7 @@ def test_misfitting_settings_leave_no_folder(right: str, wrong: str, reason: str
     assert not (tmp_path / "run").exists()
 
 
-def test_a_folder_whose_making_was_interrupted_can_be_used(whole_run: Path, tmp_path: Path) -> None:
+def test_a_folder_left_by_an_interrupted_start_can_be_used(whole_run: Path, tmp_path: Path) -> None:
     run = api.open_run(whole_run)
     for name in ("config.yaml", ".config.yaml.x1", ".run.yaml.x2"):
         (tmp_path / name).touch()
