@@ -254,7 +254,7 @@ class TestFaults:
 def test_a_robot_whose_cable_comes_off_is_stopped_with_the_reason(go1: Robot) -> None:
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         if loop.walking and 0.3 < loop.walking_s < 0.3021:
-            body._wires.set_faults(WireFaults(unplugged=(2,)))
+            body._connection._wires.set_faults(WireFaults(unplugged=(2,)))
 
     trace = run_episode(go1, Hold(go1), short_episode(), watch)
     assert trace.final_state == "ESTOP"
