@@ -145,7 +145,7 @@ class TestCheck:
     ) -> None:
         robot = SimpleNamespace(
             name="mine", lying_pose=None, description=go1.description, joint_names=go1.joint_names,
-            kp=go1.kp, kd=go1.kd,
+            kp=go1.kp, kd=go1.kd, folder=go1.folder,
         )  # fmt: skip
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
