@@ -20,7 +20,8 @@ from footfall.train.brax.state import STATE_SPECS
 from footfall.train.config import load_preset
 
 SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
-TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu"}
+# The older partitioner, as with jax 0.11 (envs/workarounds/partitioner.py): Shardy compiles more.
+TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "JAX_USE_SHARDY_PARTITIONER": "0"}
 
 
 @pytest.fixture(scope="module")

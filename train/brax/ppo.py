@@ -69,15 +69,23 @@ class Ppo:
         limit = self.config.learning_rate_limit(state.iteration)
         adaptive = self.config.desired_kl is not None
         rate = jnp.minimum(learning_rate(state.optimizer), limit) if adaptive else limit
-        # Drawn before the epochs: inside them XLA's older partitioner, which jax 0.11 needs for several
-        # devices, cannot divide the sort (envs/workarounds/partitioner.py).
         keys = jax.random.split(key, self.config.num_learning_epochs + 1)
-        orders = jax.vmap(jax.random.permutation, (0, None))(keys[1:], rollout.reward.shape[1])
+        orders = self._orders(keys[1:], rollout.reward.shape[1])
         learner = Learner(state.params, with_learning_rate(state.optimizer, rate), keys[0])
         entropy = self.config.entropy_weight(state.iteration)
         epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy, summary=summary)
         learner, losses = jax.lax.scan(epoch, learner, orders)
         return learner.params, learner.optimizer, losses
+
+    def _orders(self, keys: jax.Array, environments: int) -> jax.Array:
+        """The order of the environments in each epoch, (epoch, environment).
+
+        Over several devices XLA's older partitioner, which jax 0.11 needs (envs/workarounds/partitioner.py),
+        aborts at the sort of several rows, and at a sort inside the epochs: each row is sorted by itself.
+        """
+        if self.devices > 1:
+            return jnp.stack([jax.random.permutation(key, environments) for key in keys])
+        return jax.vmap(jax.random.permutation, (0, None))(keys, environments)
 
     def _epoch(self, learner: Learner, order: jax.Array, **common: Any) -> tuple[Learner, Any]:
         """One epoch: each environment once, in this order. All mini-batches share `common`."""
