@@ -88,7 +88,7 @@ class Stages:
             ("plant", SimulatedRobot, "advance"),
             ("readings", loop._bus, "receive"),
             ("readings", loop._joints, "absorb"),
-            ("signals", loop._signals, "look"),
+            ("signals", loop._signals, "update"),
             ("supervisor", loop, "_supervise"),
             ("estimator", loop._estimate, "update"),
             ("policy", loop._runner, "step"),

@@ -203,7 +203,7 @@ def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(name: str, changes
             tips = policy.stepping.cycle.feet - np.outer(policy.stepping.below(), [0.0, 0.0, 1.0])
             lag = robot.legs.scatter(robot.legs.solve(tips), robot.default_pose) - targets[-1]
             assert np.abs(lag).max() < 0.15
-            away = (policy.stepping.cycle.feet - policy.stepping.footing.places)[:, :2]
+            away = (policy.stepping.cycle.feet - policy.stepping.footing.positions)[:, :2]
             assert np.hypot(*away.T).max() < longest + 0.02
 
 
