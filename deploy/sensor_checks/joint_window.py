@@ -34,9 +34,7 @@ class JointWindow(NamedTuple):
     commanded_mean: np.ndarray  # mean torque from the last command at each reading, N m
     gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
     torques: np.ndarray  # (k, n) each reported torque, N m
-    commanded: (
-        np.ndarray
-    )  # (2, k, n) smallest torque commanded before each report, and minus the largest, N m
+    commanded: np.ndarray  # (2, k, n) smallest and negated largest torque commanded before each report, N m
     temperature_c: np.ndarray  # NaN if not reported
     voltage: np.ndarray  # supply voltage of the motors, V; NaN if not reported
 
