@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
@@ -68,9 +69,11 @@ def test_a_late_subscriber_gets_the_latched_part_then_all_bytes(log: McapLog, tm
         while not {each.channel.topic for each in first} >= LATCHED:
             first.append(next(arriving))  # others come too, if the process is slower than this one
         assert any(b"STANDING" in each.data for each in first if each.channel.topic == "/state")
-        ticks(log, 50, first=5)
-        log.close()
-        left = [*first, *arriving]
+        with ThreadPoolExecutor(1) as subscriber:  # reads while the run goes on, or its buffer may fill
+            rest = subscriber.submit(list, arriving)
+            ticks(log, 50, first=5)
+            log.close()
+        left = [*first, *rest.result()]
         assert reader.ended
         assert json.loads(reader.metadata["robot"]) == "go1"
     live = [each for each in left if not each.channel.latched]
