@@ -41,7 +41,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from footfall.common.errors import UserError
-from footfall.plant.engines.shared import FREE, HINGE, WORLD, collidable
+from footfall.plant.engines.shared import FREE, WORLD, check_model, collidable
 from footfall.robots.self_contact import adjacent, excluded_bodies
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
-    check_model(model, feet)
+    _check(model, feet)
     builder = DiagramBuilder()
     config = MultibodyPlantConfig(
         time_step=model.opt.timestep, contact_model="point", adjacent_bodies_collision_filters=False
@@ -108,24 +108,15 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
     return DrakePlant(builder.Build(), plant, positions, velocities, geoms)
 
 
-def check_model(model: mujoco.MjModel, feet: list[int]) -> None:
+def _check(model: mujoco.MjModel, feet: list[int]) -> None:
     """Raise UserError if Drake would simulate another robot than MuJoCo."""
-    shapes = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
-    strange = sorted(each.name for each in shapes - set(_SHAPES))
     flat = [model.geom(geom).name for geom in feet if mujoco.mjtGeom(model.geom_type[geom]) not in ROUND]
-    kinds = set(model.jnt_type.tolist()) - {int(HINGE), int(FREE)}
-    reasons = {
-        f"collision geometry of type {', '.join(strange)}": bool(strange),
+    others = {
         f"foot '{''.join(flat[:1])}', which is not round: contacts are one point for each two geoms": flat,
-        "joints other than hinges and a free base": kinds,
         "bodies with several joints": (model.body_jntnum > 1).any(),
-        "springs in joints": model.jnt_stiffness.any(),
-        "tendons or equality constraints": model.ntendon or model.neq,
         "friction loss in the model": model.dof_frictionloss.any(),
     }
-    for reason, found in reasons.items():
-        if found:
-            raise UserError(f"--engine drake does not simulate {reason}: leave it out")
+    check_model("drake", model, _SHAPES, others)
 
 
 def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator[tuple[int, int]]:

@@ -11,8 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import mujoco
 import numpy as np
 
-from footfall.common.errors import UserError
-from footfall.plant.engines.shared import FREE, HINGE, WORLD, collidable
+from footfall.plant.engines.shared import FREE, HINGE, WORLD, check_model, collidable
 
 SHAPES = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",
@@ -30,7 +29,7 @@ def motrix_mjcf(model: mujoco.MjModel) -> str:
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
-    _check(model)
+    check_model("motrixsim", model, SHAPES, {})
     root = Element("mujoco")
     SubElement(root, "compiler", angle="radian", autolimits="false")
     SubElement(root, "option", timestep=repr(model.opt.timestep), gravity=_text(model.opt.gravity))
@@ -52,21 +51,6 @@ def motrix_mjcf(model: mujoco.MjModel) -> str:
 def hinges(model: mujoco.MjModel) -> list[int]:
     """Joints that have a motor, in the order of the motors."""
     return np.flatnonzero(model.jnt_type == HINGE).tolist()
-
-
-def _check(model: mujoco.MjModel) -> None:
-    kinds = set(model.jnt_type.tolist()) - {int(HINGE), int(FREE)}
-    shapes = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
-    strange = sorted(each.name for each in shapes - set(SHAPES))
-    reasons = {
-        f"collision geometry of type {', '.join(strange)}": bool(strange),
-        "joints other than hinges and a free base": kinds,
-        "springs in joints": model.jnt_stiffness.any(),
-        "tendons or equality constraints": model.ntendon or model.neq,
-    }
-    for reason, found in reasons.items():
-        if found:
-            raise UserError(f"--engine motrixsim does not simulate {reason}: leave it out")
 
 
 def _body(parent: Element, model: mujoco.MjModel, body: int) -> Element:

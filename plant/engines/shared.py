@@ -1,7 +1,12 @@
 """What engines other than MuJoCo read from a MuJoCo model, and compute of its state."""
 
+from collections.abc import Collection, Mapping
+from typing import Any
+
 import mujoco
 import numpy as np
+
+from footfall.common.errors import UserError
 
 WORLD = 0  # body
 HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
@@ -12,6 +17,31 @@ def collidable(model: mujoco.MjModel) -> np.ndarray:
     found = (model.geom_contype | model.geom_conaffinity) != 0
     found[model.pair_geom1] = found[model.pair_geom2] = True
     return found
+
+
+def check_model(
+    engine: str, model: mujoco.MjModel, shapes: Collection[mujoco.mjtGeom], others: Mapping[str, Any]
+) -> None:
+    """Raise UserError if an engine would simulate another robot than MuJoCo.
+
+    Args:
+        engine: its name, as in `--engine`.
+        model: the bodies.
+        shapes: types of geoms that it knows.
+        others: further features that it does not simulate, each with whether the model has it.
+    """
+    found = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
+    strange = sorted(each.name for each in found.difference(shapes))
+    features = {
+        f"collision geometry of type {', '.join(strange)}": strange,
+        "joints other than hinges and a free base": set(model.jnt_type.tolist()) - {int(HINGE), int(FREE)},
+        "springs in joints": model.jnt_stiffness.any(),
+        "tendons or equality constraints": model.ntendon or model.neq,
+        **others,
+    }
+    for feature, has in features.items():
+        if has:
+            raise UserError(f"--engine {engine} does not simulate {feature}: leave it out")
 
 
 def generalised_force(model: mujoco.MjModel, data: mujoco.MjData, applied: np.ndarray) -> None:
