@@ -3,13 +3,14 @@
     python benchmarks/actuator_net.py planted
     python benchmarks/actuator_net.py xl330 --data FOLDER
 
-planted: a hidden go1 of `identification.py`'s family, with Stribeck friction, load friction and backlash.
-It is recorded three times, as `footfall identify record` does. One leg is fitted to the first recording
-without these effects (with --effects also with them). The net learns from it beside the fit without them, the
-second one decides which net is kept, and the third one, of other amplitude and gains, judges.
+planted: a hidden go1 of `identification.py`'s family, with Stribeck friction, load friction and backlash. It
+is recorded three times, as `footfall identify record` does. One leg is fitted to the first recording without
+these effects (with --effects also with them). The net corrects that fit and is trained on the same recording.
+The second recording decides which net is kept. The third, with another amplitude and other gains, is the test
+set.
 
 xl330: FOLDER holds JSON files of github.com/Rhoban/bam, commit af22604 (Apache-2.0). A Dynamixel XL330 moves
-a pendulum, with three gains and three motions. Each is held out in turn: --hold-out takes parts of their
+a pendulum, with three gains and three motions. Each is held out in turn; --hold-out takes parts of their
 names. The joint law is fitted to the others by least squares, as in `servos.py`. The net is trained beside it
 on the same recordings, of which the last one decides which net is kept. Recordings in which the torque is
 released are left out.
@@ -42,7 +43,7 @@ HELD_OUT = ("kp 100", "kp 200", "kp 800", "sin_sin", "up_and_down", "sin_time_sq
 
 
 def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
-    """Joint, and rms errors in mrad: nominal, law, net, and law with the effects if asked for."""
+    """Joint, and rms errors in mrad: nominal, law, net, and with `effects` the law with effects."""
     robot = load_robot("go1")
     sample = drawn(robot, number)
     joints = len(robot.joint_names)
@@ -69,7 +70,7 @@ def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
 
 
 def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
-    """What is held out, rms errors in mrad over windows of 1 s (law, net), and the steps of the kept net."""
+    """The held-out name, rms errors in mrad over windows of 1 s (law, net), and the steps of the kept net."""
     found = [log for log in logs(folder, "xl330") if _driven(log)]
     every = problem(folder, "xl330", MODEL)
     used = [

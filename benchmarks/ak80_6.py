@@ -219,7 +219,7 @@ def report_motion(windows: Shooting, fits: dict[tuple[str, int], np.ndarray], na
 
 
 def report_null(windows: Shooting, fitted: np.ndarray) -> None:
-    """Print directions of parameters that the recordings do not tell."""
+    """Print directions of parameters that the recordings do not determine."""
     residual, slope = windows.slopes(fitted)
     found = null_directions(slope.reshape(-1, len(NAMES)), NAMES, float(np.sqrt((residual**2).mean())))
     print("\n".join(f"not determined: {each.text}" for each in found) or "every direction is determined")

@@ -1,12 +1,11 @@
-"""How hard a robot falls: damped alone, as the loop does it, or folding its legs on the way to the ground.
+"""Impact of a fall: damped only, as by the loop, or with legs that fold on the way to the ground.
 
     python benchmarks/falling.py trot --robot go1 --falls 6
     python benchmarks/falling.py tripod --robot hexapod --falls 4 --push 3 5
 
-A randomised robot that walks is pushed over. From the mode FALLING on, the largest force
-of the ground on trunk and limbs but the feet counts, as a share of the weight, and the largest torque, as a
-share of the motor's peak. To fold is to go to the lying pose with a share of the stiffness. Each way meets
-the same falls.
+A randomised robot that walks is pushed over. From the mode FALLING on, the largest contact force on any part
+except the feet is recorded, relative to the weight, and the largest torque, relative to the motor's peak.
+Folding moves the legs to the lying pose with a share of the stiffness. All alternatives have the same falls.
 """
 
 import argparse
@@ -61,7 +60,7 @@ class Watch:
 
 @contextmanager
 def folding(robot: Robot, share: float | None, kd: float) -> Iterator[None]:
-    """A loop that goes to the lying pose in FALLING, in place of damping alone; None changes nothing."""
+    """A loop that moves to the lying pose in FALLING instead of damping only; None changes nothing."""
     frames, zero = ModeActions.frames, np.zeros(len(robot.joint_names))
     pose = robot.lying_pose if robot.lying_pose is not None else robot.default_pose
 
@@ -78,7 +77,7 @@ def folding(robot: Robot, share: float | None, kd: float) -> Iterator[None]:
 
 
 def fall(robot: Robot, policy: str, seed: int, push_m_s: tuple[float, float], share: float | None) -> Watch:
-    """One push, and the fall after it if it fells the robot."""
+    """One push, and the fall if the robot falls."""
     rng, watch = np.random.default_rng(seed), Watch(robot)
     angle, speed, at_s = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*push_m_s), rng.uniform(*PUSHED_S)
     loop = deploy_config(robot)
@@ -100,12 +99,12 @@ def fall(robot: Robot, policy: str, seed: int, push_m_s: tuple[float, float], sh
 
 
 def main() -> None:
-    """Measure, and print means and medians of the falls that all ways have in common."""
+    """Measure, and print means and medians over the seeds in which every alternative falls."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("policy")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--falls", type=int, default=6)
-    parser.add_argument("--push", type=float, nargs=2, default=(2.5, 4.5), help="least and most, m/s")
+    parser.add_argument("--push", type=float, nargs=2, default=(2.5, 4.5), help="range, m/s")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     robot, seed = load_robot(options.robot), options.seed

@@ -197,7 +197,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--rate", type=float, default=500.0, help="of the joint loop, Hz")
     options = parser.parse_args()
-    print("| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | says | |")
+    print("| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | message | |")
     print("| --- | ---: | ---: | --- | ---: | --- | --- |")
     wrong, left_out = 0, 0.0
     for kind in KINDS:

@@ -3,10 +3,10 @@
     python benchmarks/fault_table.py --seeds 100 --healthy 1000 --out faults.jsonl
     python benchmarks/fault_table.py --read faults.jsonl --json docs/faults.json
 
-Runs are kept in the file as they end, and not run again by a second call.
+Finished runs are kept in the file; a second call does not repeat them.
 
-Lockstep, over the simulated bus. The simulator's own eye on falls is only an observer here, since no real
-robot has one: a run ends when the robot damps itself, or a while after the fault.
+All runs are in lockstep over the simulated bus. The simulator's fall detection only records, because a
+real robot has none: a run ends when the robot damps itself, or a while after the fault.
 """
 
 import argparse
@@ -48,7 +48,7 @@ def is_tried(subject: Subject, kind: FaultKind) -> bool:
 
 
 def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]:
-    """Run everything that was asked for: runs with a fault, runs without, and what went wrong."""
+    """Run all requested runs: those with a fault, those without, and the errors."""
     chosen = [
         subject
         for subject in SUBJECTS
@@ -91,20 +91,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument(
-        "--first-seed", type=int, default=0, help="where several machines share the seeds of faults"
+        "--first-seed", type=int, default=0, help="first seed, if several machines share the work"
     )
     parser.add_argument("--workers", type=int)
     parser.add_argument("--healthy", type=int, default=0, help="runs without a fault, of each kind")
-    parser.add_argument("--policy", help="this policy alone")
-    parser.add_argument("--ground", help="this ground alone: level, rough or g1_rough")
-    parser.add_argument("--main", action="store_true", help="main rows alone, for every policy")
-    parser.add_argument("--only", help="kinds with this in their names alone")
-    parser.add_argument("--group", nargs="+", help="kinds of these groups alone, such as wiring")
+    parser.add_argument("--policy", help="only this policy")
+    parser.add_argument("--ground", help="only this ground: level, rough or g1_rough")
+    parser.add_argument("--main", action="store_true", help="only main rows, for every policy")
+    parser.add_argument("--only", help="only kinds whose names contain this")
+    parser.add_argument("--group", nargs="+", help="only kinds of these groups, such as wiring")
     parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
     parser.add_argument(
-        "--time-limit", type=float, help="seconds until no run begins, for each of both parts"
+        "--time-limit", type=float, help="no run begins after this many seconds, for each of both parts"
     )
-    parser.add_argument("--read", type=Path, help="runs to make the table of, instead of running")
+    parser.add_argument("--read", type=Path, help="make the table from these runs instead of running any")
     parser.add_argument("--json", type=Path, help="write the table's rows to this file")
     options = parser.parse_args()
 

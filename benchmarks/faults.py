@@ -124,12 +124,12 @@ class Tests:
 
     def passes(self, clean: Path, test: str) -> bool:
         """Whether a test passes on an unchanged copy."""
-        if test not in self._clean:  # of two workers that ask at once, each may look
+        if test not in self._clean:  # two workers that ask at the same time may both run the test
             self._clean[test] = self.first_failure(clean, [test]) is None
         return self._clean[test]
 
     def without_failing(self, files: Sequence[str]) -> list[str]:
-        """Arguments for pytest: the files but for the tests that fail on an unchanged copy, too."""
+        """Arguments for pytest: the files, without the tests that also fail on an unchanged copy."""
         failing = {test for test, passed in list(self._clean.items()) if not passed}
         importable = [file for file in files if file not in failing]
         deselected = [argument for test in sorted(failing) for argument in ("--deselect", test)]
@@ -210,7 +210,7 @@ def read_options() -> argparse.Namespace:
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one pytest")
     parser.add_argument("--failing", type=Path, help="file of tests that fail on an unchanged copy, too")
     parser.add_argument(
-        "--time-limit", type=float, default=float("inf"), help="seconds until no fault begins"
+        "--time-limit", type=float, default=float("inf"), help="no fault begins after this many seconds"
     )
     return parser.parse_args()
 

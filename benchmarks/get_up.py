@@ -54,10 +54,10 @@ class Result:
     stood_s: float | None = None  # after RECOVERING began
     ended: str = ""  # the mode after RECOVERING
     ended_s: float | None = None  # when that began, after RECOVERING began
-    fault: str = ""  # why RECOVERING ended otherwise than on the legs
+    fault: str = ""  # why RECOVERING ended, unless the robot stood
     energy_j: float = 0.0  # electrical, until it stood
     torque_share: float = 0.0  # greatest, of a motor's peak torque
-    impact_share: float = 0.0  # greatest normal force on trunk and limbs but the feet, of the weight
+    impact_share: float = 0.0  # largest normal force on any part except the feet, relative to the weight
     speed_rad_s: float = 0.0  # greatest, of a joint
 
 

@@ -58,7 +58,7 @@ JUDGING = ExcitationConfig(
 
 @dataclass(frozen=True)
 class Target:
-    """What a quantity's error shall be at most."""
+    """Limit of a quantity's error."""
 
     unit: str
     most: float

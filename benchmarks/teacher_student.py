@@ -5,10 +5,10 @@
     python benchmarks/teacher_student.py ROUGH.onnx --level-teacher FLAT.onnx --out student.onnx
 
 The student starts from the teacher's network. In the environment of `--preset`, whose scans are erroneous and
-cease, it acts with noise. In each state its mean action learns the teacher's by least squares.
-One teacher reads exact heights. Of two, the second is asked where the ground around the robot is level and
-scans arrive, the first one elsewhere, and both read what the student reads. Their student has both networks
-side by side and a few units more; at first its actions are the first teacher's.
+cease, it acts with noise. In each state its mean action is fitted to the teacher's by least squares. A single
+teacher reads exact heights. With two teachers, the second gives the actions where the ground around the robot
+is level and scans arrive, the first one elsewhere; both read the student's observation. Their student has
+both networks side by side and a few more units; at first its actions are the first teacher's.
 """
 
 import argparse
@@ -79,7 +79,7 @@ class Imitation:
     iterations: int
     noise: float  # deviation of the student's actions
     learning_rate: float
-    level_weight: float  # of errors on level ground, where a second teacher is asked
+    level_weight: float  # of errors on level ground, where the second teacher gives the actions
 
     @cached_property
     def optimizer(self) -> optax.GradientTransformation:
@@ -111,7 +111,7 @@ class Imitation:
         return Student(*learner, episodes, key), figures
 
     def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        """The actions to learn, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
+        """Teacher's actions, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         # The critic's observation begins with the student's and a frame without errors.
         contract, size = self.env.contract, self.teacher.mean.size
         points, end = term_size(contract.observation[-1], contract), size + size_per_step(contract)
@@ -174,7 +174,7 @@ class TwoTeachers(Imitation):
         return side_by_side(self.teacher, self.on_level, self.seen, EXTRA_SHARE, key)
 
     def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        """The actions to learn, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
+        """Teacher's actions, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         observed = observation["state"]
         on_level = jax.vmap(self._sees_level_ground)(state)[:, None]
         elsewhere = action_of(self.teacher, observed)

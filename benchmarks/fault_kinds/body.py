@@ -42,12 +42,10 @@ def put(quaternion: tuple[float, float, float, float]) -> Injection:
 
 
 TILT = "noticed by its tilt"
-WEAK = (
-    "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
-)
-SAG = "motors that do not tell their voltage are slower and weaker, as those of a heavier robot"
-LIMP = "a motor may report none for `limp_s`, since it may be late; it counts in windows of 40 ms"
-OTHER_WAY = "of a motor that is late a torque points the other way for moments: it counts on average"
+WEAK = "less torque than reported looks like a heavier robot to all sensors; a fall is noticed by its tilt"
+SAG = "motors that do not report their voltage are slower and weaker, as if the robot were heavier"
+LIMP = "a motor may report no torque for `limp_s`, because it may be late; checked in windows of 40 ms"
+OTHER_WAY = "the torque of a delayed motor has the wrong sign for moments: only the average counts"
 BODY = (
     FaultKind(
         "one motor rebooted: limp, but replies",
@@ -73,7 +71,7 @@ BODY = (
         "joint blocked",
         lambda injector: injector.brake(injector.joint, 1e3),
         None,
-        "its readings are true",
+        "its readings are correct",
     ),
     FaultKind("pushed over", _pushed(5.0), None, TILT),
     FaultKind(

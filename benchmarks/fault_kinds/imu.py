@@ -103,12 +103,12 @@ def _imu_queues(injector: FaultInjector) -> None:
     injector.falls_behind(0.5, from_imu)
 
 
-TWICE = "it differs by twice the body's turn, which takes a part of a step to be 0.04 rad"
-GROWS = "what reads a half as fast as it comes is late by `silence_timeout_s` after twice that time"
-CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
-LEVEL = "of a level body that has not turned since the start, it is nearly the same"
-PAUSING = "it may repeat itself while joints rest, which they do between slow steps"
-LOOSE = "its parts agree with each other; legs say how the base leans where they stand still"
+TWICE = "the error is twice the body's rotation, which takes part of a step to reach 0.04 rad"
+GROWS = "a reader at half the rate of arrival is late by `silence_timeout_s` after twice that time"
+CALM = "in a calm walk the body turns hardly more than the noise; noticed once it turns more"
+LEVEL = "nearly the same for a level body that has not turned since the start"
+PAUSING = "readings may repeat while the joints rest, as between slow steps"
+LOOSE = "its readings agree with each other; only legs that stand still reveal the tilt"
 MEAN = "steps shake an accelerometer: only its mean over a second is compared"
 IMU = (
     FaultKind("gyro frames lost", imu_frame(GYRO_ID, nothing), SILENCE_S),

@@ -216,9 +216,9 @@ def bus_lost_now_and_then(injector: FaultInjector) -> None:
 
 LOOP = "its counters run back when the 200 ms start again"
 LOOPED = "values repeat when the 200 ms start again, and are recognised within another 200 ms"
-SHARE = "a share over time: one loss is no fault"
+SHARE = "one lost frame is no fault: only the share of lost frames counts"
 ASKED = "the effect is small while little or constant torque is commanded"
-WARM = "below all other motors by `colder_c`"
+WARM = "noticed once it is colder than all other motors by `colder_c`"
 INTERMITTENT = (
     FaultKind("IMU replays 200 ms with their counters", imu_replayed(), 0.35, LOOP, main=True),
     FaultKind("IMU replays 200 ms under new counters", imu_replayed_with_new_counters, 0.7, LOOPED),

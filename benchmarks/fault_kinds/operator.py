@@ -6,7 +6,7 @@ from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.plant.injection import FaultInjector
 
 SILENCE = InboxConfig(still_after_s=0.5, lie_down_after_s=1.5)
-ORDERLY = "the robot stands after 0.5 s and lies down later, in order: a note says why"
+ORDERLY = "intended: the robot stands after 0.5 s and lies down later; a note gives the reason"
 
 
 class _Silent:

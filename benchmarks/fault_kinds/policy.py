@@ -68,8 +68,8 @@ def refused(injector: FaultInjector) -> None:
     injector.bus.send = lambda frames, now_us: send(frames, now_us) * 0 + 1  # type: ignore[method-assign]
 
 
-LIMITED = "what a policy wants within the limits is its own; a fall is noticed by its tilt"
-UNHEARD = "no frame goes out any more: motors stop by their own time-out"
+LIMITED = "a command within the limits is no fault; a fall is noticed by its tilt"
+UNHEARD = "no more frames are sent: motors stop by their own timeout"
 POLICY = (
     *(
         FaultKind(f"policy: {name} of {value}", filled(name, value), 0.03, main=name == "kp")
@@ -93,7 +93,7 @@ POLICY = (
         "the velocity command is not a number",
         _command_nan,
         None,
-        "it counts as 0, and a note says so",
+        "it counts as 0, with a note",
     ),
     FaultKind("the policy's stance raises", _stance_raises, 0.03, estimating=True),
     FaultKind("receiving raises", receive_raises, 0.01),

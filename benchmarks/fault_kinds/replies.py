@@ -171,17 +171,19 @@ def _error_once(injector: FaultInjector) -> None:
 
 
 WAY = "a joint has to move for a while before its readings contradict each other"
-NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
-BARELY = "a joint that swings by a hundredth of a radian reads much the same; noticed where it moves"
-EXPLAINED = "a motor that is asked for no more than readings 30 ms late explain gives nothing to compare"
-ALIKE = "two joints in like poses read alike until they move apart"
-STEADY = "a motor of which the same is asked again and again may report the same; noticed where that moves"
-DRIFTS = "at this rate it is off by `wander_rad` after 50 ms, and a joint that swings fast is granted more"
-HEATS = "it takes 500 ms to get there"
-NEXT = "the next reading is 2 ms away"
-HARMLESS = "most bits of a reading weigh less than its noise; noticed once one of the others is hit"
+NEAR_ZERO = "near zero a position is almost the same with either sign; noticed once the joint moves"
+BARELY = (
+    "a joint that swings by a hundredth of a radian hardly changes its reading; noticed once it moves more"
+)
+EXPLAINED = "a torque error that readings 30 ms late would explain does not count"
+ALIKE = "two joints at similar positions have similar readings until they move differently"
+STEADY = "a motor under a constant command may report constant values; noticed once the command changes"
+DRIFTS = "at this rate the error is `wander_rad` after 50 ms; the limit is wider for a joint that swings fast"
+HEATS = "the temperature reaches the limit after 500 ms"
+NEXT = "the next valid reading arrives 2 ms later"
+HARMLESS = "most bits of a reading are smaller than its noise; noticed once a higher bit is flipped"
 CONSTANT_LAG = (
-    "late readings agree with each other; a walk bears some of it, and a fall is noticed by its tilt"
+    "late readings agree with each other; a walk tolerates some delay, and a fall is noticed by its tilt"
 )
 REPLIES = (
     FaultKind("one motor silent", silent(False), SILENCE_S, main=True),
@@ -216,8 +218,8 @@ REPLIES = (
     FaultKind("replies under an unknown id", wrong_sender, SILENCE_S),
     FaultKind("replies cut to 2 bytes", corrupted(lambda _: cut_short), SILENCE_S),
     FaultKind("replies of zeros", corrupted(lambda _: emptied), SILENCE_S),
-    FaultKind("all frames twice", twice, None, "it does no harm, and looks like a second host"),
-    FaultKind("foreign frames on the bus", foreign, None, "it does no harm"),
+    FaultKind("all frames twice", twice, None, "harmless, and looks like a second host"),
+    FaultKind("foreign frames on the bus", foreign, None, "harmless"),
     *(
         FaultKind(f"{what} of the frames lost", frames_lost(share), None, reason)
         for what, share, reason in (
@@ -225,7 +227,7 @@ REPLIES = (
             ("2 %", 0.02, NEXT),
             ("5 %", 0.05, NEXT),
             ("a tenth", 0.1, NEXT),
-            ("half", 0.5, "the next reading is a few ticks away; a share of losses over time"),
+            ("half", 0.5, "the next reading arrives a few ticks later; only the share of losses counts"),
         )
     ),
     *(

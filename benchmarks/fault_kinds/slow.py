@@ -44,7 +44,7 @@ def encoder_drifts(rate_rad_s: float, all_joints: bool = False) -> Injection:
     return inject
 
 
-DRIFTING = "a velocity's noise hides a drift at first: it adds up over seconds"
+DRIFTING = "velocity noise hides a slow drift until it has added up for seconds"
 LEANS = "steps shake an accelerometer: only its mean over seconds is compared"
 SLOW = (
     FaultKind(

@@ -39,8 +39,11 @@ def _nan_quaternion(reading: Inertial) -> Inertial:
 
 UNANSWERED = "motors and IMU have `start_timeout_s` to answer"
 AT_REST = "compared once the robot has stood at rest for a while"
-LITTLE = "a robot that stands asks little of some joints: noticed once it asks for more"
-IN_RANGE = "noticed, and named, where it leaves the joint's range; else it reads like any other pose"
+LITTLE = "some joints need little torque while the robot stands; noticed once they need more"
+IN_RANGE = (
+    "noticed, with the joint's name, once the reading leaves the joint's range; otherwise it looks like "
+    "another pose"
+)
 START = (
     _at_start("a motor is missing", silent(False), reason=UNANSWERED, main=True),
     _at_start("all motors are missing", silent(True), reason=UNANSWERED),
@@ -58,7 +61,7 @@ START = (
     _at_start("IMU askew by 15 degrees", leaning(15.0), IMPLAUSIBLE_S),
     _at_start("IMU askew by 30 degrees, all its parts alike", loose(30.0), STARTED_S, reason=AT_REST),
     _at_start("IMU comes loose and leans by 0.2 rad/s", loose(0.0, 0.2), STARTED_S, reason=AT_REST),
-    _at_start("IMU askew by 5 degrees", leaning(5.0), None, reason="less than a slope"),
+    _at_start("IMU askew by 5 degrees", leaning(5.0), None, reason="smaller than a possible slope"),
     _at_start("IMU upside down", changed(lambda r: turned(r, 0, 180.0)), IMPLAUSIBLE_S),
     _at_start("IMU on its side, all its parts alike", loose(90.0), IMPLAUSIBLE_S, main=True),
     _at_start("acceleration frames lost", imu_frame(ACCELERATION_ID, nothing), reason=UNANSWERED),

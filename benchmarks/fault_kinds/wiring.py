@@ -10,8 +10,10 @@ from footfall.plant.frame_changes import mounted
 from footfall.plant.injection import FaultInjector, Injection
 
 FOUND_S = 30.0  # the longest that the checks of a robot with 18 joints take, lying and standing
-ENDING = "noticed when every joint has moved; an IMU on its side, and a joint out of its range, at once"
-RIGHT = "nothing is wrong: nothing must be noticed"
+ENDING = (
+    "noticed once every joint has moved; an IMU on its side or a joint out of its range is noticed at once"
+)
+RIGHT = "no fault: nothing may be reported"
 
 
 def _exchanged(injector: FaultInjector, first: np.ndarray, second: np.ndarray) -> None:

@@ -1,9 +1,9 @@
-"""Runs a robot that ROS 2 steers, and looks at it by true rclpy: each finding, and 1 if one is wrong.
+"""Checks a run that ROS 2 steers, with real rclpy: prints each finding, exit status 1 if one fails.
 
     python benchmarks/ros2/interfaces.py jazzy/bin/python    # tf2_msgs and nav2_msgs for ROS from PyPI
     python benchmarks/ros2/check.py jazzy/bin/python [--backend cyclonedds]
 
-The first argument is a Python with rclpy; docs/ros2.md tells how to have one from PyPI.
+The first argument is a Python with rclpy; docs/ros2.md describes how to install one from PyPI.
 """
 
 import argparse
@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from relaxed_limits import RELAXED
 
-DOMAIN = "87"  # of these checks alone
+DOMAIN = "87"  # used only by these checks
 LOOK_TIMEOUT_S, LIE_DOWN_S = 300.0, 30.0
 
 
 def table(backend: str, policy: str) -> dict[str, list]:
-    """What has to be seen."""
+    """The expected nodes, topics and services."""
     published = [(absolute(p.name), TOPICS[p.feed].kind, TOPICS[p.feed].latched) for p in PUBLISHED]
     if backend == "cyclonedds":
         return {"published": published, "services": []}
@@ -44,7 +44,7 @@ def main() -> int:
     )
     parser.add_argument("python", type=Path, help="a Python that has rclpy")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--policy", default="trot", help="one with gaits, of its own name")
+    parser.add_argument("--policy", default="trot", help="name of a policy with gaits")
     parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
     parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
     options = parser.parse_args()

@@ -63,9 +63,7 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
         ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
     ],
 )
-def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
-    kind: str, message: str
-) -> None:
+def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: str) -> None:
     """A robot at rest feels 9.81 m/s^2: a fifth more is off by 20 %, 1 instead of 9.81 by 90 %."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
     assert message in run["fault"]
@@ -75,8 +73,8 @@ def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
 class TestARun:
     """Versions that the result depends on."""
 
-    def test_draws_by_its_kinds_name_whatever_stands_beside_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """The joint whose encoder is off is drawn: the same of the seed in a table of one row."""
+    def test_draws_depend_on_the_kinds_name_only(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The joint with the wrong encoder is drawn; a table of one row draws the same."""
         task = FaultTask("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
         run = fault_runs.run_fault(task)
         monkeypatch.setattr(fault_runs, "KINDS", (fault_runs.kind_of(task.title),))
@@ -88,7 +86,7 @@ class TestARun:
         """`step` keeps state: an earlier run would affect the next one."""
         assert fault_subjects.policy_of("g1", "step") is not fault_subjects.policy_of("g1", "step")
 
-    def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
+    def test_uses_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
         config = fault_runs.config_of(own)
@@ -120,9 +118,7 @@ def test_every_learned_policy_that_walks_is_tried() -> None:
         ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad against"),
     ],
 )
-def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(
-    title: str, message: str
-) -> None:
+def test_a_consistent_but_tilted_imu_is_found_by_standing_legs(title: str, message: str) -> None:
     """30 degrees are 0.52 rad. Before the robot walks, and nothing else contradicts such an IMU."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
     assert message in run["fault"]
@@ -157,13 +153,15 @@ class TestAHealthyRun:
         assert (run["fell"], run["fell_s"]) == (False, None)
         assert 0.0 < run["fault_s"] < 1.0
 
-    def test_a_robot_that_is_thrown_over_was(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
+    def test_a_robot_that_is_thrown_over_is_falling(
+        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
+    ) -> None:
         run = self.run(monkeypatch, go1, 8.0)
         assert "tilt of 1.0" in run["fault"]
         assert (run["alarm"], run["fell"]) == ("", True)
         assert 0.3 < run["fault_s"] < run["fell_s"] < run["fault_s"] + 0.5  # 60 degrees, then 70
 
-    def test_a_later_fall_excuses_nothing(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
+    def test_a_later_fall_does_not_excuse_an_alarm(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
         """The alarm comes in the first steps, the push after 0.3 s."""
         monkeypatch.setattr(healthy_runs, "FALL_S", 0.1)
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=0.02)

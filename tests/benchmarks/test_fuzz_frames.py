@@ -30,7 +30,9 @@ def test_nothing_escapes(model: str, known: bool) -> None:
     assert [ends.total() for ends in tally.ends.values()] == [len(BATCHES)] * 2
 
 
-def test_a_torque_that_the_frames_carry_is_held_against_the_motors(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_torque_within_the_frames_range_is_compared_with_the_motors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(joint_layer, "limit_torque", lambda asked, *_: asked)
     escaped = fuzzed("").escaped
     assert escaped
@@ -56,7 +58,9 @@ def test_motor_torque_by_its_speed(go1: Robot, velocity: float, torque: float, e
 
 
 @pytest.mark.parametrize(("model", "driver"), [("", MitDriver), ("DM4310", DamiaoDriver)])
-def test_the_short_way_of_a_known_driver(monkeypatch: pytest.MonkeyPatch, model: str, driver: Any) -> None:
+def test_a_known_driver_uses_its_cached_layout(
+    monkeypatch: pytest.MonkeyPatch, model: str, driver: Any
+) -> None:
     """Replies in the arrays of the previous batch are those of all motors: no index is looked up."""
     ways, decoded = Counter[bool](), driver._decoded
 

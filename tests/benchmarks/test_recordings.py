@@ -26,7 +26,7 @@ SWINGS = {**ak80_6.PUBLISHED, "strength_2": 0.9, "delay_1": 0.0, "delay_2": 0.00
 
 
 def test_a_rollout_of_one_window_is_delayed_and_scaled() -> None:
-    """A mass of one that a force pushes from the first step on: half t², later by the delay."""
+    """A unit force on a unit mass from the first step on: t² / 2, later by the delay."""
     numbers = (double_pendulum.EFFECTS[4], double_pendulum.EFFECTS[6])  # delay_1, strength_2
     given = np.where(np.arange(120) >= 20, 1.0, 0.0)[None, :, None]
     inputs = Inputs(given, 20, 0.01, np.array([[0.0, 49.5, 100.0]]))

@@ -1,4 +1,4 @@
-"""What a benchmark has run is in its file, however it ended."""
+"""A benchmark's results are in its file, also after an interruption."""
 
 from pathlib import Path
 from typing import Any

@@ -26,7 +26,7 @@ def test_the_collector_is_as_it_was_after_a_pause(was_on: bool, fails: bool) -> 
 
 
 class Node:
-    """An object that can hold itself."""
+    """An object that can refer to itself."""
 
     def __init__(self) -> None:
         self.me = self

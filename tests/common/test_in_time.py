@@ -5,7 +5,7 @@ import threading
 from footfall.common.in_time import in_time
 
 
-def test_an_act_that_ends_returns_none_or_its_error() -> None:
+def test_a_call_that_ends_returns_none_or_its_error() -> None:
     wrong = OSError("full")
 
     def fail() -> None:
@@ -15,7 +15,7 @@ def test_an_act_that_ends_returns_none_or_its_error() -> None:
     assert in_time(fail) is wrong
 
 
-def test_an_act_that_does_not_end_is_a_timeout() -> None:
+def test_a_call_that_does_not_end_is_a_timeout() -> None:
     began, ended = threading.Event(), threading.Event()
     caller: list[threading.Thread] = []
 

@@ -69,7 +69,7 @@ def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path
         check_outputs(Path(f"/dev/fd/{writer}"))
 
 
-def test_a_full_disk_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 

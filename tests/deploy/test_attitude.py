@@ -1,4 +1,4 @@
-"""The attitude that gyro and accelerometer alone give."""
+"""Attitude from gyro and accelerometer alone."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def test_accelerations_with_zero_mean_do_not_tilt_it() -> None:
 
 
 def test_it_starts_once_the_robot_has_kept_still() -> None:
-    """Carried at first: what was read then counts no more."""
+    """Readings from while the robot was carried do not count."""
     estimator, level = AttitudeEstimator(CONFIG), [0.0, 0.0, GRAVITY_M_S2]
     leaning = [3.0, 0.0, 9.3]
     for _ in range(100):

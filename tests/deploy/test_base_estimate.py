@@ -14,7 +14,7 @@ from footfall.robots.description import Robot
 
 
 class Note:
-    """Keeps its arguments, and estimates the number of its updates."""
+    """Stores its arguments; its estimate is the number of updates."""
 
     def __init__(self) -> None:
         self.plans: list[object] = []
@@ -59,7 +59,7 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
 
 
 def test_the_estimator_has_its_own_rate(go1: Robot) -> None:
-    """Every 4 ms of ticks of 2 ms; each 20 ms is a policy step, too."""
+    """It updates every 4 ms; ticks are 2 ms and policy steps 20 ms."""
     note = Note()
     walk_for(simulated_loop(go1, Hold(go1), estimator=note), 0.1)
     assert len(note.steps_s) > 45
@@ -80,7 +80,7 @@ def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
 
 
 def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
-    """Not the pose of some ms before: a mission counts from its first pose."""
+    """The pose of that very tick: a mission counts from its first pose."""
 
     class Walked(Note):
         def pose(self) -> tuple[float, float, float]:

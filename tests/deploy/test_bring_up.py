@@ -359,7 +359,7 @@ def no_power(injector: FaultInjector) -> None:
 
 
 def wrong_ratio(injector: FaultInjector) -> None:
-    """The first joint's travel is reported half as large again."""
+    """The first joint's travel is reported 1.5 times as large."""
     injector.joint, first = 0, injector.robot.default_pose[0]
 
     def change(values: np.ndarray, _: np.ndarray) -> None:

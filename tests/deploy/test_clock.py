@@ -57,7 +57,7 @@ class TestClocks:
 
 
 class TestUndisturbed:
-    """What the loop's thread asks of Python and the system, and what becomes of it afterwards."""
+    """Settings of Python and the system while the loop runs, restored afterwards."""
 
     @pytest.fixture
     def before(self) -> Iterator[None]:

@@ -63,7 +63,7 @@ def test_bad_settings_are_refused_with_file_and_name_and_good_ones_accepted(
 
 
 def refused(settings: type, name: str, value: float) -> bool:
-    """Whether a setting is refused for its own sake, whatever the others are."""
+    """Whether a setting is refused, for any values of the others."""
     try:
         settings(**{name: value})
     except (ValueError, UserError) as error:
@@ -161,7 +161,7 @@ class TestLimitsOfARobot:
             deploy_config(self.with_limits(go1, tilt=0.7))
 
     def test_reach_as_far_as_its_motors_wait(self, go1: Robot) -> None:
-        """A policy that is late by 0.07 s, as go1 allows it, would find motors off that wait for 0.06 s."""
+        """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}
         robot = replace(go1, description=replace(go1.description, motors=motors))

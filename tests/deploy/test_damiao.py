@@ -1,4 +1,4 @@
-"""Damiao motors: their frames by the maker's tables, what they are asked at the start, robots that mix."""
+"""Damiao motors: frames by the maker's tables, queries at the start, robots with several makers."""
 
 import struct
 from dataclasses import replace
@@ -58,7 +58,7 @@ class TestFrames:
         assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
 
     def test_a_late_register_answer_is_no_reading(self, driver: DamiaoDriver) -> None:
-        """It would mean a motor that is off, at -12.48 rad; from an id beyond 15 one that is on."""
+        """As a reading it would mean a disabled motor at -12.48 rad; from an id above 15, an enabled one."""
         for content in ("03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"):
             assert not driver.replies(frame(0x203, content)).values.size
         wiring = replace(TWO, motor_id=np.array([0x13, 3]))

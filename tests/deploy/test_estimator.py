@@ -35,7 +35,7 @@ def yawed(angle: float) -> np.ndarray:
 
 
 class Unplanned(Generator):
-    """A trot that does not tell which feet stand, like learned policies."""
+    """A trot without a contact plan, like learned policies."""
 
     def stance(self) -> None:  # type: ignore[override]
         return None
@@ -59,7 +59,7 @@ class Follower:
         return result
 
     def errors(self) -> np.ndarray:
-        """Of position and velocity, (ticks, 6), the robot having started at heading zero."""
+        """Errors of position and velocity, (ticks, 6); the robot starts at heading zero."""
         truth = np.array(self.truth)
         truth[:, :3] -= truth[0, :3]
         return np.array([np.concatenate([o.position, o.velocity]) for o in self.poses]) - truth
@@ -138,7 +138,7 @@ class TestAgainstTheTruth:
             assert 0.03 < square < 2.0
 
     def test_contacts_of_a_trot_alternate(self, walks: dict[str, Follower]) -> None:
-        """A trot's diagonals take turns: about half of the feet at a time, hardly ever one that swings."""
+        """Diagonals alternate: half of the feet stand at a time, and a swinging foot hardly ever counts."""
         contact = np.array([o.contact for o in walks["unplanned"].poses[500:]])
         assert 0.35 < contact.mean() < 0.65
         assert (np.minimum(contact[:, 0], contact[:, 1]) > 0.5).mean() < 0.1  # FR and FL
@@ -214,7 +214,7 @@ def glide(
 
 class TestPose:
     def moving(self, yaw: float, velocity: np.ndarray) -> tuple[BaseEstimator, Sensed]:
-        """An estimator that is sure of a motion, at the start."""
+        """An estimator whose initial motion is certain."""
         sensed = held()
         estimator = BaseEstimator(ROBOT)
         estimator.reset(sensed._replace(quaternion=yawed(yaw)))
@@ -293,7 +293,7 @@ class TestPose:
             np.testing.assert_allclose(one, same, atol=1e-9)
 
     def test_the_covariance_contains_the_filters(self) -> None:
-        """Beside creeping feet, 5 mm/s, and sinking ones, 30 mm/s."""
+        """In addition to feet that creep at 5 mm/s and sink at 30 mm/s."""
         estimator, _ = self.moving(1.2, np.zeros(3))
         motion = estimator.motion
         motion.pp, motion.pv, motion.vv = 0.5, 0.03, 0.2
@@ -303,7 +303,7 @@ class TestPose:
         np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
 
     def test_on_level_ground_the_height_is_known_to_4_mm(self) -> None:
-        """Whatever the filter's own variance of the way up, and independent of all else."""
+        """For any variance of the filter's height, and without correlation to other states."""
         estimator, sensed = self.moving(1.2, np.array([0.5, 0.2, 0.0]))
         glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(100, 1.2))
         estimator.motion.pp, estimator.motion.pv = 0.5, 0.03
@@ -320,7 +320,7 @@ class TestPose:
         np.testing.assert_allclose(after - before, np.diag([4e-4, 0.0, 0.0]), atol=1e-12)
 
     def test_the_covariance_is_in_axes_of_the_heading(self) -> None:
-        """After a way straight ahead, the yaw's drift shows across and the scale along, whatever north is."""
+        """After a straight walk, yaw drift acts across the path and scale error along it, for any north."""
         velocity = np.array([0.5, 0.0, 0.0])
         config = EstimatorConfig()
         config = replace(config, odometry=replace(config.odometry, yaw_drift=0.05, scale_error=0.1, slip=0.0))
@@ -385,7 +385,7 @@ class TestHeight:
 
 class TestReadings:
     def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(self, tmp_path: Path) -> None:
-        """Base and foot turn as one about the toes: joints at rest, and yet the base moves, at w x r."""
+        """Base and foot rotate together about the toes: joints rest, and the base moves at w x r."""
         robot = bodies(tmp_path)["six hinges and soles"]
         pitch, rate = 0.15, 0.6
         turn = np.array([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
@@ -402,7 +402,7 @@ class TestReadings:
         np.testing.assert_allclose(found, expected, atol=0.01)
 
     def test_a_foot_is_trusted_only_where_the_plan_lets_it_stand(self) -> None:
-        """Feet that press and slide: planned to swing, they do not correct the base's velocity."""
+        """Feet that press and slide do not correct the base's velocity while they are planned to swing."""
         sliding = held()._replace(joint_velocity=np.full(12, 0.5))
         moved = {}
         for planned in (0.0, 1.0):

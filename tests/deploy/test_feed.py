@@ -1,4 +1,4 @@
-"""The feed of a run: content for subscribers, none of whom delays the run or another subscriber."""
+"""The feed of a run: its content; no subscriber delays the run or another subscriber."""
 
 import json
 import os
@@ -102,7 +102,7 @@ def test_others_read_the_feed_as_mcap(log: McapLog, tmp_path: Path) -> None:
 
 
 def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_path: Path) -> None:
-    """One never reads, one talks, and more come than there is room for."""
+    """One subscriber never reads, one sends data, and there are more than the limit."""
     sleepers = [connect(tmp_path / "feed") for _ in range(14)]
     talker = connect(tmp_path / "feed")
     talker.sendall(b"GET / HTTP/1.1\r\n\r\n")
@@ -138,7 +138,7 @@ def test_a_used_feed_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog
 
 
 def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_path: Path) -> None:
-    """Held against MuJoCo's kinematics, with the base where the odometry has it."""
+    """Compared with MuJoCo's kinematics, with the base at the odometry's pose."""
     angles = np.random.default_rng(0).uniform(-0.5, 0.5, 12) + go1.default_pose
     place, quaternion = np.array([1.0, 2.0, 0.1]), np.array([0.8, 0.0, 0.36, 0.48])
     still, unknown = np.zeros(3), np.zeros((7, 7))

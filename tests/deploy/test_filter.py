@@ -11,7 +11,7 @@ from footfall.deploy.estimation.filter import MotionFilter
 
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = np.eye(3).tolist()
-TRUSTING = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # neither outliers nor pushes: Kalman's own
+TRUSTING = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # a plain Kalman filter
 
 
 def about(axis: str, angle: float) -> np.ndarray:
@@ -100,7 +100,7 @@ class TestFilter:
             assert np.linalg.eigvalsh(cov / np.sqrt(np.outer(np.diag(cov), np.diag(cov)))).min() > -1e-9
 
     def test_a_leg_that_slips_is_outvoted(self) -> None:
-        """Of three legs one slips at 0.5 m/s: a plain filter would believe it for a third."""
+        """One of three legs slips at 0.5 m/s: a plain filter would follow it by a third."""
         plain, robust = MotionFilter(TRUSTING), MotionFilter(FilterConfig())
         legs = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
         for motion in (plain, robust):

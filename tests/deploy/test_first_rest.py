@@ -1,4 +1,4 @@
-"""Gravity in the IMU's readings, of a robot that rests before its motors get stiffness."""
+"""Gravity in the IMU's readings while the robot rests, before its motors get stiffness."""
 
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ from footfall.deploy.sensor_checks.imu import ImuLimits
 
 
 class TestFirstRest:
-    """A level robot that shall keep still for 0.05 s, by readings at 500 Hz."""
+    """A level robot that must keep still for 0.05 s, with readings at 500 Hz."""
 
     TURNING = (0.0, 1.0, 0.0)  # rad/s
     STILL = (0.0, 0.0, 0.0)
     GRAVITY = (0.0, 0.0, 9.81)
 
     def looked(self, before: list[tuple[Vector, Vector]], at_rest: Vector) -> tuple[FirstRest, int]:
-        """At the first tick at which nothing is waited for any more, and when that is.
+        """The finding at the first tick without a reason to wait, and the time of that tick.
 
         `before` are gyro and acceleration of ticks up to the last motion; from then on it rests.
         """
@@ -68,7 +68,7 @@ class TestFirstRest:
     def test_the_fastest_part_is_named(self, gyro: Vector, velocity: tuple[float, float], who: str) -> None:
         """0.3 rad/s is no rest: a robot that moves like this at each tick never begins."""
         rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
-        assert rest.awaited(0) == ""  # nothing was heard yet
+        assert rest.awaited(0) == ""  # no reading yet
         for now_us in range(0, 200_000, TICK_US):
             rest.update(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
         message = "the robot is not at rest for 0.05 s before it gets stiffness: "

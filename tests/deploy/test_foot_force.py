@@ -135,7 +135,7 @@ class TestWalk:
         assert np.abs(trace.estimated_velocity - trace.base_velocity)[-20:, 0].mean() < 0.005
 
     def test_forces_are_logged_with_the_errors_of_their_sensors(self, sensing: Robot, tmp_path: Path) -> None:
-        """A log of the run is replayed, too: forces are among what a policy is given."""
+        """The run's log is also replayed: forces are part of a policy's inputs."""
         log = tmp_path / "walk.mcap"
         sample = {
             "foot_force_scale": np.array([1.0, 1.2, 1.0, 1.0]),

@@ -1,4 +1,4 @@
-"""What a frame costs on the wire."""
+"""Length of a frame on the wire."""
 
 import math
 
@@ -9,7 +9,7 @@ from footfall.deploy.frames import frame_bits
 
 class TestFrameBits:
     @pytest.mark.parametrize("length", [0, 3, 8])
-    def test_a_frame_counts_its_most_stuff_bits(self, length: int) -> None:
+    def test_a_frame_counts_the_largest_number_of_stuff_bits(self, length: int) -> None:
         """Shorthand of ISO 11898: 47 + 8 n + floor((34 + 8 n - 1) / 4), and 67 and 54 with 29 bits."""
         assert frame_bits(length) == 47 + 8 * length + math.floor((33 + 8 * length) / 4)
         assert frame_bits(length, True) == 67 + 8 * length + math.floor((53 + 8 * length) / 4)

@@ -50,7 +50,7 @@ def test_the_bias_is_trusted_more_with_time(seconds: float, share: float) -> Non
 
 
 def test_noise_of_the_orientation_averages_out() -> None:
-    """It moves by 0.005 rad from one reading to the next, as by 2.5 rad/s."""
+    """Noise of 0.005 rad from one reading to the next looks like 2.5 rad/s."""
     estimator = GyroBias(GyroConfig())
     follow(estimator, np.array([0.1, 0.0, 0.5]), 4.0, noise=0.005)
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=0.004)

@@ -1,4 +1,4 @@
-"""A recording in a CSV file becomes a log, with what the estimators make of it."""
+"""A recording in a CSV file becomes a log with the estimators' outputs."""
 
 import csv
 from pathlib import Path
@@ -42,7 +42,7 @@ Walk = tuple[Path, np.ndarray]
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
-    """Rest and a trot, in degrees per second by a turned IMU without orientation; and the true way, m."""
+    """A rest and a trot, recorded by a rotated IMU without orientation; and the true path, m."""
     rows, places = [], []
 
     def note(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -67,7 +67,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
 
 
 def typed(shell: Shell, walk: Walk, tmp_path: Path, **changes: Any) -> list[str | Path]:
-    """The command, with a map that is changed so."""
+    """The command, with changes to the map."""
     chart = tmp_path / "map.yaml"
     chart.write_text(yaml.safe_dump({**MAP, **changes}))
     return ["log", "import", walk[0], "--map", chart, "--robot", "go1", "--out", tmp_path / "walk.mcap"]

@@ -111,7 +111,7 @@ def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, corrupt
 
 @pytest.mark.parametrize(("channel", "length"), [([1, 1, 0], [8, 8, 8]), ([1, 1, 1], [8, 8, 4])])
 def test_a_partly_invalid_batch_is_decoded_each_time(channel: list[int], length: list[int]) -> None:
-    """Its third frame is another bus' or too short: also where the very arrays come again."""
+    """Its third frame is from another bus or too short, also when the same arrays come again."""
     reader = imu.ImuReader(channel=1)
     arrays = np.array(channel), np.array(imu.IDS)
     turned = imu.Inertial([0.1, 0.0, 0.0], [0.0, 0.0, 9.8], [0.0, 1.0, 0.0, 0.0])
@@ -156,7 +156,7 @@ def test_the_frames_of_a_reading_to_the_bit() -> None:
 
 
 class Wire:
-    """An IMU on bus 1 as a simulated bus hands it out: the same arrays again and again."""
+    """An IMU on bus 1 whose frames come in the same arrays each time, as from a simulated bus."""
 
     def __init__(self) -> None:
         self.reader = imu.ImuReader(channel=1)
@@ -175,7 +175,7 @@ class TestReader:
 
     @pytest.mark.parametrize("before", [1, 2, 3])
     def test_a_quaternion_of_zeros_leaves_the_last_one(self, wire: Wire, before: int) -> None:
-        """After one reading as after many: the first comes frame by frame, the others at once."""
+        """After one reading or many: the first comes frame by frame, the others in one batch."""
         for counter in range(before):
             wire.send(counter, 1000 * counter)
         wire.send(before, 9000, gyro=0.5, quaternion=[0.0] * 4)

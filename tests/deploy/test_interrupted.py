@@ -1,4 +1,4 @@
-"""What ends a whole program, in the middle of a walk: the robot is damped and switched off before it does."""
+"""Exceptions that end the program during a walk: first the robot is damped and its motors are disabled."""
 
 from typing import NoReturn
 
@@ -34,7 +34,7 @@ def test_an_exception_from_each_tick_damps_and_disables(go1: Robot, ends: type[B
 
 
 def test_a_policy_that_quits_has_failed(go1: Robot) -> None:
-    """It is no more than a policy: the run ends as after any other exception in one."""
+    """The run ends as after any other exception of a policy."""
 
     def leave(_: JointCommand) -> NoReturn:
         raise SystemExit(3)

@@ -1,4 +1,4 @@
-"""The joint layer limits what goes out and reads what comes in."""
+"""The joint layer limits commands and decodes readings."""
 
 from typing import Any
 
@@ -125,7 +125,7 @@ class TestReadingsOfEveryKind:
         return open_motor_end(wiring_of(robot)).reply(motors, report(values, error))
 
     def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
-        """Unlike readings and commands; half of the requested torques exceed the motors' limits."""
+        """Readings and commands all differ; half of the requested torques exceed the motors' limits."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
         velocity = RNG.uniform(-8.0, 8.0, 12)
         layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)

@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 
 
 def shut_down(loop: ControlLoop, body: FrameRobot, silent: list[int]) -> list[int]:
-    """When a walking robot was sent something while it was shut down, us from then on."""
+    """Times of the frames sent while a walking robot is shut down, us from the beginning."""
     until(loop, Mode.WALKING)
     sent, body.silent = len(body.sent), silent
     loop.shut_down()
@@ -35,7 +35,7 @@ def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named
     assert loop.last_resort.on_at_the_end == []
 
 
-def test_a_motor_that_answers_and_pulls_on_is_asked_for_as_long_and_named(go1: Robot) -> None:
+def test_a_motor_that_answers_but_stays_enabled_is_asked_for_as_long_and_named(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.readings[2, 7] = 2.0
     assert shut_down(loop, body, silent=[]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()

@@ -91,7 +91,7 @@ def test_a_sway_by_the_legs_must_show_in_the_imu(stander: Stander, roll: float, 
 @pytest.mark.parametrize(
     "loads",
     [np.zeros(4), np.array([1.0, 0.0, 0.0, 1.0]), np.array([2.0, 2.0, 0.1, 0.1])],
-    ids=["it hangs", "a diagonal", "two bear a tenth"],
+    ids=["it hangs", "a diagonal", "two carry a tenth"],
 )
 def test_fewer_than_three_loaded_feet_give_no_estimate(stander: Stander, loads: np.ndarray) -> None:
     attitude = stander.looks(nose_up(0.5), None, loads)

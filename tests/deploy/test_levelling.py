@@ -1,4 +1,4 @@
-"""A biped whose weight is not where its model has it stands up without tipping over."""
+"""A biped whose centre of mass differs from its model's stands up without tipping over."""
 
 import math
 from dataclasses import replace
@@ -53,7 +53,7 @@ class TestABipedThatStandsUp:
         assert np.abs(rates[400:500]).max() < 0.2
 
     def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
-        """The soles turn down by the pitch of the base, about a place under it."""
+        """The soles turn down by the pitch of the base, about a point under it."""
         turned = standing(g1).command(0.5, pitched(g1, 0.1)).position
         level, leant = (g1.legs.tip_rotation(pose) for pose in (g1.default_pose, turned))
         toe = (leant @ np.array([1.0, 0.0, 0.0]))[:, 2] - (level @ np.array([1.0, 0.0, 0.0]))[:, 2]

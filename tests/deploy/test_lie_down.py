@@ -1,4 +1,4 @@
-"""A robot that lies stands up, and lies down before its motors go off, where the fault permits it."""
+"""A lying robot stands up; it lies down before its motors are disabled if the fault permits."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -65,7 +65,7 @@ class Notebook:
         return [tick for tick in self.ticks if tick.mode is mode]
 
     def fastest(self) -> float:
-        """That a target moved while the robot stood up or lay down, rad a tick, also as it began to."""
+        """Largest change of a target per tick, rad, while the robot stood up or lay down."""
         targets = np.array([tick.target for tick in self.ticks])
         posed = [tick.mode in POSED for tick in self.ticks]
         between = np.array(posed[1:]) & [tick.mode in HELD for tick in self.ticks[:-1]]
@@ -195,7 +195,7 @@ class TestRun:
         assert lowering[-1].height_m < go1.legs.base_below + 0.01
 
     def test_a_policy_that_fails_at_top_speed_leaves_it_lying_on_its_belly(self, go1: Robot) -> None:
-        """1.8 m/s are 0.17 m of height: it would turn over on feet that stop under it."""
+        """Its kinetic energy would lift it by 0.17 m: it would turn over on feet that stop under it."""
         policy = InjectingPolicy(load_policy("go1-flat", go1))
 
         def fail(loop: ControlLoop, body: SimulatedRobot) -> None:

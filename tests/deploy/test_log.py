@@ -355,7 +355,7 @@ class TestReplay:
     def test_a_replay_by_the_same_policy_is_equal_to_the_bit(
         self, go1: Robot, logged: tuple[Path, Trace]
     ) -> None:
-        """A tolerance is a number from 0 on."""
+        """A tolerance is at least 0."""
         result = replay(logged[0], Sway(go1))
         assert (result.steps, result.complete) == (26, True)
         assert (result.worst_difference, result.first_difference) == (0.0, "")
@@ -418,7 +418,7 @@ def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: P
 
 
 class TestDisk:
-    """A log may cost itself, and nothing else."""
+    """A log that fails loses its own content only; the run goes on."""
 
     def test_a_full_disk_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
         noted_at_us: list[int] = []

@@ -1,4 +1,4 @@
-"""Logs as tools of others read them: rosbags, with ROS 2's own definitions."""
+"""Logs read by another tool: rosbags, with ROS 2's own definitions."""
 
 import json
 from pathlib import Path

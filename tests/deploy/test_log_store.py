@@ -61,7 +61,7 @@ def test_a_long_run_keeps_its_first_and_last_part(
     parts = sorted(tmp_path.iterdir(), key=lambda each: each.stat().st_mtime)
     assert parts[0] == path
     assert not (tmp_path / f"{path.stem}.part2.mcap").exists()
-    assert sum(each.stat().st_size for each in parts) < 2 * store.max_bytes  # flushed often, but in lockstep
+    assert sum(each.stat().st_size for each in parts) < 2 * store.max_bytes  # flushed less often in lockstep
     last = read_log(parts[-1])
     assert last.complete
     assert last.entries[-1].time_ns == 2_000_000 * (ticks - 1)

@@ -64,7 +64,7 @@ class TestRequests:
     ("wiring", "codes"), [(DAMIAO, [65535, 4095, 4095, 4095, 4095]), (ROBSTRIDE, [65535] * 5)]
 )
 class TestRounding:
-    """To the nearest code of a range; beyond its ends to these."""
+    """Values are rounded to the nearest code and clamped to the range."""
 
     @given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
     def test_of_commands_and_readings(self, wiring: Wiring, codes: list[int], share: np.ndarray) -> None:
@@ -129,16 +129,16 @@ class TestSettings:
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
         assert message in driver.not_ready()
 
-    @pytest.mark.parametrize("settings_told", [True, False])
-    def test_a_wrong_or_silent_motor_is_named(self, wiring: Wiring, settings_told: bool) -> None:
+    @pytest.mark.parametrize("settings_reported", [True, False])
+    def test_a_wrong_or_silent_motor_is_named(self, wiring: Wiring, settings_reported: bool) -> None:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         mode = damiao.MODE if wiring is DAMIAO else robstride.RUN_MODE
         self.own(end)[0][mode] = 2
         for _ in range(6):
             if (answer := end.settings_replies(driver.query_settings())) is not None:
-                driver.replies(answer if settings_told else answer.take(answer.channel == 0))
+                driver.replies(answer if settings_reported else answer.take(answer.channel == 0))
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
-        assert ("mode 2" in driver.not_ready()) is settings_told
+        assert ("mode 2" in driver.not_ready()) is settings_reported
 
 
 class TestRobots:

@@ -56,6 +56,6 @@ def test_a_message_is_not_changed_by_the_next() -> None:
     assert first == template.fill(0, np.ones(1).tobytes())
 
 
-def test_numbers_that_are_not_as_many_as_a_message_has_are_refused() -> None:
+def test_a_wrong_count_of_numbers_is_refused() -> None:
     with pytest.raises(ValueError, match="zip"):
         messages.twist().fill(0, bytes(24))

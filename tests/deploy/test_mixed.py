@@ -23,7 +23,7 @@ def frames(identifier: Any, time_us: np.ndarray | None = None) -> Frames:
 
 @dataclass
 class Maker:
-    """A driver whose frames have identifiers from a number on, one for each of its joints."""
+    """A driver whose frames have one identifier for each of its joints, from `first_id` on."""
 
     first_id: int
     n: int

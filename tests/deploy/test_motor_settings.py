@@ -59,7 +59,7 @@ def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robo
 
 
 class TestQuestions:
-    """Of two motors with the settings 9, a timeout in steps of 50 us, and 10."""
+    """Two motors with the settings 9, a timeout in steps of 50 us, and 10."""
 
     @pytest.fixture
     def settings(self) -> Settings:

@@ -1,4 +1,4 @@
-"""How uncertain the pose and the velocity become."""
+"""Covariance of pose and velocity."""
 
 import math
 
@@ -79,7 +79,7 @@ class TestLateness:
         np.testing.assert_allclose(found, found[0, 0] * np.outer(ways, ways))
 
     def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
-        """A leap of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
+        """A step of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
         lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         lateness.advance([0.0, 0.0, 0.0], 0.001)
         lateness.advance([0.0, 0.0, 1.0], 0.001)

@@ -377,7 +377,10 @@ class TestRobots:
         assert self.faults(robot, watch) == (f"no reply from {wiring_of(robot).label(4)} for 50 ms",)
 
     def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
-        """Every axis sends a position every other millisecond, on or off. One is deaf to switching off."""
+        """Every axis sends a position every other millisecond, on or off.
+
+        One ignores the order to disable it.
+        """
         deaf = 4
         robot = with_motors(go1, **MAKERS["ODrive"])
         config = DeployConfig(stand_s=0.1, motor_timeout_s=10.0, safety=SafetyConfig(damping_s=0.1))

@@ -70,7 +70,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Stopwatch:
 
 
 class Dawdle(Hold):
-    """Takes so long for each step, over and over, s."""
+    """Its steps take these durations in turn, s."""
 
     def __init__(self, robot: Robot, watch: Stopwatch, *durations_s: float) -> None:
         super().__init__(robot)

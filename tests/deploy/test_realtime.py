@@ -96,7 +96,7 @@ def send_datagram(content: bytes) -> None:
 
 
 def first_batches(bus: PythonCanBus) -> list[Frames]:
-    """What comes first, for as long as a busy machine takes to deliver it."""
+    """The first batches; waits until a busy machine delivers them."""
     end_s = time.monotonic() + 20.0
     while not (batches := bus.receive(0)) and time.monotonic() < end_s:
         time.sleep(0.001)

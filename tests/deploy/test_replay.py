@@ -43,7 +43,7 @@ def inputs(time_s: float, joints: int = 12) -> PolicyInput:
 
 
 class Counts(Hold):
-    """Its first target is 0.1 rad at each reset, and 0.1 more at each step: all that is in a state."""
+    """Its target is 0.1 rad after a reset and 0.1 rad more at each step."""
 
     def reset(self, inputs: PolicyInput) -> None:
         super().reset(inputs)
@@ -97,7 +97,7 @@ class TestReplay:
     def test_the_first_and_the_worst_difference_are_found(
         self, go1: Robot, joints: list[str], tmp_path: Path
     ) -> None:
-        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3; of NaN without end."""
+        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3; infinite for NaN."""
         changes = {"at_1_17": -0.25, "at_1_3": 0.125, "at_2_59": 2.0, "at_3_0": 0.5}
         path = write_steps(tmp_path / "a.mcap", decided(5, **changes), 5, joints)
         result = replay(path, Counts(go1))

@@ -35,7 +35,7 @@ def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.
     return advance(State(mode, since_s), with_changes(QUIET, (changes or {}) | more), CONFIG)
 
 
-# What each signal makes of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
+# For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
 # LOWERING and RECOVERING: it stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in
 # IDLE is ready: what would be a fault in STANDING keeps it from getting there.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
@@ -120,7 +120,7 @@ class TestTable:
     def test_a_damped_robot_is_damped_to_the_end(self, mode: Mode, row: Any) -> None:
         assert after(mode, row[0], since_s=4.9) == State(mode, 4.9)
 
-    def test_a_fault_of_the_policy_is_no_news_to_a_robot_that_lies_down(self) -> None:
+    def test_a_fault_of_the_policy_changes_nothing_while_lying_down(self) -> None:
         changes = {"policy.error": "x", "end.may_lie": True}
         state = after(W, changes)
         assert advance(state, with_changes(QUIET, changes | {"now_s": 6.0}), CONFIG) == state

@@ -42,7 +42,9 @@ class TestWindow:
 
     @pytest.mark.parametrize("quaternion", [*ATTITUDES, *BY_EACH_NUMBER, HALF_A_TURN])
     @pytest.mark.parametrize("sign", [-1.0, 1.0])
-    def test_turn_is_in_the_bodys_axes_but_acceleration(self, quaternion: list[float], sign: float) -> None:
+    def test_rotation_is_in_body_axes_acceleration_in_the_worlds(
+        self, quaternion: list[float], sign: float
+    ) -> None:
         """A quaternion's negative is the same."""
         before, turn = ScipyRotation.from_quat(quaternion, scalar_first=True), np.array([0.02, -0.05, 0.03])
         after = before * ScipyRotation.from_rotvec(turn)
@@ -166,7 +168,7 @@ class TestGravity:
 class TestSunk:
     """How much of the base's clearance is gone: by the legs, the IMU, and the lowest corner of the base."""
 
-    def test_it_is_looked_at_every_third_window_of_a_robot_on_its_legs(self, go1: Robot) -> None:
+    def test_it_is_checked_every_third_window_of_a_robot_on_its_legs(self, go1: Robot) -> None:
         """Its joints read zero: legs straight down, longer than the standing height: a negative share."""
         windows, straight = BodyWindows(go1, Sunk), np.zeros(12)
         sunk = [windows.update(STILL, on_legs=update != 3, position=straight) for update in range(6)]

@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 
 
 def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tuple[float, float]:
-    """Most drift and wander of a joint that is read every 2 ms, by frames in bunches, late but in order."""
+    """Largest drift and wander of a joint read every 2 ms from frames in bunches, late but in order."""
     rng = np.random.default_rng(seed)
     read_us = np.arange(0, 1_000_000, 2000)
     late_us = np.repeat(rng.integers(0, 1000 * late_ms, len(read_us) // 25), 25)  # alike for 50 ms
@@ -38,7 +38,7 @@ class TestDrift:
 
     @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
     def test_a_velocity_of_another_sign_or_unit_is_noticed(self, go1: Robot, factor: float) -> None:
-        """To and fro does not cancel out: within half a second, and of this joint alone."""
+        """Opposite motions do not cancel out: noticed within half a second, for this joint alone."""
         drift = measured(go1, Drift, lambda t: (swing(t)[0], factor * swing(t)[1]), samples=125)
         assert drift[0] > LIMITS.drift_rad
         assert (drift[1:] == 0.0).all()
@@ -108,7 +108,7 @@ class TestWander:
         assert drift > LIMITS.drift_rad
 
     def test_a_stalled_robot_passes_in_a_steady_motion(self, go1: Robot) -> None:
-        """At 1 rad/s; of each 100 ms it does not live through 20, nor answers, as one in emulation."""
+        """At 1 rad/s; for 20 of each 100 ms it stands still and is silent, as in an emulation."""
         result, zeros, wander = JointReadings(go1, Wander), np.zeros(12), []
         joints, heard_us, lived_s = np.zeros((3, 12)), np.zeros(12, np.int64), 0.0
         result.begin(0, heard_us, joints)

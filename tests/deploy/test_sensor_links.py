@@ -129,7 +129,7 @@ class TestImu:
         assert link.window(older=1) <= limit(links.ImuOlder)
         assert windows_until(links.ImuOlder, lambda: link.window(older=10)) is not None
 
-    def test_readings_of_a_while_ago_are_noticed_unless_the_base_rests(self, go1: Robot) -> None:
+    def test_old_readings_are_noticed_unless_the_base_rests(self, go1: Robot) -> None:
         link = Link(go1, links.ImuReplayed)
         assert windows_until(links.ImuReplayed, link.window, most=20) is None
         assert windows_until(links.ImuReplayed, lambda: link.window(imu=lambda n: reading(n % 50)), 10)

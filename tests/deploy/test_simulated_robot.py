@@ -1,4 +1,4 @@
-"""The simulated robot: motors with a will of their own, sensors that err as declared, any plant."""
+"""The simulated robot: motors with timeouts, sensors with declared errors, any plant."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ TICK_US = 2000
 
 
 class Bench:
-    """A simulated robot with someone at the controller's end of its wires."""
+    """A simulated robot and the controller's end of its buses."""
 
     def __init__(self, robot: Robot, seed: int = 0, **difference: object) -> None:
         self.robot, self.wiring = robot, wiring_of(robot)
@@ -211,7 +211,7 @@ class TestPlants:
         bits = (f'{sphere} size="0.023"', f'{sphere} contype="0" conaffinity="4" size="0.023"')
         assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "bits.xml", bits)))
 
-    def test_of_another_maker_has_its_feet_found_by_body_and_place(self, go1: Robot, tmp_path: Path) -> None:
+    def test_of_another_maker_has_its_feet_found_by_position(self, go1: Robot, tmp_path: Path) -> None:
         """Nameless geoms: a mesh and a capsule along the shank, a foot on a body that is fixed to it."""
         shank = """<geom class="collision" type="mesh" mesh="shank"/>
           <geom class="collision" type="capsule" size="0.012" fromto="0 0 -0.02 0 0 -0.2"/>

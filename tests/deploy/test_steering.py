@@ -1,4 +1,4 @@
-"""What a command source asks for: refused, clipped, and handed on as changes."""
+"""Requests of a command source: refused, clipped, and passed on as changes."""
 
 import math
 from types import SimpleNamespace
@@ -41,7 +41,7 @@ class Steps(Hold):
 
 
 class ScriptedSource:
-    """ScriptedSource for what a test wants."""
+    """A command source that returns given requests."""
 
     def __init__(self) -> None:
         self.request = Request(FORWARD)

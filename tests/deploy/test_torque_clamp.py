@@ -1,4 +1,4 @@
-"""Whatever is decided and whatever is read, no frame asks a motor for more than it can do."""
+"""For any decision and reading, no frame requests more torque than a motor can deliver."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ class Ends:
         return JointCommand(*values)
 
     def excess(self, frames: Frames) -> np.ndarray:
-        """Requested torque beyond the motors' limits, N m, less what rounding may cost."""
+        """Requested torque beyond the motors' limits, N m, minus the rounding error."""
         sensed, heard = self.layer.sensed(), self.heard(frames)
         error, speed_error = heard.position - sensed.joint_position, heard.velocity - sensed.joint_velocity
         torque = heard.kp * error + heard.kd * speed_error + heard.torque
@@ -95,7 +95,10 @@ def precision(model: str) -> list[float]:
 
 
 def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest torque to ask for: the current limit, and the supply's line down to no torque."""
+    """Lowest and highest torque that may be requested.
+
+    The current limit, and the supply's line down to no torque.
+    """
     line = motor.stall_torque / motor.no_load_speed * velocity
     most = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
     least = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
@@ -159,7 +162,7 @@ def test_a_possible_command_is_sent_unchanged(decision: np.ndarray, share: np.nd
 
 
 def test_a_motor_past_its_no_load_speed_is_not_pushed_on() -> None:
-    """40 rad/s of 30.1: an ask along the motion is taken back whole, one against it is left alone."""
+    """40 rad/s of 30.1: torque along the motion is removed, torque against it is kept."""
     ends = Ends(WIRING, np.array([[0.0], [0.8], [0.0]]) * np.ones((1, N)), ROBOT.default_pose)
     zero, hip, other = np.zeros(N), 0, 3
     torque = np.zeros(N)

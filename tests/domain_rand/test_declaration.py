@@ -25,7 +25,7 @@ def fixed(numbers: np.ndarray):
 
 
 def everything() -> Randomisation:
-    """The default, and the values that it takes from a range of its own."""
+    """The default randomisation, with quantities of ranges that it lacks."""
     default = load_randomisation()
     left_out = {
         name: Distribution(max(quantity.lower, 0.0), quantity.upper)
@@ -60,7 +60,7 @@ def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_quantity_alone_is_drawn_as_among_all_others(uniforms: np.ndarray, name: str) -> None:
-    """Nor does it change what another line would draw from the same numbers."""
+    """It does not change other quantities drawn from the same numbers."""
     whole = everything()
     alone = Randomisation(**{name: getattr(whole, name)})
     sample = draw(alone, fixed(uniforms), JOINTS, BODIES)

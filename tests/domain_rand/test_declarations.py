@@ -49,7 +49,7 @@ def declared(cls: type, name: str) -> object:
 
 @pytest.fixture
 def torque(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What importing the declaration would do."""
+    """Registers the declaration, as importing it would."""
     monkeypatch.setitem(READINGS, "joint_torque", declared(WithTorque, "joint_torque"))
     monkeypatch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
 
@@ -72,7 +72,7 @@ class TestReading:
         with pytest.raises(UserError, match="joint_torque"):
             structure({"joint_torque": "much"}, WithTorque, "x.yaml")
 
-    def test_training_and_robot_observe_it_alike(self) -> None:
+    def test_training_and_robot_observe_the_same(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
         assert term_size(Term("joint_torque"), env.contract) == 12
         state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))

@@ -40,7 +40,7 @@ def build(go1: Robot) -> Build:
 class TestBody:
     @pytest.mark.parametrize("lying", ['pos="0 0 0"', 'pos=".1 0 0" euler="0 0 30"'])
     def test_a_centre_of_mass_moves_alone_wherever_it_was(self, lying: str) -> None:
-        """MuJoCo compiles in that a body's inertia, its geoms and sites lie in one place, as here."""
+        """MuJoCo's compiler marks a body whose inertia, geoms and sites coincide, as here."""
         model = mujoco.MjModel.from_xml_string(
             f"""<mujoco><worldbody><body name="base"><freejoint/>
             <inertial {lying} mass="1" diaginertia=".3 .2 .15"/>
@@ -123,7 +123,7 @@ class TestEveryField:
         feet = [model.geom(name).id for foot in go1.description.feet for name in foot.geoms]
         friction[[*feet, *np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)], 0] = 0.37
         np.testing.assert_allclose(changed["geom_friction"], friction)
-        np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # what was handed in is only read
+        np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # the arguments are not changed
 
     def test_a_joint_is_changed_at_its_own_degree_of_freedom(self) -> None:
         """Joints in another order than the model's degrees of freedom."""
@@ -195,7 +195,7 @@ class TestBodyMap:
         <body name="trunk"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 
     def robot(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, feet: list[list[int]]) -> Robot:
-        """Whose feet are found at these geoms and whose joints at two degrees of freedom."""
+        """A robot whose feet are these geoms and whose joints are at two degrees of freedom."""
         monkeypatch.setattr(
             "footfall.domain_rand.bodies.find_feet",
             lambda *_: tuple(np.array(geoms, dtype=int) for geoms in feet),

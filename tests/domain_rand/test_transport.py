@@ -50,7 +50,7 @@ def test_a_swing_rises_and_falls(time_s: float, share: float) -> None:
     assert delay_now_s(transport, time_s * SWING_PERIOD_S / 4.0, 0.9) == pytest.approx(0.003 + 0.008 * share)
 
 
-def test_frames_are_lost_in_a_row_as_often_as_chance_has_it() -> None:
+def test_frames_are_lost_in_a_row_as_often_as_by_chance() -> None:
     u = np.random.default_rng(0).random(20_000)
     frames = waiting_s(np.float64(0.3), u) / FRAME_PERIOD_S
     for k in range(4):

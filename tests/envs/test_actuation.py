@@ -1,4 +1,4 @@
-"""From joint goals to what the motors hold on to: delays, limits, each robot's motors."""
+"""From joint goals to the targets of the motors: delays, limits, each robot's motors."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ class TestActuation:
         ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
     )
     def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
-        """In physics steps; of the step within which it arrives the goal has the rest."""
+        """In physics steps; the goal acts for the rest of the step in which it arrives."""
         default = jnp.asarray(ROBOT.default_pose, jnp.float32)
         goals = jnp.stack(
             [default + 1e-3, default, default]
@@ -37,8 +37,8 @@ class TestActuation:
         expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
         np.testing.assert_allclose(targets, expected, atol=2e-6)
 
-    def test_a_goal_is_there_at_the_latest_with_the_next_one(self) -> None:
-        """Half of the joints get the middle goal late: after the newest one, which overtakes it."""
+    def test_a_goal_arrives_no_later_than_the_next_one(self) -> None:
+        """Half of the joints get the middle goal late, after the newest goal, which replaces it."""
         default = jnp.asarray(ROBOT.default_pose, jnp.float32)
         goals = jnp.stack([default + 2e-3, default + 1e-3, default])
         late, step_s = np.arange(N) % 2 == 1, CONFIG.timestep_s
@@ -84,7 +84,7 @@ class TestActuation:
             ("observation_delay_s", 0.026, "must be at most 0.025 s, not 0.026"),
         ],
     )  # fmt: skip
-    def test_delays_fit_the_buffers(self, name: str, high: float, complaint: str) -> None:
+    def test_delays_must_fit_the_buffers(self, name: str, high: float, complaint: str) -> None:
         """Three goals are kept and two control steps' readings, of 25 ms each."""
         config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, high)}))
         if not complaint:

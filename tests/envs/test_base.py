@@ -1,4 +1,4 @@
-"""Where the base lies in positions and velocities, against MuJoCo's own account."""
+"""Indices of the base in positions and velocities, against MuJoCo's."""
 
 import re
 import shutil

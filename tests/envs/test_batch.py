@@ -13,7 +13,7 @@ from footfall.envs.state import Step
 
 
 @pytest.mark.parametrize("on_host", [False, True])
-def test_episodes_side_by_side_are_each_their_own(on_host: bool) -> None:
+def test_episodes_side_by_side_are_independent(on_host: bool) -> None:
     """Three that all differ; the second and the third end, one by a fall and one by the time."""
 
     def step(state: Any, action: jax.Array) -> tuple[Any, Step]:

@@ -1,4 +1,4 @@
-"""Points on trunk and limbs lie where MuJoCo has the robot's shapes, and terms see them in the ground."""
+"""Points on trunk and limbs lie on MuJoCo's shapes of the robot, and terms see them in the ground."""
 
 import re
 from pathlib import Path
@@ -22,7 +22,7 @@ STEP_S = 1 / 200
 
 
 def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, place: np.ndarray) -> np.ndarray:
-    """Distance of places (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
+    """Distance of points (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
     own = np.abs((place - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
     size = model.geom_size[geom]
     cores = {

@@ -19,11 +19,11 @@ QUATERNION = np.array([0.5, 0.5, -0.5, 0.5])
 
 
 class TestPictures:
-    """With the renderer stood in for."""
+    """With a fake renderer."""
 
     @pytest.fixture
     def renderer(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """What was rendered: positions, and where the camera looked from how far."""
+        """What was rendered: positions, and the camera's target and distance."""
         seen: list[Any] = []
 
         class Renderer:
@@ -42,7 +42,7 @@ class TestPictures:
         monkeypatch.setattr(camera.mujoco, "Renderer", Renderer)
         return seen
 
-    def test_the_camera_goes_along_and_is_made_once(self, renderer: list[Any]) -> None:
+    def test_the_camera_follows_and_is_made_once(self, renderer: list[Any]) -> None:
         eye = Camera(ROBOT)
         assert renderer == []
         qpos = np.concatenate([[3.0, -2.0, 0.5], QUATERNION, np.linspace(-0.2, 0.2, N)])

@@ -46,7 +46,7 @@ SPREAD = {
 
 class Rest(NamedTuple):
     qpos: Any
-    qvel: Any  # all of a state that a pose changes
+    qvel: Any  # the parts of a state that a pose changes
 
 
 @pytest.fixture(scope="module")

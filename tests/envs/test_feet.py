@@ -1,4 +1,4 @@
-"""What the feet do, from where the physics saw them."""
+"""Motion and contact of the feet from their simulated positions."""
 
 import jax.numpy as jnp
 import mujoco

@@ -1,4 +1,4 @@
-"""Tracing for a GPU with fewer kernels gives the same results, and changes only GPU programs."""
+"""Tracing for a GPU with fewer kernels gives the same results and changes only programs for GPUs."""
 
 import re
 from collections import Counter
@@ -110,11 +110,11 @@ def test_afterwards_jax_is_restored() -> None:
 
 
 def operations(given: jax.stages.Lowered) -> Counter[str]:
-    """How often each operation stands in what XLA is given."""
+    """Number of occurrences of each operation in the text for XLA."""
     return Counter(re.findall(r'stablehlo\.(\w+)"?\(', given.as_text()))
 
 
-def test_rows_of_other_segments_are_no_part_of_a_sum_over_one() -> None:
+def test_a_sum_over_a_segment_excludes_other_rows() -> None:
     rows = jnp.array([[1.0, 2.0], [10.0, 20.0], [100.0, 200.0]])
     for ids, total in (([0, 0, 0], [111.0, 222.0]), ([0, 1, 0], [101.0, 202.0])):
         np.testing.assert_allclose(segment_sum(rows, np.array(ids), 1), [total])

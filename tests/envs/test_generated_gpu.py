@@ -1,4 +1,7 @@
-"""The kernel for GPUs computes what the program for processors does; a missing way to call it is named."""
+"""The kernel for GPUs computes the same as the program for processors.
+
+The reason why it cannot be called is named.
+"""
 
 import ctypes
 import shutil
@@ -139,7 +142,7 @@ def _legs_that_meet(model: mujoco.MjModel, limbs: int) -> np.ndarray:
     return np.random.default_rng(0).uniform(lower, upper, (-(-ROBOTS // 2), limbs))
 
 
-def test_where_no_kernel_can_be_called_the_reason_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_why_no_kernel_can_be_called_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "driver" in on_gpu.unavailable() or "libnvrtc" in on_gpu.unavailable()  # there is no GPU here
 
     def missing(*_: object) -> None:
@@ -161,7 +164,7 @@ def test_where_no_kernel_can_be_called_the_reason_is_named(monkeypatch: pytest.M
     assert "version 1" in on_gpu.unavailable()
 
 
-def test_a_kernel_is_compiled_once_and_taken_along(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_is_compiled_once_and_stored_in_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded, compiled = [], []
 
     def compile_code() -> bytes:
@@ -173,9 +176,9 @@ def test_a_kernel_is_compiled_once_and_taken_along(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(kernels, "_registered", {})
     launch = Launch(inputs=2, outputs=1, blocks=3, threads=64)
     for _ in range(2):
-        kernels.register("taken_along", launch, compile_code)
+        kernels.register("stored", launch, compile_code)
     kernels.register("never_called", launch, compile_code, at_once=False)
-    assert kernels.compiled() == [("taken_along", b"code", launch)]
+    assert kernels.compiled() == [("stored", b"code", launch)]
     assert (compiled, loaded) == (["code"], [b"code"])
     taken = kernels.compiled()
     kernels._registered.clear()

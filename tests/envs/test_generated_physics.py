@@ -116,7 +116,7 @@ CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
 
 
 def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
-    """The part of a robot that its motion needs."""
+    """The attributes of a robot that its motion depends on."""
     n, go1 = len(joints), load_robot("go1")
     return SimpleNamespace(
         joint_names=joints,
@@ -267,7 +267,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         "error", [ModuleNotFoundError("no llvmlite"), OSError("its library\ndoes not load")]
     )
-    def test_so_where_the_compiler_is_missing_or_broken(
+    def test_another_engine_takes_over_without_a_working_compiler(
         self, error: Exception, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         def fail(_: str) -> None:
@@ -278,7 +278,7 @@ class TestRefusals:
         assert "llvmlite" in not_generated(training_model(load_robot("go1")))
 
 
-def test_a_program_calls_the_physics_by_a_name_that_lasts() -> None:
+def test_a_program_calls_the_physics_by_a_constant_name() -> None:
     """Otherwise JAX would not find the compiled program again, and each start would compile it."""
     env = load_preset("smoke").env
     robot = load_robot("go1")

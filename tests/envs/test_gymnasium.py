@@ -1,4 +1,4 @@
-"""The environment in gymnasium: found by name, its contract kept, one episode like many."""
+"""The environment in gymnasium: registered names, gymnasium's contract, one environment and many."""
 
 import os
 import subprocess
@@ -237,7 +237,10 @@ class TestMany:
 
 
 def thrash(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
-    """Step wildly until some episodes have ended, but not all: observations, which ended, information."""
+    """Step with large actions until some episodes have ended, but not all.
+
+    Observations, which ended, information.
+    """
     generator = np.random.default_rng(0)
     for _ in range(200):
         actions = 5 * generator.uniform(-1, 1, (MANY, 12))
@@ -253,7 +256,7 @@ def thrash(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
 
 
 def alike(one: Any, other: Any) -> bool:
-    """Whether two pieces of information have the same parts with the same numbers, to rounding."""
+    """Whether two pieces of information have the same keys and equal numbers, except for rounding."""
     close = jax.tree.map(lambda a, b: np.allclose(a, b, atol=1e-3), one, other)
     return all(jax.tree.leaves(close))
 
@@ -269,7 +272,7 @@ print(picture.shape, picture.dtype, picture.std() > 5)
 
 
 def test_it_renders() -> None:
-    """In processes of their own, since MuJoCo settles on a GL back end when it is imported."""
+    """In separate processes, because MuJoCo chooses a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
         done = run(RENDER, variables)

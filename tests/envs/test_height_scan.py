@@ -1,4 +1,7 @@
-"""Height scans in training: those of the simulated robot at the same place, late, at their own rate."""
+"""Height scans in training: equal to the simulated robot's at the same position.
+
+Delayed, at their own rate.
+"""
 
 from dataclasses import replace
 
@@ -46,7 +49,9 @@ def moved(state: State, x: float, steps: int) -> State:
     return state._replace(qpos=state.qpos.at[0].set(x), steps=jnp.int32(steps))
 
 
-def test_training_and_the_simulated_robot_scan_alike(begun: tuple[State, dict[str, jax.Array]]) -> None:
+def test_training_and_the_simulated_robot_have_the_same_scans(
+    begun: tuple[State, dict[str, jax.Array]],
+) -> None:
     ground, (states, observation) = make_ground(STAIRS, 0), begun
     for qpos, seen in zip(np.asarray(states.qpos, float), np.asarray(observation["state"]), strict=True):
         pose = qpos[:3], qpos[3:7]

@@ -19,7 +19,7 @@ LAUNCHER = handler.LAUNCHER
 
 @contextmanager
 def kernel(name: str, handle: int, status: int = 0, loaded: int = 0) -> Iterator[tuple[Any, list[Any]]]:
-    """A compiled program that calls a kernel, a + 2 b, and what its launches were given."""
+    """A compiled program that calls a kernel, a + 2 b, and the arguments of its launches."""
     seen: list[Any] = []
     slot = ctypes.c_void_p(handle)
 
@@ -74,7 +74,7 @@ def words(*values: int | None) -> Any:
 
 
 def test_on_a_gpu_the_kernel_is_launched_on_xlas_stream() -> None:
-    """The call's frame is laid out here as `c_api.h` has it."""
+    """The call's frame has the layout of `c_api.h`."""
     streams = []
 
     @LAUNCHER

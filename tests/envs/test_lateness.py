@@ -1,4 +1,4 @@
-"""An environment with lost frames, jitter and swings: what changes in it, and what stays."""
+"""Effects of lost frames, jitter and swings on an environment."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def nominal() -> tuple[State, np.ndarray]:
 
 
 def test_lost_replies_change_only_the_observation(nominal: tuple[State, np.ndarray]) -> None:
-    """A motor's position and velocity stay what they were together, at 0.4 of the times."""
+    """In 0.4 of the steps a motor's position and velocity both stay at their last values."""
     (before, seen), (after, fewer) = nominal, walked(CONFIG, lost_replies=0.4)
     for name in ("qpos", "goals", "command", "key"):
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

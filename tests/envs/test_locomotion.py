@@ -1,4 +1,4 @@
-"""One control step in numbers that all differ: what goes into the physics, what comes out, in which order.
+"""One control step with distinct numbers: the inputs and outputs of the physics, and their order.
 
 The physics is a fake whose physics steps differ, so that a step is plain arithmetic.
 """
@@ -121,14 +121,14 @@ ACTION = jnp.linspace(-0.3, 0.4, N)
 def placed(
     state: State, place=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0), velocity=(0.0,) * 6
 ) -> State:
-    """A state with the base put here, moving like this in MuJoCo's own coordinates."""
+    """A state with the base at this pose and with this velocity, in MuJoCo's coordinates."""
     qpos = state.qpos.at[:3].set(jnp.asarray(place)).at[3:7].set(jnp.asarray(quaternion))
     return state._replace(qpos=qpos, qvel=state.qvel.at[:6].set(jnp.asarray(velocity)))
 
 
 class TestStep:
     def test_the_goal_is_of_phase_and_command_before(self, env: LocomotionEnv, step, begun: State) -> None:
-        """And goals are kept newest first, beside the actions that they come from."""
+        """Goals are kept newest first, beside their actions."""
         expected = joint_target(
             np.asarray(ACTION), np.asarray(begun.phase), np.asarray(begun.command), env.contract
         )
@@ -315,7 +315,7 @@ def test_step_data_are_those_of_the_last_physics_step(outcome: Callable[[State],
     np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
 
 
-def test_no_foot_swings_while_the_robot_is_asked_to_stand(env: LocomotionEnv, begun: State) -> None:
+def test_no_foot_swings_while_the_command_is_to_stand(env: LocomotionEnv, begun: State) -> None:
     feet = Trace(jnp.zeros((2, 19)), jnp.zeros((2, 18)), jnp.zeros((2, 4, 3)), jnp.zeros((2, N)))
     for forward_m_s, walks in ((0.05, False), (0.5, True)):
         command = jnp.array([forward_m_s, 0.0, 0.0])
@@ -399,7 +399,7 @@ def test_the_contract_has_the_configured_values() -> None:
     ("rate_hz", "substeps", "fits"), [(40.0, 2, True), (10.0, 4, True), (10.0, 2, False), (2.0, 4, False)]
 )
 def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int, fits: bool) -> None:
-    """12.5 and 25 ms, 50 and 125 ms; go1's knees swing up beyond 27 ms."""
+    """12.5 and 25 ms, 50 and 125 ms; go1's knees become unstable beyond 27 ms."""
     config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
     if fits:
         LocomotionEnv(ROBOT, config)
@@ -412,7 +412,7 @@ def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int
 
 
 class TestStillStep:
-    """What a step does around the physics, with a physics in which nothing moves."""
+    """A step's own work, with a physics in which nothing moves."""
 
     @pytest.fixture(scope="class")
     @classmethod

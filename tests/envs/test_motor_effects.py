@@ -1,4 +1,4 @@
-"""Optional effects of motors act alike in all physics, and only where they are enabled."""
+"""Optional effects of motors are the same in all engines, and act only if they are enabled."""
 
 from dataclasses import replace
 

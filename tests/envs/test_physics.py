@@ -1,4 +1,4 @@
-"""All engines move robots alike, side by side as alone; MuJoCo C as plain MuJoCo does."""
+"""All engines give the same motion, for batches and single robots; MuJoCo C equals plain MuJoCo."""
 
 import threading
 from collections.abc import Callable
@@ -156,7 +156,7 @@ class TestPurity:
         assert equal(many, jax.tree.map(lambda x: x.reshape(ROBOTS, *x.shape[2:]), nested))
 
     @IN_C
-    def test_an_accelerators_arrays_are_copied_to_the_same_end(self, begun: State) -> None:
+    def test_an_accelerators_arrays_give_the_same_result(self, begun: State) -> None:
         model, given = training_model(ROBOT), arguments(begun)
         assert equal(_Simulations(model, ROBOT)(*given), jax.vmap(c_physics(model, ROBOT))(*given))
 
@@ -176,7 +176,9 @@ class TestPurity:
         assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
 
     @IN_C
-    def test_nor_are_they_lost_between_threads(self, monkeypatch: pytest.MonkeyPatch, begun: State) -> None:
+    def test_mujocos_settings_survive_concurrent_threads(
+        self, monkeypatch: pytest.MonkeyPatch, begun: State
+    ) -> None:
         """Of two environments the second begins while the first steps, and ends after it."""
         model = training_model(ROBOT)
         given = jax.tree.map(np.asarray, arguments(begun))
@@ -209,7 +211,7 @@ class TestPurity:
 
 
 class TestDivergence:
-    def test_robots_diverge_alone_and_without_a_word(
+    def test_a_robot_diverges_alone_and_nothing_is_printed(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
     ) -> None:
         monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
@@ -228,7 +230,9 @@ class TestDivergence:
         assert "WARNING" not in capfd.readouterr().err
 
     @IN_C
-    def test_an_error_in_mujoco_ends_one(self, monkeypatch: pytest.MonkeyPatch, step, begun: State) -> None:
+    def test_an_error_in_mujoco_ends_one_episode(
+        self, monkeypatch: pytest.MonkeyPatch, step, begun: State
+    ) -> None:
         def fail(pool: Batch) -> None:
             plain_step(pool)
             raise SimulationError(np.array([1]), "a message")

@@ -1,4 +1,4 @@
-"""A compiled program is kept from one training to the next, and found only by its inputs."""
+"""A compiled program is kept from one training to the next, and identified by its inputs."""
 
 import os
 import pickle
@@ -54,7 +54,7 @@ class Maker:
 
 
 def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
-    """The program, once whatever is written of it is written."""
+    """The program, after its file has been written."""
     with ThreadPoolExecutor(1) as beside:
         program = program_cache.load_or_compile(make, beside, say, *made_from).result()
     for thread in threading.enumerate():
@@ -87,7 +87,7 @@ def only_file(cache: Path) -> Path:
     return path
 
 
-def test_a_program_is_made_once_and_does_the_same_from_then_on(cache: Path, make: Maker) -> None:
+def test_a_program_is_made_once_and_reused(cache: Path, make: Maker) -> None:
     first, again = kept(make, "settings"), kept(make, "settings")
     assert make.made == 1
     (state, totals), (also_state, also_totals) = first(STATE), again(STATE)
@@ -130,7 +130,7 @@ def test_writing_a_program_does_not_block(cache: Path, make: Maker, monkeypatch:
     assert only_file(cache).stat().st_size > 0
 
 
-def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_inputs_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "settings", b"model")
     kept(make, "settings", b"another model")
     kept(make, "other settings", b"model")
@@ -163,7 +163,7 @@ def test_every_package_of_ours_that_a_program_imports_counts() -> None:
 def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The traced text then differs from the file: it would be found under the new text for good."""
+    """Otherwise the old program would be stored under the new source text."""
     source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     source.write_text("new")
@@ -279,11 +279,11 @@ def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:
     assert list(cache.iterdir()) == []
 
 
-def test_fingerprints_differ_where_only_the_joined_text_is_equal() -> None:
+def test_fingerprints_differ_for_parts_with_the_same_joined_text() -> None:
     assert len({fingerprint(p) for p in (["ab", "c"], ["a", "bc"], [b"abc"], ["abc"], [])}) == 5
 
 
-def test_a_model_is_known_by_its_content() -> None:
+def test_a_model_is_identified_by_its_content() -> None:
     robot = load_robot("go1")
     assert model_bytes(robot, 0.005) == model_bytes(robot, 0.005)
     assert model_bytes(robot, 0.005) != model_bytes(robot, 0.004)

@@ -29,6 +29,6 @@ def test_an_import_prints_nothing(code: str) -> None:
 
 @long_test
 @pytest.mark.skipif(find_spec("warp") is not None, reason="Warp is installed: MJX finds it and says nothing")
-def test_mjx_still_speaks_by_itself() -> None:
+def test_mjx_itself_still_prints() -> None:
     """When this fails, delete envs/workarounds/quiet_mjx.py."""
     assert "Failed to import warp" in said_by("import mujoco.mjx")

@@ -1,4 +1,4 @@
-"""Each reward term of an outcome that is worked out by hand: its value, its sign, and where it is best."""
+"""Each reward term for an outcome calculated by hand: its value, its sign, and its maximum."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ SCENE = Scene(MODEL, ROBOT, Feet(MODEL, ROBOT, CONFIG.timestep_s, None), 0.02)
 POSE = ROBOT.default_pose
 PARAMETERS = {"track_linear": {"sigma_m2_s2": 0.25}, "track_yaw": {"sigma_rad2_s2": 0.5}}
 
-# The first and the last foot stand, the others swing as planned. The robot walks as it is asked to.
+# The first and the last foot stand, the others swing as planned. The robot follows its command.
 PERFECT = example_data(SCENE)._replace(
     command=jnp.array([0.6, -0.2, 0.4]),
     moving=jnp.float32(1.0),
@@ -82,7 +82,7 @@ def value(name: str, **changes: object) -> float:
         ("action_rate", {"actions": [[1.0, 0.0], [0.0, 2.0], [9.0, 9.0]]}, 5.0),
         ("action_acceleration", {"actions": [[1.0, 0.0], [0.0, 1.0], [3.0, 0.0]]}, 16.0 + 4.0),
         ("pose", {"joint_position": POSE + 0.3 * np.eye(12)[2] - 0.4 * np.eye(12)[7]}, 0.25),
-        ("stand_still", {"joint_position": POSE + 0.1}, 0.0),  # asked to move
+        ("stand_still", {"joint_position": POSE + 0.1}, 0.0),  # command to move
         ("stand_still", {"joint_position": POSE + 0.1 * np.resize([1, -1], 12), "moving": 0.0}, 1.2),
         ("joint_limits", {"joint_position": ROBOT.soft_limits[1] + 0.2}, 12 * 0.2),
         ("joint_limits", {"joint_position": ROBOT.soft_limits[0] - 0.1}, 12 * 0.1),
@@ -95,7 +95,7 @@ def test_terms_have_their_values(name: str, changes: dict[str, object], expected
     assert value(name, **changes) == pytest.approx(expected, rel=1e-5, abs=1e-7)
 
 
-def test_no_robot_tracks_better_than_one_that_does_as_commanded() -> None:
+def test_perfect_tracking_has_the_highest_reward() -> None:
     for error in (-0.1, 0.1):
         for axis in range(2):
             moved = np.array(PERFECT.linear_velocity)

@@ -1,4 +1,4 @@
-"""The joint law at the training step: stable, the plant's within a few milliradians, and all of it."""
+"""The joint law at the training step: stable, complete, and within a few milliradians of the plant's."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -120,7 +120,7 @@ def acted(robot: Robot, goal: Goal, timestep_s: float = 1e-4) -> np.ndarray:
 
 
 def rms_mrad(one: np.ndarray, two: np.ndarray) -> float:
-    """Of the joint that is furthest off."""
+    """Error of the worst joint."""
     return 1e3 * float(np.sqrt(((one - two) ** 2).mean(axis=0)).max())
 
 
@@ -132,7 +132,7 @@ def test_legs_move_in_training_as_on_the_plant(go1: Robot, goal: Goal, most: flo
 
 @pytest.mark.parametrize("damped", ["knee", "abduction hip knee"])
 def test_damping_of_the_mjcf_acts_in_training_as_on_the_plant(own_folder: Path, damped: str) -> None:
-    """2 N m s/rad: more than the motors' own damping, and enough to tip explicit steps of 5 ms over."""
+    """2 N m s/rad: more than the motors' own damping, and enough to make explicit steps of 5 ms unstable."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     for kind in damped.split():

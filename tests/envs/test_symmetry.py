@@ -1,4 +1,4 @@
-"""Left and right: a mirrored robot in a mirrored state sees the mirror image, and moves like it."""
+"""A mirrored robot in a mirrored state has mirrored observations and motion."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ PRESETS = {
 
 
 def test_mirrored_torques_move_the_mirrored_robot_to_the_mirror_image() -> None:
-    """In the air, but for the trunk's centre of mass, which lies 2 mm off its middle."""
+    """In the air, without the 2 mm offset of the trunk's centre of mass."""
     model = training_model(ROBOT)
     model.body_ipos[1, 1] = 0.0
     positions, dofs = joint_addresses(model, ROBOT)
@@ -68,7 +68,7 @@ def test_a_robot_with_a_missing_image_is_refused() -> None:
 
 
 def _observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
-    """Everything that is observed in a random state, or in its mirror image."""
+    """All observations in a random state, or in its mirror image."""
     state, contact, clearance, torque = _random_state(env)
     joints, feet, bodies, _ = find_symmetry(env.robot)
     if mirrored:

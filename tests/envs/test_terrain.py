@@ -97,7 +97,7 @@ def test_success_leads_to_harder_ground(env: Any, begun: State) -> None:
     restart = jax.jit(jax.vmap(env.restart))
 
     def next_levels(level: int = 0, **progress: float) -> np.ndarray:
-        """Levels of the episodes after ones of this level that went so."""
+        """Levels of the episodes after these episodes of a level."""
         now = walked(begun)._replace(
             piece=jnp.full(len(begun.level), 2 + level),
             **{k: jnp.full(len(begun.level), v) for k, v in progress.items()},

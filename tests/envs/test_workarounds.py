@@ -110,7 +110,7 @@ def test_shardy_is_avoided_only_where_it_crashes(monkeypatch: pytest.MonkeyPatch
         assert changed == expected
 
 
-def test_results_that_would_be_written_to_a_copy_are_noticed(go1: Robot) -> None:
+def test_results_written_to_a_copy_are_noticed(go1: Robot) -> None:
     """`buffer_callback` hands over XLA's memory; a reshape of it might copy."""
     simulations = _Simulations(training_model(go1), go1)
     memory = {"qpos": np.zeros((2, 3, 4), np.float32)}
@@ -126,7 +126,7 @@ def test_functions_replaced_by_others_are_not_replaced_again(monkeypatch: pytest
         pass
 
 
-def test_mujoco_is_undisturbed_until_the_last_of_those_inside_has_left() -> None:
+def test_mujocos_settings_stay_until_the_last_training_ends() -> None:
     before = mujoco.get_mju_user_warning()
     with UNDISTURBED:
         inside = mujoco.get_mju_user_warning()

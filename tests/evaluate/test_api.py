@@ -1,4 +1,4 @@
-"""What the API hands to the suite, prints and writes. No episode is run here."""
+"""Arguments that the API passes to the suite, and its output. No episode is run here."""
 
 import io
 import json
@@ -25,7 +25,7 @@ TWO = EvaluationConfig("go1", ("two",))
 class TestApi:
     @pytest.fixture
     def ran(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """What the suite and the course were called with."""
+        """Arguments of the calls of suite and course."""
         seen = SimpleNamespace(order=[])
 
         def run_suite(

@@ -49,7 +49,7 @@ def test_an_episode_does_not_depend_on_the_one_before_it_in_the_same_process() -
     assert np.array_equal(targets(first), targets(run("go1-flat")))
 
 
-def test_a_policy_is_handed_the_true_velocity_only_where_a_study_asks_for_it() -> None:
+def test_a_policy_gets_the_true_velocity_only_on_request() -> None:
     task = EpisodeTask("mpc", "go1", replace(PLAN, duration_s=0.2), QUIET, keep_trace=True)
     estimating, knowing = (run_task(replace(task, ground_truth=truth)).trace for truth in (False, True))
     assert estimating is not None
@@ -59,7 +59,7 @@ def test_a_policy_is_handed_the_true_velocity_only_where_a_study_asks_for_it() -
 
 
 @pytest.mark.parametrize(("get_up", "times_s"), [(None, None), ("stand", ())])
-def test_a_robot_may_get_up_where_the_task_names_a_policy_for_that(
+def test_a_robot_may_get_up_if_the_task_has_a_get_up_policy(
     monkeypatch: pytest.MonkeyPatch, get_up: str | None, times_s: Any
 ) -> None:
     consents = []
@@ -73,7 +73,7 @@ def test_a_robot_may_get_up_where_the_task_names_a_policy_for_that(
     assert (consents, outcome.recovery_s) == ([get_up], times_s)
 
 
-def test_transport_is_paid_for_the_weight_of_the_robot_and_its_load() -> None:
+def test_cost_of_transport_uses_the_weight_of_robot_and_load() -> None:
     bare, loaded = (
         run("stand", levels={"payload_kg": load}, duration_s=0.1).metrics.weight_n for load in (0.0, 3.0)
     )

@@ -56,7 +56,7 @@ def test_an_unfinished_mission_has_its_reason(steps: list[Any], duration_s: floa
 
 
 class Over:
-    """A mission that is over, and believes that it is where it should be."""
+    """A finished mission whose odometry has no error."""
 
     stopped = None
     progress = Progress(1, 1, "go_to", 0.0, 0.0, 0.0, DONE)
@@ -67,7 +67,7 @@ class Over:
 
 
 def turned(trace: Trace, yaw_rad: float) -> Trace:
-    """The same walk in a world that is turned."""
+    """The same walk in a rotated world."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     quaternion = np.tile([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)], (len(trace.time_s), 1))
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

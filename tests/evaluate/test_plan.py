@@ -36,7 +36,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def refusal(folder: Path, text: str) -> str:
-    """Conditions of a scenario with this change, without those of every scenario."""
+    """Message that refuses a scenario with this change."""
     path = written(folder, text)
     with pytest.raises(UserError) as caught:
         load_scenarios(ROBOT, path)
@@ -157,7 +157,7 @@ class TestCommandsOfARobot:
         assert payload.levels == {"payload_kg": pytest.approx(loads_kg)}
         assert payload.rows == ("payload_kg",)
 
-    def test_no_load_takes_as_much_off_the_base_as_it_weighs(self, tmp_path: Path) -> None:
+    def test_no_load_may_make_the_base_weightless(self, tmp_path: Path) -> None:
         """A Go1's base is 5.204 kg in Unitree's model."""
         load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
         complaint = refusal(tmp_path, "levels: {payload_kg: [1, -5.21]}")
@@ -279,7 +279,7 @@ class TestPlans:
         assert not orders[0] == orders[1] == orders[2]  # each has its own order
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
 
-    def test_which_level_comes_first_is_drawn(self) -> None:
+    def test_the_first_level_is_drawn(self) -> None:
         """Otherwise the first few episodes would always have the mildest levels."""
         firsts = [
             spread_levels({"friction": (0.2, 0.4, 0.6)}, 1, np.random.default_rng(seed))[0]["friction"]

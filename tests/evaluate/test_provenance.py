@@ -1,4 +1,4 @@
-"""How a report names where a policy comes from."""
+"""Origin of a policy in a report."""
 
 import platform
 from dataclasses import replace

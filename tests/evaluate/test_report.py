@@ -46,7 +46,7 @@ def standing(go1: Robot) -> Trace:
 
 
 def test_figures_depend_on_the_push_and_not_on_the_number_of_workers() -> None:
-    """A robot that stands survives a touch and not a truck."""
+    """A standing robot survives a small push and falls after a large one."""
     alone, together = (
         run_suite(["stand"], EvaluationConfig("go1", ("push",), workers=workers), SHORT)["stand"]["push"]
         for workers in (1, 2)

@@ -93,7 +93,7 @@ class TestPage:
 
 
 def test_a_walk_keeps_its_place_after_others(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its place a policy has its colour in all plots."""
+    """A policy's index determines its colour in all plots."""
     given: list[course_plots.Walk] = []
     for name in ("tracking", "gait", "torque_speed", "timing"):
         note = lambda walks, *_: given.extend(walks) or svg.Plot("", "", [])  # noqa: E731
@@ -123,7 +123,7 @@ def test_all_films_are_as_long_and_a_fall_holds_its_last_picture() -> None:
 
 @pytest.fixture
 def two(go1: Robot) -> Comparison:
-    """The second is worse at all but pushes, and did not walk the course."""
+    """The second policy is worse except for pushes, and did not walk the course."""
     return comparison(
         go1, result("mine", "runs/mine", 0.1, 0, 1.0, walked()), result("trot", "trot", 0.3, 12, 2.0, None)
     )

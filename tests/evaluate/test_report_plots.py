@@ -1,4 +1,4 @@
-"""What the report's plots draw: the data of their lines, bars and marks, before any page is made of them."""
+"""Data of the lines, bars and marks of a report's plots."""
 
 import html
 import json
@@ -36,7 +36,7 @@ PLAN = EpisodePlan(
 
 @dataclass(frozen=True)
 class Drawn:
-    """A panel as it was when its drawing ended."""
+    """Data of a finished panel."""
 
     axes: Axes
 
@@ -49,7 +49,7 @@ class Drawn:
         return [bar for bar in self.axes.patches if isinstance(bar, Rectangle)]
 
     def places(self, colour: str) -> list[float]:
-        """Where lines of this colour begin, along x."""
+        """Start of the lines of this colour, along x."""
         return [float(np.asarray(each.get_xdata())[0]) for each in self.lines(colour)]
 
     def points(self, colour: str, number: int = 0) -> list[list[float]]:
@@ -59,7 +59,7 @@ class Drawn:
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
-    """The panels of a plot, in drawing order; no SVG is made of them."""
+    """The panels of a plot in drawing order, without SVG."""
     panels: list[Drawn] = []
 
     def keep(panel: Panel, *_: Any) -> Markup:
@@ -240,7 +240,7 @@ class TestGait:
             (inner,) = [box for box in boxes if box.x0 == pytest.approx(begin, abs=0.011)]
             assert inner.width == pytest.approx((0.25, 0.25, 0.25, 0.45)[foot], abs=0.011)
 
-    def test_the_steady_window_is_of_the_longest_motion_though_a_stand_be_longer(self) -> None:
+    def test_the_steady_window_is_in_the_longest_motion_not_in_a_longer_stand(self) -> None:
         def window(from_s: tuple[float, ...], *forward: float) -> tuple[float, float]:
             schedule = CommandSchedule(from_s, tuple((each, 0.0, 0.0) for each in forward))
             return course_plots.steady_window(replace(PLAN, schedule=schedule))
@@ -314,7 +314,7 @@ class TestLearning:
         assert learning_curves.read_metrics(tmp_path / "none.jsonl") == []
 
 
-def test_where_there_is_nothing_to_draw_there_is_no_panel(go1: Robot) -> None:
+def test_without_data_there_is_no_panel(go1: Robot) -> None:
     plots = [
         scenario_plots.survival({}), course_plots.tracking([], PLAN), course_plots.gait([], PLAN, go1),
         scenario_plots.conditions([]), scenario_plots.sweep({}), course_plots.torque_speed([], go1),
@@ -323,7 +323,7 @@ def test_where_there_is_nothing_to_draw_there_is_no_panel(go1: Robot) -> None:
     assert not any(plot.panels for plot in plots)
 
 
-def test_readings_lie_where_their_points_are_drawn() -> None:
+def test_readings_are_at_their_points() -> None:
     with Panel("p", height=120.0) as panel:
         panel.axes.plot([0.0, 4.0], [-1.0, 1.0], color="#123456")
         panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))

@@ -19,7 +19,7 @@ def test_a_longer_one_keeps_its_beginning_and_its_end() -> None:
     assert short == f"{LONG[:12]}…{LONG[-19:]}"
 
 
-def test_no_two_are_alike() -> None:
+def test_all_names_differ() -> None:
     others = [LONG.replace("height", kind) for kind in ("camera", "memory")]
     found = short_names([LONG, *others])
     assert len(set(found.values())) == 3

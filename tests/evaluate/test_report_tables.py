@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 
 @pytest.fixture
 def two(go1: Robot) -> Comparison:
-    """The second is worse at all but pushes, and did not walk the course."""
+    """The second policy is worse except for pushes, and did not walk the course."""
     return comparison(
         go1, result("mine", "runs/mine", 0.1, 0, 1.0, walked()), result("trot", "trot", 0.3, 12, 2.0, None)
     )

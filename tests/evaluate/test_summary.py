@@ -1,4 +1,4 @@
-"""From episodes to figures, and how figures are shown."""
+"""Figures of episodes, and their display."""
 
 import json
 from collections.abc import Callable
@@ -81,7 +81,7 @@ class TestSummary:
     def test_each_mean_and_its_interval_are_of_its_own_values_and_weights(
         self, name: str, values: str | Callable, weights: Callable, root: bool
     ) -> None:
-        """Episodes that differ in every number: any other column, weight or seed gives other figures."""
+        """Episodes that differ in every number: another column, weight or seed would give other figures."""
         rng = np.random.default_rng(8)
         numbers = [name for name, value in vars(GOOD).items() if isinstance(value, float)]
         drawn: list[dict[str, Any]] = [{n: float(rng.uniform(1.0, 3.0)) for n in numbers} for _ in range(9)]
@@ -163,7 +163,7 @@ class TestSummary:
         assert summary["episodes"] == 1
         assert summary["failed_episodes"] == ["episode 1: its process died"]
 
-    def test_nothing_but_failures_have_no_figures_that_could_be_taken_for_a_result(self) -> None:
+    def test_failed_episodes_alone_give_no_figures(self) -> None:
         summary = summarise(SCENARIOS["push"], [TaskResult(None, "ValueError: no")], 0)
         assert summary == {"episodes": 0, "failed_episodes": ["episode 0: ValueError: no"]}
 

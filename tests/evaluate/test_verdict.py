@@ -81,7 +81,7 @@ def test_best_is_the_policy_whose_interval_overlaps_no_other() -> None:
 
 
 class TestFigures:
-    """A figure's number, its interval and both as they are shown, at the edges of what there is."""
+    """A figure's number, its interval and their display, also for missing and unbounded values."""
 
     def test_a_number_lies_where_its_dots_lead(self) -> None:
         p50 = figures()["compute_ms.p50"]
@@ -179,7 +179,7 @@ class TestVerdict:
             {"nominal": summaries}
         )
 
-    def test_the_next_is_the_best_of_the_others(self) -> None:
+    def test_the_reference_is_the_best_of_the_others(self) -> None:
         pushes = {"c": pushed(1.0, 0.9, 1.1), "b": pushed(2.0, 1.9, 2.1), "a": pushed(3.0, 2.9, 3.1)}
         assert "a survives the hardest pushes (3.00 m/s, against 2.00 of b)" in verdict({"push": pushes})
         errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
@@ -189,7 +189,7 @@ class TestVerdict:
             {"nominal": {"c": unknown} | errors | {"c": unknown}}
         )
 
-    def test_is_about_the_first_scenario_and_the_pushes_alone(self) -> None:
+    def test_covers_the_first_scenario_and_the_pushes_alone(self) -> None:
         bare = scored(0.1) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
         found = headlines({"still": {"a": bare}, "push": {"a": pushed(1.0, 0.9, 1.1)}})
         assert [(figure.key, scenario) for figure, scenario in found] == [

@@ -82,7 +82,7 @@ def test_each_disturbance_has_its_figures_in_its_unit(go1: Robot, monkeypatch: p
 
 
 def test_together_less_of_each_is_enough(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The product of both counts: a fifth of what each alone would take."""
+    """The product of both decides: together a fifth of each is enough."""
     pytest.importorskip("cma")
 
     def rule(push: float, latency: float) -> bool:

@@ -32,7 +32,7 @@ AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The compiled example, linked to the library that Python's onnxruntime brings."""
+    """The compiled example, linked to the library of Python's onnxruntime."""
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         pytest.skip("no C++ compiler")
@@ -55,7 +55,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def random_steps(robot: Robot, steps: int = 40) -> list[PolicyInput]:
-    """Readings of a robot that tumbles; the command asks to stand for a while in the middle."""
+    """Readings of a tumbling robot; the command is to stand for a while in the middle."""
     rng, n = np.random.default_rng(7), len(robot.joint_names)
     found = []
     for step in range(steps):

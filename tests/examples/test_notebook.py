@@ -30,6 +30,6 @@ def test_it_trains_deploys_and_plots(user_folder: UserFolder, monkeypatch: pytes
 
 
 def text_of(cell: "nbformat.NotebookNode") -> str:
-    """All that a cell printed and its value."""
+    """Output and value of a cell."""
     texts = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell.outputs]
     return "\n".join(texts)

@@ -1,4 +1,4 @@
-"""The command line itself: options and their limits, and what becomes of whatever a verb ends in."""
+"""The command line: options, their limits, and the exit status for each result of a verb."""
 
 import io
 import signal
@@ -19,7 +19,7 @@ from footfall.machine import Finding
 
 
 class TestLimits:
-    """The last value that is taken, beside the first that is not."""
+    """The last accepted value and the first refused value."""
 
     @pytest.mark.parametrize(
         ("option", "taken", "refused"),
@@ -131,7 +131,7 @@ class TestEndings:
         assert closed == ["pool"]
         assert signal.getsignal(signal.SIGTERM) is before
 
-    def test_a_thread_that_gets_no_signals_may_run_a_verb(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_verb_may_run_in_a_thread_without_signals(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(cli, "app", lambda *_, **__: 7)
         statuses: list[int] = []
         thread = threading.Thread(target=lambda: statuses.append(cli.main(["doctor"])))

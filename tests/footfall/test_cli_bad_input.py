@@ -123,7 +123,7 @@ def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str
         ("  substeps: 4", "  substeps: 0", ["substeps", "at least 2"]),
         ("  substeps: 4", "  control_rate_hz: 1.0e+9", ["control_rate_hz", "from 1 to 1000"]),
         ("gyro: 0.1", "gyro: -1", ["gyro", "from 0 to 100"]),
-        # what a mistaken unit makes: degrees, millimetres, percents
+        # values in a wrong unit: degrees, millimetres, per cent
         ("horizontal_m_s: 0.4", "horizontal_m_s: 500", ["horizontal_m_s", "from 0 to 100"]),
         ("frequency_hz: 2.5", "frequency_hz: 1000", ["frequency_hz", "from 0.05 to 50"]),
         ("weight: 1.5", "weight: 1.5, sigma_m2_s2: 0", ["env.rewards[0].sigma_m2_s2", "from 1e-06 to 1e+06"]),
@@ -210,7 +210,7 @@ WRITERS = [
 
 @pytest.mark.parametrize("tokens", WRITERS, ids=" ".join)
 class TestOutputs:
-    """Checked before the work: each of these returns at once."""
+    """Outputs are checked first: each of these commands returns at once."""
 
     def test_a_folder_that_is_not_there(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
         complaint = shell.refuses(*tokens, tmp_path / "absent" / "out.file")

@@ -43,7 +43,7 @@ def tried(shell: Shell, *tokens: str | Path) -> list[list[str]]:
 
 
 class Turns:
-    """The robot's time advances only while the user's end waits for its tick, however fast they run."""
+    """The robot's time advances only while the user's end waits for its tick, at any speed of both."""
 
     def __init__(self) -> None:
         self._asked, self._passed = threading.Semaphore(0), threading.Semaphore(0)
@@ -53,7 +53,7 @@ class Turns:
         """Wait until the robot's time has advanced by this much."""
         self._left_us = us
         self._asked.release()
-        assert self._passed.acquire(timeout=60.0), "the robot does not live"
+        assert self._passed.acquire(timeout=60.0), "the simulated robot does not run"
 
     def live(self, us: int) -> None:
         """The robot's time has advanced by this; it waits for a request, and is slow without one."""
@@ -66,7 +66,7 @@ class Turns:
 
 
 class TurnsClock:
-    """The time of one of the two."""
+    """The clock of one of the two."""
 
     realtime = True
 
@@ -228,7 +228,7 @@ class TestRefusals:
         assert complaint.startswith("no joint 'tail': there are FR_hip_joint,")
 
     @pytest.mark.parametrize("duration", ["0", "-1", "nan"])
-    def test_a_time_that_is_none_is_refused(self, shell: Shell, duration: str) -> None:
+    def test_an_invalid_duration_is_refused(self, shell: Shell, duration: str) -> None:
         assert "duration" in shell.refuses("can", "monitor", "--duration", duration).lower()
 
 

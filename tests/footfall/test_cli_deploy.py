@@ -47,7 +47,7 @@ def stood(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 
 def test_its_log_shows_where_the_robot_is(stood: Made) -> None:
-    """For every policy: viewers draw nothing of balance without an estimate."""
+    """For every policy, because viewers need an estimate to draw balance."""
     log = read_log(stood.log, ("/odom", "/markers", "/contacts"))
     assert {entry.topic for entry in log.entries} == {"/odom", "/markers", "/contacts"}
 
@@ -212,7 +212,7 @@ class TestOptions:
         monkeypatch.setattr("footfall.policies.registry.zoo_names", lambda: [])
         assert "--get-up" in shell.refuses("deploy", "trot", "--recover")
 
-    def test_how_a_simulated_robot_begins_and_ends(self, shell: Shell, called: Recorder) -> None:
+    def test_options_set_how_a_simulated_robot_begins_and_ends(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.plant.episode.run_episode", ran())
         for options, lying, lie_down in (
             ((), False, True),
@@ -288,7 +288,7 @@ class TestOptions:
             assert (outcome.status, figures["fell"], figures["fall_reason"]) == (status, False, "")
             assert figures["faults"] == ["motor 3"]
 
-    def test_that_need_a_simulated_robot_are_refused_on_an_interface(self, shell: Shell) -> None:
+    def test_options_for_simulation_are_refused_on_an_interface(self, shell: Shell) -> None:
         for options in (
             ("--start", "lying"),
             ("--ground-truth", "--start", "lying"),

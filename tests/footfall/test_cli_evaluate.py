@@ -1,4 +1,4 @@
-"""`footfall evaluate` and `footfall compare`: what the files hold, and the exit status."""
+"""`footfall evaluate` and `footfall compare`: content of the files, and exit status."""
 
 import json
 from dataclasses import replace
@@ -53,7 +53,7 @@ def test_evaluate_writes_the_documented_files(shell: Shell, tmp_path: Path) -> N
 
 @long_test
 def test_compare_nests_by_name_and_takes_settings_of_one_again(shell: Shell, tmp_path: Path) -> None:
-    """One with a file's settings and one with changed settings: each is named with its settings."""
+    """A policy with a file's settings and one with changed settings are named with these settings."""
     mine, path, page = tmp_path / "mine.yaml", tmp_path / "both.json", tmp_path / "both.html"
     mine.write_text("kp: 45.0")
     outcome = shell(

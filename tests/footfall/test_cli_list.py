@@ -1,4 +1,4 @@
-"""`footfall list`: what there is to name, for people and for programs."""
+"""`footfall list`: available names as a table and as JSON."""
 
 import json
 import subprocess

@@ -63,7 +63,7 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 def several(
     commands: list[list[str]], before: tuple[str, ...] = (), **options
 ) -> subprocess.CompletedProcess[str]:
-    """Commands one after another in one process, whose last line is their list of statuses."""
+    """Run commands one after another in one process; its last line lists their statuses."""
     code = f"from footfall.cli import main; print([main(each) for each in {commands!r}])"
     return subprocess.run(
         [*before, sys.executable, "-c", code], capture_output=True, text=True, check=False, **options
@@ -115,7 +115,7 @@ def test_a_signal_ends_an_evaluation_and_its_processes(tmp_path: Path) -> None:
 
 
 def processes_of(session: int) -> list[int]:
-    """The processes of a session, those that are only waiting to be collected left out."""
+    """The processes of a session, without zombies."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
@@ -125,7 +125,7 @@ def processes_of(session: int) -> list[int]:
 
 
 def without_roots_privilege() -> list[str]:
-    """What to put before a command so that permissions hold for it even if root runs it."""
+    """Prefix of a command that drops root's privilege to ignore permissions."""
     if os.geteuid() != 0:
         return []
     lacking = "-dac_override,-dac_read_search"

@@ -132,7 +132,7 @@ class TestNamesInTheLog:
         tolerance = 0.25 if "--tolerance" in options else 0.0
         assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, [], None), {})
 
-    def test_or_looked_for_in_the_folder(self, shell: Shell, called: Recorder, log: dict, go1: Robot) -> None:
+    def test_is_searched_in_the_folder(self, shell: Shell, called: Recorder, log: dict, go1: Robot) -> None:
         called.replace("footfall.robots.description.load_robot", lambda at: go1 if at[0] == "/" else refuse())
         assert shell("replay", "a.mcap").status == 0
         log["robot_digest"] = "of another"

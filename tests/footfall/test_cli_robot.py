@@ -1,4 +1,4 @@
-"""The output of `footfall robot`: given figures in words and verdicts."""
+"""The output of `footfall robot` for given figures: descriptions and verdicts."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,7 +21,7 @@ GO1_HEIGHT_M = 0.2945
 
 
 def stood(**changes: Any) -> StandingResult:
-    """A standing test with nothing to complain of."""
+    """A standing test without findings."""
     facts: dict[str, Any] = {
         "fall_reason": "", "faults": (), "stood_s": 4.0, "sank_m": 0.01, "tilt_rad": 0.05,
         "moved_m": 0.02, "torque_share": np.linspace(0.1, 0.5, 12), "feet_down": np.ones(4),
@@ -92,7 +92,7 @@ def test_motors_without_known_frames_are_skipped_and_the_others_are_looked_at(
 class TestCheck:
     @pytest.fixture
     def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """What was looked at and tested; nothing is simulated, and nothing wrong."""
+        """Recorded calls of inspections and tests; nothing is simulated and nothing is wrong."""
         calls: list[Any] = []
         looked = SimpleNamespace(
             links=[], feet=[], margin_m=0.1, mass_kg=1.0, centre_m=np.zeros(3), findings=lambda **_: iter(())

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(find_spec("ray") is None, reason="needs Ray: ins
 
 @pytest.fixture
 def swept(called: Recorder) -> SimpleNamespace:
-    """What came of a sweep."""
+    """The result of a sweep."""
     settings = {"ppo.clip_param": 0.2, "ppo.epochs": 3}
     trial = Trial(folder="trial-0", settings=settings, seed=4, value=1.23456, steps=12345, error="")
     point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0)

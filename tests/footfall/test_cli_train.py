@@ -90,7 +90,7 @@ class TestOptions:
 
     @pytest.fixture
     def trained(self, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """All that a training calls; its run folder is `made`."""
+        """Calls of a training; its run folder is `made`."""
         run = SimpleNamespace(
             policy=tmp_path / "policy.onnx", provenance=SimpleNamespace(robot="rex", seed=5)
         )
@@ -169,7 +169,9 @@ class TestOptions:
         assert shell("train").status == 0
         assert "evaluate_policy" not in called.names
 
-    def test_a_resumed_run_has(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
+    def test_settings_of_a_resumed_run_are_refused(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
         """Also where they are the default."""
         for option in (
             ("--out", "x"), ("--steps", "9"), ("--checkpoint-interval", "3"), ("--trainer", "brax"),

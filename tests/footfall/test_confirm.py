@@ -36,7 +36,7 @@ def test_without_a_terminal_it_is_refused(asked: list[str]) -> None:
     assert asked == []
 
 
-def test_the_end_of_the_input_is_no_yes(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_end_of_the_input_means_no(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     def end_of_input(_: str) -> str:
         raise EOFError
 

@@ -1,4 +1,4 @@
-"""What `footfall deploy` shows while it runs."""
+"""Live display of `footfall deploy`."""
 
 import io
 import threading

@@ -1,4 +1,4 @@
-"""What doctor makes of a robot's computer, in a folder that stands for `/`."""
+"""Findings of doctor on a robot's computer, with a folder in place of `/`."""
 
 from pathlib import Path
 from typing import Any

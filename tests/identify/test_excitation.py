@@ -26,7 +26,7 @@ def targets(robot: Robot, config: ExcitationConfig) -> np.ndarray:
 
 
 def overlap_m(robot: Robot, poses: np.ndarray) -> float:
-    """How deep bodies of the robot are in each other in the worst of the poses."""
+    """Largest overlap of two bodies of the robot over all poses, m."""
     model = plant_model(robot)
     data = mujoco.MjData(model)
     qpos_addresses, _ = joint_addresses(model, robot)

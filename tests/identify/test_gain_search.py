@@ -53,7 +53,7 @@ def test_a_joint_that_does_not_move_has_no_rise() -> None:
 
 
 def searched(rings: Callable[[Gains], bool]) -> tuple[Tuned, list[Gains]]:
-    """The result for a joint that rings so, and the gains that were tried."""
+    """The result for a joint that rings at some gains, and the tried gains."""
     trials = search(CONFIG)
     tried = [next(trials)]
     while True:

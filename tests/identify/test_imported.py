@@ -43,7 +43,7 @@ def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
 
 
 def imported(shell: Shell, pair: Pair, folder: Path, **changes: Any) -> Recording:
-    """The CSV file, read through a map that is changed so."""
+    """The CSV file, read through a map with changes."""
     assert shell(*typed(pair, folder, **changes)).status == 0
     return read_recording(folder / "theirs.mcap", ROBOT)
 

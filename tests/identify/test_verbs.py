@@ -30,7 +30,7 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
             ("net x --steps 0", ""),
             ("net x --steps 24", "steps"),  # before the first check
             ("fit x x", "twice"),
-            ("fit x --held-out ./x", "twice"),  # a log does not judge its own fit
+            ("fit x --held-out ./x", "twice"),  # a fit cannot be tested on its own log
             ("fit x --out absent/robot", "absent"),  # before minutes of work
         ),
         ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains

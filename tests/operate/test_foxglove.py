@@ -1,4 +1,4 @@
-"""The server for Foxglove and its kin, as a client of its protocol sees it."""
+"""The server for Foxglove and similar viewers, as seen by a client of its protocol."""
 
 import itertools
 import json

@@ -18,7 +18,7 @@ DEAD_MAN, STOP, GAIT = 4, 1, 3
 
 
 class Device:
-    """The kernel's end of a joystick device, which a pipe stands in for."""
+    """The kernel's end of a joystick device, replaced by a pipe."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -16,7 +16,7 @@ TOKEN = "a token of the tests, shared"
 CONTENT = {"sender": "s", "number": 7, "age_s": 0.1, "heights": [-0.3, None, 0.1]}
 
 
-def test_a_scan_ages_from_when_it_was_taken() -> None:
+def test_a_scans_age_counts_from_its_measurement() -> None:
     watch = Watch()
     scans = UdpScans(TOKEN, watch)
     assert scans.newest(0) is None

@@ -100,7 +100,7 @@ def test_one_operator_steers_until_another_takes_over(inbox: Inbox) -> None:
     assert "keys" in inbox.put("page", velocity=[0.9, 0, 0])
     assert inbox.poll(WALKING).velocity[0] == 0.3
     assert inbox.take_over("page") == ""
-    assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner asks
+    assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner requests it
     assert inbox.put("keys", velocity=[0.3, 0, 0])
     assert inbox.put("page", velocity=[0.9, 0, 0]) == ""
     request = inbox.poll(WALKING)

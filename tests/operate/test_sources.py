@@ -1,4 +1,4 @@
-"""What `--from` takes for a source, for its settings, and for a mission."""
+"""What `--from` accepts as a source, as its settings, and as a mission."""
 
 import pytest
 

@@ -29,7 +29,7 @@ def test_the_reason_of_its_end_is_reported_although_its_output_is_discarded(
 class TestBeside:
     @pytest.fixture
     def log(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """What became of the process that serves the page."""
+        """Start and end of the process that serves the page."""
         log: list[Any] = []
 
         def context(kind: str) -> Any:

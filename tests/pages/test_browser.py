@@ -72,7 +72,7 @@ def middle(page: Tab, path: Path) -> np.ndarray:
 
 
 def share_of_dark(seen: np.ndarray) -> float:
-    """How much of a picture is dark: the robot's feet and calves are, ground and sky are not."""
+    """Share of dark pixels: the robot's feet and calves are dark, ground and sky are not."""
     return float((seen.max(axis=-1) < 0.25).mean())
 
 

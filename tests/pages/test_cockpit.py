@@ -1,4 +1,4 @@
-"""The cockpit's server as programs see it: access, accepted commands, and the effect of silence."""
+"""The cockpit's server: access, accepted commands, and the effect of silence."""
 
 import json
 import socket
@@ -171,7 +171,7 @@ class TestCommands:
         with pytest.raises(ConnectionClosed), flooding.socket:
             flood(flooding)
 
-    def test_anyone_may_stop_at_any_age_and_pages_repeat_it(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_stop_of_any_page_and_age_counts_and_is_repeated(self, go1: Robot, tmp_path: Path) -> None:
         with socket.socket() as probe:
             probe.bind(("localhost", 0))
             port = int(probe.getsockname()[1])
@@ -200,7 +200,7 @@ def flood(visitor: Visitor) -> None:
 
 
 def asked(inbox: Inbox) -> np.ndarray:
-    """The owner's last requested velocity, however old."""
+    """The owner's last requested velocity, of any age."""
     return inbox.poll(STANDING).velocity
 
 
@@ -212,6 +212,6 @@ def test_a_command_with_a_long_transport_time_is_refused() -> None:
     assert fresh.refusal(1, challenge) == ""
     assert "old" in fresh.refusal(1, challenge)  # comes twice
     now.s += 0.2 * MAX_ANSWER_S
-    assert "old" in fresh.refusal(2, challenge)  # on its way for too long
+    assert "old" in fresh.refusal(2, challenge)  # delayed for too long
     assert fresh.refusal(2, fresh.challenge()) == ""
     assert fresh.round_trip_s == 0.0

@@ -1,4 +1,4 @@
-"""The cockpit in a browser: hold to move, and everything that has to end a motion."""
+"""The cockpit in a browser: hold a key to move, and the events that end a motion."""
 
 import multiprocessing
 import os
@@ -78,7 +78,7 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     assert stands()
     page.wait_for(lambda page: "No connection" in page.text)
     page.value("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
-    os.kill(opened.server, signal.SIGCONT)  # what lay in it arrives
+    os.kill(opened.server, signal.SIGCONT)  # the delayed messages arrive
     assert eventually(lambda: inbox.stopped, PATIENCE_S)
     page.wait_for(lambda page: "Stopped" in page.text)
     assert stands()

@@ -35,7 +35,7 @@ class TestGeometry:
         np.testing.assert_allclose(shape.rgba, [0.1, 0.2, 0.3, 0.4], atol=1e-6)
         assert (shape.geom, shape.body) == (1, 1)  # the first is the ground
 
-    def test_meshes_are_not_mixed_up(self) -> None:
+    def test_each_mesh_has_its_own_shape(self) -> None:
         corners = " ".join(f"{x} {y} {z}" for x in (0, 1) for y in (0, 2) for z in (0, 3))
         box = f'<mesh name="box" vertex="{corners}"/>'
         shapes = " ".join(
@@ -71,7 +71,7 @@ class TestGeometry:
         accent = model.mat_rgba[model.material("accent").id]
         assert any(np.array_equal(shape.rgba, accent) for shape in shapes.values())
 
-    def test_meshes_are_drawn_where_mujoco_has_them(self) -> None:
+    def test_meshes_are_drawn_at_mujocos_positions(self) -> None:
         vertices = "0 0 0 1 0 0 0 2 0 0 0 3"
         model = mujoco.MjModel.from_xml_string(
             f'<mujoco><asset><mesh name="m" vertex="{vertices}"/></asset>'

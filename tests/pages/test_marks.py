@@ -30,7 +30,7 @@ class Drawing:
         return add
 
     def place(self, name: str) -> np.ndarray:
-        """Where a thing is, world frame: layers carry what hangs on them."""
+        """Position of an object in the world frame, including that of its layers."""
         layer = "/".join(name.split("/")[:2])
         return self.things[layer].position + self.things[name].position
 

@@ -24,7 +24,7 @@ FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno
 
 
 def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
-    """Check a name that stands for two addresses, each as given here."""
+    """Check a host name with two addresses, each in a given state."""
     answers = iter(found)
     addresses = [
         (socket.AF_INET6, socket.SOCK_STREAM, 6, "", (HERE[0], 80, 0, 0)),
@@ -123,7 +123,7 @@ class TestCommand:
         assert outcome.err.count("\n") == 1
         assert "does not fit" in outcome.err
 
-    # Early on, packages are imported that swallow a KeyboardInterrupt; later on, a robot walks.
+    # Early, packages are imported that swallow a KeyboardInterrupt; later, a robot walks.
     @pytest.mark.parametrize(("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGTERM, 2.0)])
     def test_it_ends_quietly(self, finished: Path, port: int, number: signal.Signals, delay_s: float) -> None:
         process = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""What pages read from a run's feed, against the simulated robot that runs."""
+"""State that pages read from a run's feed, against the simulated robot."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -48,7 +48,7 @@ def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespac
     return found
 
 
-def test_a_moment_is_how_the_robot_stands_and_moves(seen: SimpleNamespace) -> None:
+def test_a_moment_has_the_robots_pose_and_motion(seen: SimpleNamespace) -> None:
     now, truth = seen.moment, seen.truth
     assert seen.policy == "trot"
     np.testing.assert_allclose(now.command, [0.4, 0.0, 0.2])

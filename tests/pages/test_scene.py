@@ -36,7 +36,7 @@ class TestScene:
 
     @pytest.fixture
     def data(self, go1: Robot) -> mujoco.MjData:
-        """The robot somewhere, tilted about all axes."""
+        """The robot at some position, tilted about all axes."""
         model = plant_model(go1)
         data = mujoco.MjData(model)
         data.qpos[:7] = [3.0, -2.0, 0.5, *TILTED.as_quat()[[3, 0, 1, 2]]]

@@ -117,7 +117,7 @@ class TestSnapshots:
         assert other.poll() == Snapshot(exported, 12)
         assert exporter.asked == []
 
-    def test_names_are_from_the_newest_on_and_a_choice_is_found_by_its_own(self, run: Path) -> None:
+    def test_names_begin_with_the_newest_and_a_choice_is_found_by_name(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         assert snapshots.names() == [NEWEST]
         kept = self.write(run / "checkpoints" / "00001200.ckpt", 100)
@@ -194,7 +194,7 @@ class TestSnapshots:
         pytest.fail("neither a snapshot nor a problem")
 
     @long_test
-    def test_each_in_turn_but_damaged_ones(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
+    def test_each_in_turn_except_damaged_ones(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
         (checkpoint,) = (trained / "checkpoints").iterdir()
         folder = begun / "checkpoints"
         folder.mkdir()
@@ -234,7 +234,7 @@ class TestSnapshots:
     def test_a_checkpoint_may_be_dropped_while_it_is_exported(
         self, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, linked: bool
     ) -> None:
-        """It is taken by another name, or copied on another file system."""
+        """It is linked under another name, or copied on another file system."""
 
         def export_run(run: Path, out: Path, chosen: Path) -> tuple[Path, float]:
             checkpoint.unlink()
@@ -257,7 +257,7 @@ class TestSnapshots:
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with a checkpoint and the policy made of it. Its weights are all alike: no training needed."""
+    """A run with a checkpoint and its exported policy, with constant weights instead of a training."""
     jax = pytest.importorskip("jax")
     from footfall.train import api
     from footfall.train.brax.parts import assemble

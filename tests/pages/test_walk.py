@@ -42,7 +42,7 @@ class TestPace:
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
         return clock
 
-    def test_lost_or_paused_time_is_skipped_and_the_factor_is_new(self, clock: SimpleNamespace) -> None:
+    def test_lost_or_paused_time_is_skipped_and_the_factor_restarts(self, clock: SimpleNamespace) -> None:
         pace = Pace()
         assert pace.factor == 1.0
         pace.wait(0.5)
@@ -128,7 +128,7 @@ class Visitor:
         self.requested |= self.frames >= self.most_frames
 
     def walk(self, run: Path, robot: Robot) -> None:
-        """Until the visitor has enough."""
+        """Run until the visitor leaves."""
         Walk(open_run(run), robot, self, self, self, self).run()  # type: ignore[arg-type]
 
 
@@ -210,7 +210,7 @@ class TestWalk:
 
 
 class TestNewestPolicy:
-    def test_a_new_network_goes_on_where_the_old_one_was(self, go1: Robot) -> None:
+    def test_a_new_network_continues_the_state_of_the_old_one(self, go1: Robot) -> None:
         """With the same network nothing changes at all: history, last action and clock carry over."""
 
         def walk(replace: bool) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A robot whose parts lie elsewhere than go1's."""
+"""A robot whose parts are in other positions than go1's."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The audit of what a controller asks of its motors."""
+"""The audit of a controller's commands to its motors."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ class TestAudit:
     def update(
         self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any, velocity: np.ndarray | None = None
     ) -> None:
-        """The robot is in its default pose, at rest unless said otherwise."""
+        """The robot is in its default pose, at rest unless given otherwise."""
         values = np.zeros((5, 12))
         values[0], values[2] = position, kp
         moves = np.zeros(12) if velocity is None else velocity

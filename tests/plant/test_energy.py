@@ -1,4 +1,4 @@
-"""What the motors' work costs."""
+"""Energy of the motors' work."""
 
 import mujoco
 import numpy as np
@@ -28,8 +28,8 @@ class TestEnergy:
         assert meter.take().electrical == 0.0
 
     def test_work_becomes_kinetic_energy(self, go1: Robot) -> None:
-        """Without weight, friction and ground, what the motors put in is what moves: the mean speed of a step
-        gives that to second order, the speed before it would miss a fifth in these five steps."""
+        """Without weight, friction and ground, the motors' work becomes kinetic energy. The mean speed of a
+        step gives it to second order; the speed before the step would miss a fifth in these five steps."""
         model = plant_model(go1)
         model.opt.gravity[:] = 0.0
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)

@@ -1,4 +1,4 @@
-"""Another engine moves the bodies as MuJoCo does, as far as contacts do not decide."""
+"""Another engine moves the bodies as MuJoCo does, except for differences between contact models."""
 
 from collections.abc import Callable
 

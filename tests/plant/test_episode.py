@@ -1,4 +1,4 @@
-"""A simulated trial: pushes, looks, falls, and what an episode asks for."""
+"""A simulated trial: pushes, recording, falls, and the settings of an episode."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -97,7 +97,7 @@ def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[Trial, Fake
 
 
 class TestTrial:
-    def test_it_looks_at_the_record_rate_while_the_robot_walks(self, go1: Robot) -> None:
+    def test_it_records_at_the_record_rate_while_the_robot_walks(self, go1: Robot) -> None:
         watched = []
         trial, body, loop = trial_of(
             go1, lambda loop, body: watched.append((loop, body)), record_rate_hz=40.0

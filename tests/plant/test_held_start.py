@@ -1,4 +1,4 @@
-"""A robot that cannot stand still is held up, steps in place, is let go, and is caught at the end."""
+"""A robot that cannot stand still is held up, steps in place, is released, and is held again at the end."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def limp(command: JointCommand) -> JointCommand:
     return command._replace(kp=0.0 * command.kp, kd=0.0 * command.kd)
 
 
-def test_it_does_not_sink_until_it_is_let_go(held: Robot, go1: Robot) -> None:
+def test_it_does_not_sink_until_it_is_released(held: Robot, go1: Robot) -> None:
     config = DeployConfig(in_place_s=0.6)
     walked_s = {
         robot.description.held_start: run_episode(

@@ -1,4 +1,4 @@
-"""Faults that are put into a run: what becomes of frames and readings, and of nothing else."""
+"""Faults injected into a run change their frames and readings and nothing else."""
 
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -169,7 +169,7 @@ class TestReadings:
 
 
 class TestLooseImu:
-    """What an IMU reads that turns about an axis of the body's."""
+    """Readings of an IMU that turns about an axis of the body."""
 
     SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
 

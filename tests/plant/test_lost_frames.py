@@ -14,7 +14,7 @@ TICKS, TICK_US = 500, 2000
 
 
 def replies(robot: Robot, sample: Sample) -> tuple[int, int]:
-    """Frames of motors, and of the IMU, that arrive while 500 commands go out to motors that are enabled."""
+    """Frames of the motors and the IMU that arrive while 500 commands are sent to enabled motors."""
     wiring = wiring_of(robot)
     wires, driver = SimulatedWires(wiring.buses), open_driver(wiring)
     body = SimulatedRobot(robot, wiring, wires, PlantConfig(sample=sample))

@@ -60,7 +60,7 @@ def test_another_makers_quadruped_gets_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "suffix"), [(BIPED_MJCF, "xml"), (quadruped(), "urdf")])
-def test_one_that_tips_or_hardly_folds_gets_none(tmp_path: Path, text: str, suffix: str) -> None:
+def test_a_robot_that_tips_or_hardly_folds_gets_none(tmp_path: Path, text: str, suffix: str) -> None:
     robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
     assert robot.lying_pose is None
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()

@@ -141,7 +141,7 @@ class TestMotors:
         assert stand.end.replied[-1][2] == [0, 0, 0]
 
     @pytest.mark.parametrize("latches", [False, True])
-    def test_so_does_a_latched_timeout(self, latches: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_latched_timeout_keeps_it_off_too(self, latches: bool, monkeypatch: pytest.MonkeyPatch) -> None:
         """None gets a frame for 20 ms and more."""
         monkeypatch.setattr(End, "time_out_latches", latches)
         stand = Stand()
@@ -198,7 +198,7 @@ class TestMotors:
         assert stand.end.next is not None
         np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
 
-    def test_they_close_their_loops_on_encoders_that_err(self) -> None:
+    def test_they_control_on_encoders_with_errors(self) -> None:
         bias = np.array([0.01, -0.02, 0.03])
         stand = Stand(encoder_bias=bias)
         stand.on()
@@ -209,7 +209,7 @@ class TestMotors:
         np.testing.assert_allclose(stand.motors.encoder_bias, [0.01, -0.02 + 0.2, 0.03])
         np.testing.assert_allclose(bias, [0.01, -0.02, 0.03])
 
-    def test_one_that_is_switched_on_again_goes_on_one_that_was_off_is_limp(self) -> None:
+    def test_a_motor_enabled_again_continues_a_disabled_one_is_limp(self) -> None:
         stand = Stand()
         stand.on()
         stand.ask(0, slice(None), None, VALUES)
@@ -221,7 +221,7 @@ class TestMotors:
         assert found[1] == 0.0
 
     def test_a_motor_without_commands_disables_itself_and_reports_it_until_enabled(self) -> None:
-        """After 20 steps, looked at every fifth."""
+        """After 20 steps, checked every fifth."""
         stand = Stand()
         stand.on()
         stand.ask(0, slice(None), None, VALUES)
@@ -238,7 +238,7 @@ class TestMotors:
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
 
-    def test_one_that_went_off_stays_marked_when_another_follows(self) -> None:
+    def test_a_disabled_motor_stays_marked_when_another_follows(self) -> None:
         stand = Stand()
         stand.on()
         for step in range(1, 46):

@@ -1,4 +1,4 @@
-"""How far a robot came, and how fast."""
+"""Distance and mean velocity of a walk."""
 
 import numpy as np
 import pytest

@@ -54,14 +54,14 @@ STILL_TICKS = 20  # that the robot is held before its motors are commanded
 
 @dataclass(frozen=True)
 class MoreNoise(Noise):
-    """A reading of one's own."""
+    """An additional reading."""
 
     joint_torque: float = reading(kinds.JOINTS, "joint_torque")
 
 
 @dataclass(frozen=True)
 class More(Randomisation):
-    """Biases and delays of one's own."""
+    """Additional biases and delays."""
 
     velocity_bias: Distribution | None = quantity(kinds.JOINTS, OFFSET, bias_of="joint_velocity")
     second_gyro_bias: Distribution | None = quantity(kinds.ROTATION, OFFSET, bias_of="gyro")
@@ -128,7 +128,7 @@ def nominal(declared: None, go1: Robot, tmp_path_factory: pytest.TempPathFactory
 
 
 def observer_of(robot: Robot, noise: Noise) -> Observer:
-    """What training observes a robot with: the observation is all readings."""
+    """Training's observer of a robot; the observation consists of all readings."""
     config = replace(
         CONFIG, noise=noise, observation=tuple(ObservationConfig(name) for name in READINGS if name in TERMS)
     )
@@ -136,7 +136,7 @@ def observer_of(robot: Robot, noise: Noise) -> Observer:
 
 
 def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u: float) -> np.ndarray:
-    """The readings, end to end, that the actor sees of true ones, (physics steps, size)."""
+    """The readings that the actor sees for true ones, concatenated, (physics steps, size)."""
     observer = observer_of(robot, noise)
     state = SimpleNamespace(
         sample=sample, actions=jnp.zeros((3, N)), command=jnp.zeros(3), phase=jnp.zeros(1)
@@ -149,7 +149,7 @@ def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u:
 
 
 def true_readings(robot: Robot) -> np.ndarray:
-    """Those of a robot that stands still, end to end."""
+    """Readings of a robot that stands still, concatenated."""
     still = {name: np.zeros(declared.kind.size(Parts(N))) for name, declared in READINGS.items()}
     upright = {"gravity": np.array([0.0, 0.0, -1.0]), "joint_position": robot.default_pose}
     return as_vector({**still, **upright})
@@ -268,7 +268,7 @@ class Past:
 
 class TestSensors:
     @pytest.mark.parametrize(("delay_s", "steps"), [(0.0, 0), (0.002, 2), (0.0026, 3)])
-    def test_they_show_the_moment_that_the_delay_has_passed_since(self, delay_s: float, steps: int) -> None:
+    def test_they_show_the_state_of_a_delay_ago(self, delay_s: float, steps: int) -> None:
         past = Past(observation_delay_s=delay_s)
         for now in range(12):
             past.step(now)

@@ -1,4 +1,4 @@
-"""The simulated robot in a process of its own follows the wall clock as long as the machine can."""
+"""The simulated robot in a process of its own follows the wall clock as far as the machine permits."""
 
 import threading
 import time

@@ -16,7 +16,7 @@ PLACE = st.floats(-1.3, 1.3)
 
 
 def ground(slope: float, bumps_m: float = 0.0) -> Ground:
-    """A piece of 2 m that rises along x."""
+    """A tile of 2 m that rises along x."""
     along = np.linspace(-1.0, 1.0, 41)
     heights = slope * np.tile(along[:, None], (1, 41))
     bumps = np.random.default_rng(0).uniform(-bumps_m, bumps_m, heights.shape)

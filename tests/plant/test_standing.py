@@ -1,4 +1,4 @@
-"""How a robot stood, from a trace that is made up."""
+"""Figures of standing, from an invented trace."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -88,7 +88,7 @@ def test_a_run_that_ended_early_has_figures_too(monkeypatch: pytest.MonkeyPatch,
     assert (found.torque_share.tolist(), found.feet_down.tolist()) == ([0.0] * 12, [0.0] * 4)
 
 
-def test_it_is_held_by_the_robots_own_gains(go1: Robot) -> None:
+def test_it_stands_with_the_robots_own_gains(go1: Robot) -> None:
     policy = HoldDefaultPose(go1)
     command = policy.act(None)  # type: ignore[arg-type]
     for part, expected in zip(command, (go1.default_pose, 0.0, go1.kp, go1.kd, 0.0), strict=True):

@@ -51,7 +51,7 @@ class TestTime:
         assert wires.receive(Side.ROBOT, 1135)[0].id.tolist() == [1]
 
 
-def test_motors_on_a_jammed_bus_give_up_rather_than_queue_for_ever() -> None:
+def test_motors_on_a_jammed_bus_drop_frames_instead_of_queueing_forever() -> None:
     """They hold frames for 20 ms."""
     wires = SimulatedWires(("a",))
     for _ in range(100):
@@ -74,7 +74,7 @@ def test_a_bus_counts_sent_and_received_frames() -> None:
 
 
 def test_layouts_that_never_repeat_are_counted_and_do_not_fill_the_memory() -> None:
-    """As of a protocol that carries values in its identifiers."""
+    """As with a protocol that carries values in its identifiers."""
     wires = SimulatedWires(("can0", "can1"))
     with grown() as kilobytes:
         for number in range(2000):
@@ -105,7 +105,7 @@ def named(*identifiers: int, length: int = 8) -> Frames:
 
 
 def arrivals(wires: SimulatedWires, side: Side) -> list[tuple[int, float]]:
-    """Identifiers and times of all that is on its way to a side, in the order in which it arrives."""
+    """Identifiers and times of all frames on the way to a side, in order of arrival."""
     found = []
     for now_us in range(0, 20_000, 5):
         for batch in wires.receive(side, now_us):
@@ -148,7 +148,7 @@ class TestArbitration:
 
 
 def by_hand(sent: list[tuple[float, int, int, int]]) -> dict[int, float]:
-    """When each identifier arrives: whenever the wire is idle, the lowest that is offered goes."""
+    """Arrival time of each identifier: whenever the wire is idle, the lowest waiting identifier is sent."""
     host = [frame for frame in sent if frame[1] == Side.HOST]
     robot = [frame for frame in sent if frame[1] == Side.ROBOT]
     arrives, now = {}, 0.0

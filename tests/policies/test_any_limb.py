@@ -42,7 +42,7 @@ def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -
 
 
 def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:
-    """Where a policy wants the feet; everything that it commands is a number."""
+    """Commanded positions of the feet; all commanded values are finite."""
     command = policy.act(inputs)
     assert all(values.shape == robot.default_pose.shape for values in command)
     assert np.all(np.isfinite(np.array(command)))

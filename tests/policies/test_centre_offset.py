@@ -18,7 +18,7 @@ BODY = WholeBodyControl(G1, SETTINGS.whole_body, 0.002).body
 
 
 def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
-    """Dynamics of a robot at rest, and torques with which the ground presses at this place (2,)."""
+    """Dynamics of a robot at rest, and torques for a centre of pressure (2,)."""
     dynamics = standing(BODY, G1)
     force = 0.5 * BODY.weight_n
     (ahead, left), middle = pressed_at, dynamics.middle
@@ -28,7 +28,7 @@ def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
     return dynamics, dynamics.bias[6:] - to_joints @ wrenches
 
 
-def test_it_is_over_the_place_at_which_the_ground_presses() -> None:
+def test_it_is_above_the_centre_of_pressure() -> None:
     place = standing(BODY, G1).centre[:2] + np.array([0.02, -0.01])
     dynamics, torque = at_rest(place)
     found = CentreOffset(BODY.weight_n, 3.9, 500.0)
@@ -37,7 +37,7 @@ def test_it_is_over_the_place_at_which_the_ground_presses() -> None:
     np.testing.assert_allclose(found.value, (0.02, -0.01), atol=1e-6)
 
 
-def test_a_body_that_gathers_speed_is_not_at_rest_over_its_feet() -> None:
+def test_an_accelerating_body_is_not_at_rest_above_its_feet() -> None:
     """A push forward by the feet: the pressure lies behind the centre."""
     dynamics, torque = at_rest(standing(BODY, G1).centre[:2] - np.array([0.02, 0.0]))
     found, rate = CentreOffset(BODY.weight_n, 3.9, 500.0), 3.9**2 * 0.02 / 500.0

@@ -113,7 +113,7 @@ def test_nonsense_is_refused(contract: Contract, field: str, value: object, want
                 ("kd", (0.5,) * 12),
             )
         ),
-        # Values per joint say nothing new where the joints differ, nor does the digest where any field does.
+        # Values per joint are not compared if the joints differ, nor is the digest if any field differs.
         (
             {"robot": "g1", "joints": tuple("abcdefghijkl"), "kp": (1.0,) * 12, "kd": (1.0,) * 12},
             ["robot", "joints"],

@@ -28,7 +28,7 @@ def mine(tmp_path: Path) -> Path:
 class TestOverrides:
     @pytest.mark.parametrize("key", ["stance.kd", "gait.period_s", "period_s", "attitude"])
     def test_one_setting_differs_and_no_other(self, go1: Robot, key: str) -> None:
-        """The last two leave out sections that no other setting of that name has."""
+        """The last two keys omit sections because the setting's name is unique."""
         value = [3.0, 2.0, 1.0] if key == "attitude" else 0.46
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{key}={value}", go1)
         assert isinstance(changed, MpcConfig)

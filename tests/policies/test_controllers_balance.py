@@ -38,13 +38,13 @@ def policy() -> Balance:
 
 
 def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
-    """A level robot whose joints are off their default pose by unlike angles."""
+    """A level robot whose joints differ from their default pose by different angles."""
     joint = G1.default_pose + crouch * np.linspace(0.01, 0.2, N)
     return policy_input(G1, time_s, base_height=0.7, joint=joint, **more)
 
 
 def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
-    """Arguments of whole-body control: dynamics, position, velocity, wanted, most force."""
+    """Arguments of whole-body control: dynamics, position, velocity, desired accelerations, largest force."""
     result: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
     policy.act(inputs)
@@ -81,7 +81,7 @@ class TestCentre:
 
 
 class TestAct:
-    def test_at_rest_it_wants_only_balance(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_at_rest_it_only_balances(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         _, position, _, asked, _ = wanted(policy, monkeypatch, seen())
         assert isinstance(asked, Wanted)
         np.testing.assert_array_equal(position, G1.default_pose)
@@ -107,7 +107,7 @@ class TestAct:
         assert np.abs(dynamics.angular_momentum).min() > 0.01
 
     def test_from_its_reset_it_goes_to_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """After a fifth of the time it wants a fifth of the way, in its joints and in its height."""
+        """After a fifth of the time the targets have moved by a fifth, in joints and height."""
         policy = Balance(G1, CONFIG)
         crouched = seen(0.0, crouch=1.0)
         policy.reset(crouched)

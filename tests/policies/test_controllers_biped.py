@@ -98,7 +98,7 @@ class TestStep:
         assert forward == pytest.approx(0.2, abs=0.06)
         assert yaw_rate == pytest.approx(0.3, abs=0.08)
 
-    def test_a_shove_is_stepped_after_and_then_it_stands(self) -> None:
+    def test_a_shove_causes_steps_and_then_it_stands(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         shove = (0.8, np.array([-0.37, 0.15, 0.0]))
         result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
@@ -107,7 +107,7 @@ class TestStep:
         assert policy.footwork.phase is Phase.STAND
         assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
 
-    def test_a_harder_shove_is_stepped_after_before_the_weight_has_shifted(self) -> None:
+    def test_a_harder_shove_causes_a_step_before_the_weight_has_shifted(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         lifted: list[float] = []
 
@@ -129,10 +129,10 @@ class TestStep:
 
     @pytest.mark.parametrize("ahead", [1.5, 2.0])  # at 1.5 the feet are on both sides of it as one lifts
     def test_a_swing_is_the_same_across_the_heading_of_pi(self, ahead: float) -> None:
-        """A turn over half a circle is the same turn a quarter of a circle earlier.
+        """A turn across pi gives the same commands as a quarter of a circle earlier.
 
-        A quarter, since the friction pyramids are square. The joints stand still, toes outwards, the body is
-        turned by hand.
+        A quarter, because the friction pyramids are square. The joints stand still, toes outwards; the test
+        turns the body.
         """
         over_half_a_circle, earlier = self.turned(np.pi - ahead), self.turned(np.pi / 2 - ahead)
         np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)

@@ -68,7 +68,7 @@ class Planned(NamedTuple):
 
 class TestStanding:
     @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
-    def test_turned_to_the_left_since_it_pushes_back_to_the_right(self, begun: float, now: float) -> None:
+    def test_turned_to_the_left_it_pushes_back_to_the_right(self, begun: float, now: float) -> None:
         """Also across the heading where angles jump from pi to -pi."""
         policy = Mpc(ROBOT)
         policy.reset(standing(begun))
@@ -91,7 +91,7 @@ def base(**changes: object) -> Base:
 
 class TestSwingBegins:
     @pytest.mark.parametrize("yaw", [0.0, 1.1])
-    def test_its_foot_aims_for_its_place_under_a_body_that_hardly_moves(self, yaw: float) -> None:
+    def test_its_foot_aims_for_its_position_under_a_body_that_hardly_moves(self, yaw: float) -> None:
         policy = Mpc(ROBOT)
         policy.reset(standing(yaw))
         for tick in range(2):
@@ -128,7 +128,7 @@ class TestSwingBegins:
 
 
 class TestTicks:
-    """What a tick of `act` hands on."""
+    """Result of a tick of `act`."""
 
     def test_a_tilted_robot_moves_along_the_ground_and_turns_about_the_vertical(self) -> None:
         """Feet that stand pass under it at -(v + w x r), v level and w upright in the world."""
@@ -171,7 +171,7 @@ class TestTicks:
 
 
 class TestPlan:
-    """What a plan is made from."""
+    """Inputs of a plan."""
 
     @pytest.fixture
     def policy(self) -> Mpc:
@@ -191,7 +191,7 @@ class TestPlan:
         return plans
 
     def test_it_counts_all_feet_as_on_the_ground(self, policy: Mpc, planned: list[Planned]) -> None:
-        """However high the leg kinematics of a tilted or badly estimated base see them."""
+        """At any height that the leg kinematics of a tilted or badly estimated base give."""
         low = standing()._replace(base_height=HEIGHT - 0.07)
         policy.reset(low)
         policy.act(low)
@@ -282,7 +282,7 @@ class TestLegs:
         np.testing.assert_allclose(LEGS.gather(command.position)[~TROT], LEGS.default_angles[~TROT])
 
     def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
-        """Against MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
+        """Compared with MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
         model = load_spec(ROBOT.xml_path).compile()
         data = mujoco.MjData(model)
         data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]

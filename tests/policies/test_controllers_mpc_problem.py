@@ -25,7 +25,7 @@ PLACES = np.array([[0.19, -0.13, -0.25], [0.19, 0.13, -0.25], [-0.19, -0.13, -0.
 
 
 class Situation(NamedTuple):
-    """What a plan is made from."""
+    """Inputs of a plan."""
 
     state: BodyState
     reference: BodyState
@@ -109,7 +109,7 @@ class TestProblem:
             assert condensed(plan) - condensed(plans[0]) == pytest.approx(expected, rel=1e-6)
 
     def test_a_large_cost_of_changes_keeps_the_previous_forces(self) -> None:
-        """Of feet that stand all the time; they cannot do otherwise than before."""
+        """Forces of feet that stand all the time do not change."""
         problems = ForceProblems(BODY, HORIZON, replace(WEIGHTS, force_change=1e6), CONTACT)
         situation = random_situation(3, standing=True)
         before = np.array([[3.0, -5.0, 60.0], [0.0, 0.0, 10.0], [1.0, 2.0, 30.0], [-8.0, 2.0, 40.0]])

@@ -44,7 +44,7 @@ class TestMoments:
         assert planned(-0.5).pressure(0).real == pytest.approx(-0.085, abs=1e-6)
 
     def test_friction_bounds_the_moment_about_the_vertical(self) -> None:
-        """The body shall turn back by 0.1 rad."""
+        """The body must turn back by 0.1 rad."""
         firm, slippery = planned(0.0), planned(0.0, friction=0.01)
         most = 0.01 * LEVERS[0, 2] * slippery.force[0, 2]
         assert -slippery.moment[0, 2] == pytest.approx(most)

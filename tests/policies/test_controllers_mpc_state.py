@@ -30,7 +30,7 @@ def in_plane(vector: np.ndarray) -> complex:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_footholds_are_bledts_sum_in_three_dimensions(seed: int) -> None:
+def test_footholds_follow_bledts_formula_in_three_dimensions(seed: int) -> None:
     rng = np.random.default_rng(seed)
     place, base, velocity, wanted = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
     yaw, rate, left_s, stance_s, height = 2.3, -1.7, 0.11, 0.23, 0.31
@@ -50,7 +50,7 @@ def test_footholds_are_bledts_sum_in_three_dimensions(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_contact_points_by_walking_through_the_plan(seed: int) -> None:
+def test_contact_points_follow_the_plan_step_by_step(seed: int) -> None:
     rng = np.random.default_rng(seed)
     steps, legs = 9, 4
     contacts = rng.random((steps, legs)) < 0.6

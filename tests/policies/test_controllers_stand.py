@@ -17,7 +17,7 @@ CONFIG = StandConfig(
 )
 
 
-def test_it_goes_from_where_it_was_reset_to_a_level_default_pose() -> None:
+def test_it_moves_from_its_initial_pose_to_a_level_default_pose() -> None:
     policy = Stand(ROBOT, CONFIG)
     begun = observed(Rotation.identity(), time_s=0.0)
     policy.reset(begun)
@@ -41,7 +41,7 @@ def test_it_goes_from_where_it_was_reset_to_a_level_default_pose() -> None:
     assert stance.tolist() == [1.0] * 4
 
 
-def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them() -> None:
+def test_tilted_its_feet_lie_on_a_plane_turned_by_its_share() -> None:
     policy = Stand(ROBOT, CONFIG)
     seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
     policy.reset(seen)
@@ -53,8 +53,8 @@ def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them() -> Non
     assert np.abs(rise).max() > 0.012
 
 
-def test_feet_stand_out_forward_and_below_as_asked() -> None:
-    """A leg in the middle plane does not stand out; the feet's own places are left as they are."""
+def test_feet_stand_outward_forward_and_below_as_configured() -> None:
+    """A leg in the middle plane does not move outward; the feet's own positions stay unchanged."""
     places = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
     legs = SimpleNamespace(default_foot=places.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
     feet = nominal_feet(legs, height_m=0.3, outward_m=0.04, shift_m=0.05)  # type: ignore[arg-type]
@@ -73,7 +73,7 @@ def test_the_measured_tilt_is_roll_and_pitch_at_any_heading(roll: float, pitch: 
     np.testing.assert_allclose(tilt_correction(seen, 0.0, 1.0, 0.2), [0.2, -0.2])
 
 
-def test_feet_of_a_turned_plane_move_along_z_as_its_points_do() -> None:
+def test_feet_of_a_rotated_plane_move_along_z_as_its_points_do() -> None:
     roll, pitch = 2e-4, -3e-4
     feet = np.random.default_rng(12).uniform(-0.3, 0.3, (4, 3))
     flat = feet * [1.0, 1.0, 0.0]

@@ -98,7 +98,10 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
 
 
 def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
-    """Arguments passed to the whole-body controller: dynamics, position, velocity, wanted, most force."""
+    """Arguments passed to the whole-body controller.
+
+    Dynamics, position, velocity, desired accelerations, largest force.
+    """
     result: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
@@ -223,7 +226,10 @@ class TestShift:
 
     @pytest.mark.parametrize("bears", [LEFT, RIGHT])
     def test_it_ends_where_a_steady_step_would_begin_in_the_air(self, footwork: Footwork, bears: int) -> None:
-        """Sideways as far from the bearing foot as grows to the landing's in 0.5 s; ahead not at all."""
+        """Sideways at the distance from the bearing foot that grows to that of landing in 0.5 s.
+
+        Ahead at 0.
+        """
         footwork.stance_foot, footwork.swing_foot = bears, 1 - bears
         footwork.command.value = VELOCITY
         dynamics = moment(feet=((0.03, 0.12), (-0.03, -0.12)))
@@ -249,7 +255,7 @@ class TestShift:
     def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
         self, footwork: Footwork, bears: int, short: float, ahead: float, elapsed_s: float, lifts: bool
     ) -> None:
-        """How much the capture point is short of the bearing foot's side, and how far it is ahead."""
+        """Distance of the capture point from the bearing foot's side, and how far it is ahead."""
         footwork.phase, footwork.stance_foot, footwork.swing_foot = Phase.SHIFT, bears, 1 - bears
         footwork.elapsed_s = elapsed_s
         capture = np.zeros(3)

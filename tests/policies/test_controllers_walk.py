@@ -95,9 +95,9 @@ class TestGaits:
         assert most < 0.12
 
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
-        """At 2 s a cycle the body would tip onto the foot in the air if it did not sway over the others.
+        """At 2 s a cycle the body would tip onto the foot in the air without sway.
 
-        Backwards, where the others are passed in the worse order.
+        Backwards, which is the harder order of the feet.
         """
         config = controller_settings(ROBOT, "walk", WalkConfig)
         policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))

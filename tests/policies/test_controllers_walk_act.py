@@ -36,7 +36,7 @@ def make() -> Walk:
 def seen(
     time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), roll: float = 0.0, yaw: float = 0.0, **more: Any
 ) -> PolicyInput:
-    """Turned about one axis, legs in the default pose and motors without torque unless said otherwise."""
+    """Turned about one axis; legs in the default pose and motors without torque unless given otherwise."""
     turn = Rotation.from_rotvec([roll, 0.0, yaw])
     return policy_input(ROBOT, time_s, command, turn=turn, base_height=0.28, **more)
 
@@ -53,7 +53,7 @@ def walking(policy: Walk, command: tuple[float, float, float] = FORWARD, seconds
     return np.array([feet_of(policy.act(seen(start + k * dt_s, command)).position) for k in range(ticks)])
 
 
-def test_it_goes_to_its_stance_before_it_follows_a_command() -> None:
+def test_it_moves_to_its_stance_before_it_follows_a_command() -> None:
     """On a straight line of joint angles; then the first steps begin."""
     policy, bent = make(), ROBOT.default_pose + 0.002 * np.arange(12)
     policy.reset(seen(joint=bent))
@@ -87,7 +87,7 @@ def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[
         np.testing.assert_allclose(velocity, expected, atol=6e-3)
 
 
-def test_the_body_comes_to_another_height_at_its_own_rate() -> None:
+def test_the_body_reaches_another_height_at_its_own_rate() -> None:
     """2 cm at 0.1 m/s."""
     policy = make()
     before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
@@ -111,7 +111,7 @@ def test_a_stopped_walk_returns_its_feet_to_their_places() -> None:
 
 
 def test_with_a_sway_the_weight_is_shifted_first_and_back_last() -> None:
-    """Feet go to one side together before one of them lifts off, and all come home at the end."""
+    """Feet move to one side together before one of them lifts off, and return at the end."""
     policy = Walk(ROBOT, "walk")
     before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
     after = walking(policy, (0.3, 0.0, 0.0), seconds=0.1)[-1] - before
@@ -134,7 +134,7 @@ class TestHeading:
     @pytest.fixture
     def heading(self) -> Heading:
         heading = Heading(self.CONFIG)
-        assert heading.correction(1.0, 0.0) == 0.0  # it keeps to where it heads when it sets off
+        assert heading.correction(1.0, 0.0) == 0.0  # it holds the heading that it has when it starts
         return heading
 
     @pytest.mark.parametrize(("turned", "back"), [(0.1, -0.2), (-0.05, 0.1), (0.5, -0.4), (-3.0, 0.4)])
@@ -154,7 +154,7 @@ class TestHeading:
         assert turns[-1] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
 
     def test_a_standing_robot_forgets_its_heading(self) -> None:
-        """Turned by half a circle meanwhile, it sets off like one that keeps to no heading at all."""
+        """Turned by half a circle meanwhile, it starts like a robot that holds no heading."""
         both = Walk(ROBOT, "trot", replace(CONFIG, heading=self.CONFIG)), make()
         positions = []
         for policy in both:
@@ -194,7 +194,7 @@ class TestGround:
         expected = -np.minimum(0.03 * time_s, 0.01)
         np.testing.assert_allclose(down, np.tile(expected, (4, 1)).T, atol=1e-6)
 
-    def test_a_foot_has_not_landed_as_long_as_it_may_still_drag_behind(self) -> None:
+    def test_a_foot_that_may_still_drag_has_not_landed(self) -> None:
         """It carries a share all the time, and counts as landed in the second half of its swing."""
         up = self.heights(self.bearing(), FORWARD, 1.0)
         np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)

@@ -61,7 +61,10 @@ def lift_feet(cycle: FootCycle, *feet: int) -> None:
 
 class TestRolling:
     def test_the_body_goes_faster_than_the_tips_of_spheres_that_roll(self) -> None:
-        """Links turn while their tips go with the ground: points under them go farther by r times that."""
+        """Links rotate while their tips move with the ground.
+
+        The points under them move farther by r times the angle.
+        """
         robot = load_robot("go1")
         legs, pose = robot.legs, robot.default_pose
         tips, step = legs.default_foot, 1e-4
@@ -214,7 +217,7 @@ class TestCycle:
 
 
 class TestWalk:
-    """The controller about these parts, with values in its own figures."""
+    """The controller that uses these parts, with distinct settings."""
 
     @pytest.fixture
     def walk(self) -> SimpleNamespace:
@@ -248,7 +251,7 @@ class TestWalk:
 
 
 class TestLimits:
-    """What a steady walk of the hexapod asks of its joints, against one that is sampled finely."""
+    """Joint speeds of a steady walk of the hexapod, compared with a finely sampled one."""
 
     ROBOT = load_robot("hexapod")
     TIMING = GaitTiming(1.0, 0.65)
@@ -262,7 +265,7 @@ class TestLimits:
         return SteadyWalk(footing, self.TIMING, offsets, np.array(velocity), 0.03, self.SWAY, below)
 
     def angles(self, walk: SteadyWalk, samples: int) -> tuple[np.ndarray, float]:
-        """Of all joints in the course of each foot's swing, and how far a tip is from its place at most."""
+        """All joint angles during each foot's swing, and the largest distance of a tip from its position."""
         legs, progress = self.ROBOT.legs, np.linspace(0.0, 1.0, samples)
         feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, progress)
         for k, s in enumerate(progress):

@@ -139,7 +139,7 @@ def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -
 
 @pytest.mark.parametrize("period_s", [1.3, 2.0])
 def test_a_swaying_walk_has_its_margin_at_any_period(go1: Robot, period_s: float) -> None:
-    """The body has to move less the faster a gait is; the weight goes as far to the side in each."""
+    """A faster gait needs less sway; the weight shifts equally far in all of them."""
     config = controller_settings(go1, "walk", WalkConfig)
     gait, limits = replace(config.gait, period_s=period_s), replace(config.limits, margin_m=0.02)
     walk = Walk(go1, "walk", replace(config, gait=gait, limits=limits))
@@ -172,7 +172,7 @@ SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short ste
 def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(name: str, changes: list[tuple]) -> None:
     """Gait, period, duty, step's height and length, body's height and command, at any moment.
 
-    A target may wait for a joint whose rate is at its limit, but not for long. Feet stay within a step's
+    A target may wait briefly for a joint whose rate is at its limit. Feet stay within a step's
     length of their places: the longest step that there was.
     """
     robot = load_robot(name)

@@ -20,7 +20,7 @@ NOTHING = np.zeros(18)
 
 
 def readings(pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, heavier: float) -> Sensed:
-    """Of a robot whose motors move the legs, and push against the ground with forces (6, 3)."""
+    """Readings of a robot whose motors move the legs and push against the ground with forces (6, 3)."""
     inertial = heavier * BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None]
     outside = LEGS.holding_torque(POSE, UP) + LEGS.torque(JACOBIAN, pushed) + inertial[:, :, 0]
     torque = LEGS.scatter(outside, NOTHING) - friction_torque(velocity, ROBOT.motor)
@@ -34,7 +34,7 @@ def felt(
     heavier: float = 1.0,
     doubt: float = 0.0,
 ) -> np.ndarray:
-    """Shares (6,) after 0.2 s in a force, from rest. The legs' pose is taken to be the same meanwhile."""
+    """Shares (6,) after 0.2 s in a force, from rest; the legs' pose is constant."""
     ground = GroundForce(ROBOT, BODY, FILTER_S, doubt)
     ground.reset(readings(np.zeros((6, 3)), rate, NOTHING, heavier))
     for tick in range(1, 51):
@@ -66,7 +66,7 @@ def test_gearbox_friction_is_not_mistaken_for_ground() -> None:
 
 
 def test_accelerated_legs_feel_the_ground_only_where_they_touch() -> None:
-    """Such a throw takes three shares of force at the foot."""
+    """Such an acceleration takes three shares of force at the foot."""
     np.testing.assert_allclose(felt(feet(), acceleration=LOWERING), 0.0, atol=0.05)
     shares = felt(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
     np.testing.assert_allclose(shares, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)

@@ -96,7 +96,7 @@ class TestSway:
 
     @pytest.mark.parametrize("cycles", [1 / 16, 1.0])
     def test_a_long_tick_does_not_overshoot_the_sway(self, cycles: float) -> None:
-        """And is then where the plan's sine is at any time of the clock."""
+        """Afterwards it equals the plan's sine at any time of the clock."""
         sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
         sway.approach(goal, cycles)
         assert sway.misses(goal) == pytest.approx(0.0, abs=1e-12)

@@ -48,7 +48,7 @@ def test_no_foot_touches_for_a_part_of_each_cycle(gait: str, share: float) -> No
     assert (np.abs(trace.motor_torque) <= ROBOT.motor.peak_torque * 1.001).all()
 
 
-def test_a_pronk_sideways_stays_upright_since_it_counts_with_the_legs_that_turn_the_base() -> None:
+def test_a_sideways_pronk_stays_upright_by_compensating_the_legs_momentum() -> None:
     """All legs swing to the same side while no foot holds the base: it turns the other way."""
     config = controller_settings(ROBOT, "pronk", MpcConfig)
 

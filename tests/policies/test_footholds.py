@@ -1,4 +1,4 @@
-"""Planned footholds against the places where feet land."""
+"""Planned footholds against the positions where feet land."""
 
 import numpy as np
 import pytest

@@ -121,12 +121,12 @@ class TestFeetInTheMiddle:
         monkeypatch.setattr(gaits, "_file", lambda: {5: {"hop": hop, "limp": limp}})
 
     def test_they_have_phases_of_their_own_from_front_to_back(self, go1: Robot) -> None:
-        """A millimetre beside the plane is a side."""
+        """A foot a millimetre beside the plane belongs to a side."""
         found = find_gait("hop", standing_at(go1, self.PLACES))
         assert found.duty == 0.6
         np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
 
-    def test_as_many_as_the_gait_has(self, go1: Robot) -> None:
+    def test_a_gait_for_another_number_of_feet_is_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="gait 'limp' has 2 feet on the left, robot 'go1' has 1"):
             find_gait("limp", standing_at(go1, self.PLACES))
         beside = self.PLACES | {"m": (0.2, -0.1)}
@@ -135,7 +135,7 @@ class TestFeetInTheMiddle:
 
 
 def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None:
-    """As they stand in the file: the first is what a new robot begins with."""
+    """In the order of the file: a new robot begins with the first."""
     assert gaits_of(go1) == list(FOUR)
     assert gaits_of(standing_at(go1, HEXAPOD)) == ["tripod", "ripple", "wave"]
     tail = {"a": (0.2, 0.1), "b": (0.2, -0.1), "c": (-0.1, 0.1), "d": (-0.1, -0.1), "e": (-0.3, 0.0)}
@@ -158,7 +158,7 @@ def test_a_foot_both_stands_and_swings(duty: float) -> None:
 
 @pytest.mark.parametrize("side", ["left", "right", "middle"])
 @pytest.mark.parametrize("place", [-0.1, 1.1])
-def test_a_place_in_the_cycle_is_within_it(side: str, place: float) -> None:
+def test_a_phase_is_from_0_to_1(side: str, place: float) -> None:
     with pytest.raises(ValueError, match=f"{side} must be from 0 to 1"):
         GaitEntry(0.5, **{side: (0.2, place)})
 

@@ -89,7 +89,7 @@ def test_mirrored_ground_reads_as_the_mirror_image(seeing: Contract) -> None:
         {"width_m": 1.0},
     ],
 )
-def test_a_scan_that_makes_no_sense_is_refused_by_name(seeing: Contract, wrong: dict[str, object]) -> None:
+def test_an_invalid_scan_setting_is_refused_by_name(seeing: Contract, wrong: dict[str, object]) -> None:
     term = Term("height_scan", settings=SETTINGS | wrong)
     with pytest.raises(UserError, match="height_scan|" + next(iter(wrong))):
         term_size(term, seeing)

@@ -89,7 +89,7 @@ def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> Non
 
 
 def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
-    """These walk 0.094 m/s at most, by the generator's own check."""
+    """The given steps allow 0.094 m/s at most, by the generator's own check."""
     policy = load_policy(f"tripod@{ROBOT.folder / 'fast.yaml'}", ROBOT)
     trace = run_episode(ROBOT, policy, AHEAD(lambda _: np.array([0.25, 0.0, 0.0]), 2.4))
     assert not trace.fell

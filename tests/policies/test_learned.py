@@ -193,7 +193,7 @@ class TestFile:
     def test_a_network_of_other_sizes_than_its_contracts_is_refused(
         self, tmp_path: Path, contract: Contract, go1: Robot, inputs: list, outputs: list, complaint: str
     ) -> None:
-        """Sizes are given by how much larger they are than 110 (6 + 3 + 3 + 36 + 36 + 24 + 2), or 12."""
+        """Sizes are given relative to 110 (6 + 3 + 3 + 36 + 36 + 24 + 2) or 12."""
         size = observation_size(contract)
         inputs = [(name, size + more) for name, more in inputs]
         path = write_graph(

@@ -15,7 +15,7 @@ AT_S = 0.9
 
 
 class Changes:
-    """Walks, and asks for other steps at a time."""
+    """Walks, and requests other steps at a given time."""
 
     stopped: Stop | None = None
 

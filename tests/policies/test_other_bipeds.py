@@ -25,7 +25,7 @@ from footfall.robots.description import Robot, load_robot
 
 
 class Case(NamedTuple):
-    """A biped, and what follows from its hinges."""
+    """A biped, and figures that follow from its hinges."""
 
     legs: tuple[Leg, Leg]
     mirror: tuple[float, ...]  # sign of each joint of a leg: rolls and yaws turn the other way
@@ -101,7 +101,7 @@ def test_six_hinges_walk_over_the_bus_with_the_settings_of_g1(robots: dict[str, 
 
 
 def assert_falls_safely(robot: Robot, policy: Policy) -> None:
-    """It acts without success, and the supervisor ends the run: damped, then off."""
+    """The robot falls and the supervisor ends the run: damped, then disabled."""
     trace, motors_on = run(robot, policy, (0.2, 0.0, 0.0), 3.0)
     assert trace.final_state == "FALLING"
     assert trace.fell
@@ -115,7 +115,7 @@ def assert_falls_safely(robot: Robot, policy: Policy) -> None:
 def run(
     robot: Robot, policy: Policy, command: tuple[float, float, float], duration_s: float
 ) -> tuple[Trace, np.ndarray]:
-    """An episode on the simulated bus, and which motors are on after it."""
+    """An episode on the simulated bus, and the motors that are enabled after it."""
     bodies: list[SimulatedRobot] = []
 
     def watch(_: ControlLoop, body: SimulatedRobot) -> None:

@@ -81,7 +81,7 @@ class TestControllers:
         with pytest.raises(UserError, match=complaint):
             controllers_of(load_robot(own_folder))
 
-    def test_one_gait_stands_for_all_in_comparisons(self, go1: Robot) -> None:
+    def test_comparisons_use_one_gait_of_each_robot(self, go1: Robot) -> None:
         assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
         assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod", "mpc"]
 
@@ -105,7 +105,7 @@ class TestOwn:
         for name in ("mine", "typo", "needy"):
             sys.modules.pop(name, None)
 
-    def test_it_walks_where_any_policy_does(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_it_works_wherever_a_policy_does(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
         policy = load_policy("mine:Sway", go1)
         assert isinstance(policy, Policy)
         assert policy.name == "sway"

@@ -161,7 +161,7 @@ class TestMpc:
         assert grip.friction(STEEP) >= STEEP + contact.slipping_friction
 
     def test_whole_body_control_feels_the_same_gravity(self) -> None:
-        """Where nothing presses, the body's weight is all along the gravity that leans."""
+        """Where no foot presses, the body accelerates along the tilted gravity."""
         policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
         policy.slope = Slope(CONFIG)
         felt = []

@@ -71,7 +71,7 @@ def some_motion(robot: Robot, seed: int) -> Motion:
 
 
 def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, np.ndarray]:
-    """MuJoCo in the same state, without contacts, limits and friction, and its places of our velocities."""
+    """MuJoCo in the same state without contacts, limits and friction; the indices of our velocities."""
     model = load_spec(robot.xml_path).compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
@@ -123,7 +123,7 @@ class TestDynamics:
 
     @pytest.mark.parametrize("name", ROBOTS)
     def test_points_accelerate_by_jacobian_and_drift(self, name: str) -> None:
-        """Against differences of where the same points of the links are, in the world."""
+        """Compared with differences of the positions of the same points of the links, in the world."""
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
         dynamics = BODIES[name].update(motion)
         model, data, order = moved(robot, motion)
@@ -240,7 +240,7 @@ class TestStanding:
 
 class TestMoving:
     def test_a_foot_in_the_air_accelerates_as_wanted_and_standing_points_come_to_rest(self) -> None:
-        """Of a robot in motion, where the drifts count, and stiffly weighted."""
+        """For a robot in motion, where the drift terms matter, with large weights."""
         body = BODIES["g1"]
         rng = np.random.default_rng(8)
         spin = Motion(
@@ -307,7 +307,7 @@ class TestLimits:
 
 
 def contradicting(solver: BoundedSolver) -> BoundedSolver:
-    """Asks the solver for torques and forces that are at once above and below their limits."""
+    """Gives the solver contradictory limits of torques and forces."""
     solve = solver.solve
     solver.solve = lambda problem: solve(problem._replace(lower=problem.upper + 1.0))  # type: ignore
     return solver
@@ -329,7 +329,7 @@ SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
 
 
 class TestJoints:
-    """The command besides the torques: gains, references, friction."""
+    """Parts of the command other than torques: gains, references, friction."""
 
     def control(self, **joints: float) -> WholeBodyControl:
         return WholeBodyControl(G1, replace(CONFIG, joints=replace(CONFIG.joints, **joints)), dt_s=0.004)
@@ -355,7 +355,7 @@ class TestJoints:
         np.testing.assert_allclose(control._velocity, velocity)
         np.testing.assert_allclose(control._position, 0.25 + keep * (0.05 + 0.24 * 0.004) + 0.004 * velocity)
 
-    def test_a_share_of_the_friction_at_the_wanted_speed_is_made_up_for(self) -> None:
+    def test_a_share_of_the_friction_at_the_desired_speed_is_compensated(self) -> None:
         """Dry friction is developed in proportion below its speed and whole above; damping is viscous."""
         motor, control = G1.motor, self.control(friction_compensation=0.6)
         for times, developed in ((0.5, 0.5), (-0.5, -0.5), (4.0, 1.0), (-4.0, -1.0)):
@@ -369,7 +369,7 @@ class TestTicksWithoutSolution:
     dynamics = standing(BODIES["g1"], G1)
 
     def command(self, control: WholeBodyControl) -> JointCommand:
-        """Of a robot that stands still and shall accelerate forward, so that toes and heels differ."""
+        """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""
         wanted = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
         return control.command(self.dynamics, G1.default_pose, np.zeros(12), wanted, np.full(8, 300.0))
 

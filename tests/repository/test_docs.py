@@ -196,14 +196,14 @@ def test_every_field_of_a_robot_is_explained(file: str) -> None:
     assert set(fields(content)) - explained == set()
 
 
-def test_the_readmes_table_is_of_the_comparison_beside_it() -> None:
+def test_the_readmes_table_shows_the_comparison_beside_it() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
     assert make_table.insert(readme, make_table.table(results)) == readme
 
 
 def test_errors_of_fallen_robots_are_in_no_table() -> None:
-    """A robot that lies on the ground errs little: the trot's velocity error when pushed is the smallest."""
+    """A fallen robot has small errors: the pushed trot would have the smallest velocity error."""
     results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
     rows = make_table.table(results).splitlines()
     assert any(row.startswith("| Nominal: velocity error") for row in rows)
@@ -228,6 +228,6 @@ def test_results_from_several_files_make_one_comparison(tmp_path: Path) -> None:
 
 
 def test_command_lines_are_found() -> None:
-    """On the README: the three that it begins with, and others."""
+    """On the README: its first three commands, and others."""
     verbs = [words[0] for words in commands(ROOT / "README.md")]
     assert {"train", "deploy", "compare", "doctor", "watch"} <= set(verbs)

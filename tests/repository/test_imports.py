@@ -1,4 +1,4 @@
-"""Permitted imports between modules, and the weight of the acting wing."""
+"""Permitted imports between modules, and the import time of the acting wing."""
 
 import ast
 import subprocess
@@ -25,7 +25,7 @@ LEARNING_ONLY = (
     "onnx",
     "tensorboard",
 )
-DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not on a robot's small computer
+DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not installed on a robot's computer
 
 # Each package, and those that it may import; itself always. footfall's own files may import all.
 ALLOWED = {
@@ -155,7 +155,7 @@ def test_acting_source_names_no_learning_library(package: str) -> None:
 
 
 def importable(*packages: str) -> list[str]:
-    """Names of the modules of packages, but for those that run when they are imported."""
+    """Names of the modules of packages, except those that run when they are imported."""
     names = [name for package in packages for name, _ in modules(package)]
     return [name for name in names if not name.endswith("__main__") and not belongs_to(name, OTHER_WORLDS)]
 

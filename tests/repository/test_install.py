@@ -1,4 +1,4 @@
-"""What an installation puts into a user's environment: one import name, which works beside anything there."""
+"""An installation adds one import name, which works beside any other modules."""
 
 import json
 import re
@@ -22,7 +22,7 @@ USERS_OWN = ("train", "envs", "deploy", "evaluate", "robots", "policies", "commo
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a clone has of the package."""
+    """The package's files in a clone."""
     folder = tmp_path_factory.mktemp("sources")
     for name in ("src", *ROOMS):
         shutil.copytree(
@@ -60,7 +60,7 @@ def wheel(built: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def user(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironment:
-    """Has files and packages of the names of our folders; each fails where it is imported."""
+    """An environment with files and packages named like our folders; importing one of them fails."""
     environment = FreshEnvironment(tmp_path_factory.mktemp("user"), wheel, "gym")
     for name in USERS_OWN:
         (environment.folder / f"{name}.py").write_text(f"raise SystemExit('the own {name}.py')\n")
@@ -72,7 +72,7 @@ def user(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironm
 
 @pytest.fixture(scope="module")
 def robots_computer(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironment:
-    """Has nothing but what footfall always needs."""
+    """An environment with only the required packages."""
     return FreshEnvironment(tmp_path_factory.mktemp("robot"), wheel)
 
 
@@ -103,7 +103,7 @@ def test_the_wheel_is_alike_from_clone_and_sdist(built: Path, wheel: Path, tmp_p
 
 
 def test_an_editable_install_is_one_folder_on_the_search_path(sources: Path, tmp_path: Path) -> None:
-    """Which type checkers and editors read as well, and in which nothing but footfall can be imported."""
+    """Type checkers and editors read it too, and only footfall can be imported from it."""
     build_editable = (
         "import sys; from setuptools.build_meta import build_editable; build_editable(sys.argv[1])"
     )

@@ -42,5 +42,5 @@ def test_no_code_names_a_robot_that_ships_or_one_of_its_joints(room: str) -> Non
     assert found == []
 
 
-def test_the_robot_that_is_meant_where_none_is_named_ships() -> None:
+def test_the_default_robot_ships() -> None:
     assert DEFAULT_ROBOT in available_robots()

@@ -76,7 +76,7 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
     "BUILD_IMAGES" not in os.environ, reason="BUILD_IMAGES=1 builds images with Docker: minutes"
 )
 def test_the_compose_file_builds_and_its_robot_walks() -> None:
-    """Ends with the controller, whose status is that of the run."""
+    """It ends with the controller; the exit status is the run's."""
     command = ["docker", "compose", "--file", str(COMPOSE)]
     up = [*command, "up", "--build", "--exit-code-from", "controller", "robot", "controller"]
     try:

@@ -1,4 +1,4 @@
-"""The built site in a browser: it asks no other server for anything; the fault table sorts and filters."""
+"""The built site in a browser: no request to another server; the fault table sorts and filters."""
 
 import json
 from collections.abc import Iterator

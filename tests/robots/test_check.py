@@ -138,12 +138,12 @@ class TestCommand:
         assert falls in wrong(tmp_path / "two", capsys, "3")
 
     def test_motors_at_limit(self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
-        """Knees with little more torque than the weight asks for."""
+        """Knees with little more torque than the weight requires."""
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 3.4")
         assert re.search(r"joint \w+_knee needs \d+ % of its peak torque", wrong(folder, capsys, "2"))
 
     def test_gains_too_high(self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
-        """Of a reflected inertia of 0.3 kg m^2 at 5 Hz: kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
+        """For a reflected inertia of 0.3 kg m^2 at 5 Hz: kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
         changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
         folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")
         assert "joint FL_roll: kd is 18.8, above the" in wrong(folder, capsys)

@@ -11,7 +11,7 @@ SLANTING = (0.8, 0.36, 0.48)  # a first hinge neither across the parallel ones n
 
 
 def limb(default_knee: float = -1.1, first: tuple[float, ...] = SLANTING) -> Limb:
-    """Links that are bent at zero, and each of which goes sideways, too: no two figures alike."""
+    """Links that are bent at zero and have sideways offsets; all figures differ."""
     return Limb(
         anchor=np.array([[0.2, 0.1, 0.05], [0.25, 0.16, 0.03], [0.27, 0.18, -0.17]]),
         axis=np.array([first, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]),
@@ -23,7 +23,7 @@ def limb(default_knee: float = -1.1, first: tuple[float, ...] = SLANTING) -> Lim
 
 
 def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
-    """Where the tip is: each hinge, the last one first, turns all that comes after it."""
+    """Position of the tip: each hinge, the last one first, rotates everything after it."""
     place = chain.tip
     for anchor, axis, angle in zip(chain.anchor[::-1], chain.axis[::-1], angles[::-1], strict=True):
         place = anchor + Rotation.from_rotvec(angle * axis).apply(place - anchor)
@@ -33,7 +33,7 @@ def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("first", [SLANTING, (-0.8, 0.36, -0.48), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 @pytest.mark.parametrize("knee", [-1.1, 0.5, 0.9])
 @pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (-0.1, 0.3, -0.2), (0.25, -0.4, 0.3)])
-def test_a_place_gives_its_angles(first: tuple[float, ...], knee: float, moved: tuple[float, ...]) -> None:
+def test_a_position_gives_its_angles(first: tuple[float, ...], knee: float, moved: tuple[float, ...]) -> None:
     chain = limb(knee, first)
     form = closed_form(chain, tip_at(chain, chain.default))
     assert form is not None
@@ -54,7 +54,7 @@ def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee
         np.testing.assert_allclose(found, chain.default, atol=1e-9)
 
 
-def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> None:
+def test_out_of_reach_it_stretches_towards_the_position_within_the_limits() -> None:
     chain = limb(first=(1.0, 0.0, 0.0))
     form = closed_form(chain, tip_at(chain, chain.default))
     assert form is not None
@@ -65,7 +65,8 @@ def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> No
     assert arm @ aim / np.linalg.norm(arm) / np.linalg.norm(aim) > 0.99
     longest = np.hypot(0.02, 0.2) + np.hypot(0.05, 0.19)
     assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
-    # A knee that would have to bend further than it can: the foot is on the line to the place, too far out.
+    # A knee that would have to bend further than it can: the foot is on the line to the position, too far
+    # out.
     place = tip_at(chain, np.array([0.1, 0.4, -2.0]))
     stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(place.tolist())
     assert stiff[2] == pytest.approx(-1.5)

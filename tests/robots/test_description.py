@@ -147,7 +147,7 @@ def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
 
 
 def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot) -> None:
-    """An action asks for a share of what the motor may give, 0.3 * 23.7 N m, whatever it stalls at."""
+    """An action requests a share of the peak torque, 0.3 * 23.7 N m, for any stall torque."""
     edit(own_folder, "robot.yaml", "stall_torque_nm: 23.7", "stall_torque_nm: 40")
     robot = load_robot(own_folder)
     np.testing.assert_array_equal(robot.motor.peak_torque, np.tile([23.7, 23.7, 35.55], 4))
@@ -156,7 +156,7 @@ def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot)
 
 
 def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path, go1: Robot) -> None:
-    """The knees' motors only; 20 Hz is a time constant of 8 ms. A motor that has any is another robot."""
+    """Only the knees' motors have them; 20 Hz is a time constant of 8 ms. Each effect changes the digest."""
     effects = (
         "torque_bandwidth_hz: 20, stribeck_friction_nm: 0.4, stribeck_speed_rad_s: 2, load_friction: 0.1, "
         "backlash_rad: 0.01, gear_stiffness_nm_rad: 400, voltage_driven: true, duty_resistance: 0.5"

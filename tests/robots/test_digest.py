@@ -54,7 +54,7 @@ NOT_COUNTED = (
     ("robot.yaml", "leftward_m_s: [-0.5", "leftward_m_s: [-0.6"),
     ("robot.xml", "<worldbody>", "<worldbody> <!-- here -->\n"),
     ("robot.xml", 'name="lens" rgba="0.10', 'name="lens" rgba="0.90'),
-    ("robot.xml", 'size="0.13 0.075 0.038"', 'size="0.10 0.100 0.100"'),  # seen, never touched
+    ("robot.xml", 'size="0.13 0.075 0.038"', 'size="0.10 0.100 0.100"'),  # visual, without collisions
     ("robot.xml", 'mass="5.204"', 'mass="5.2040"'),
     ("robot.xml", '<body name="FR_hip"', '<geom size="0.01" class="visual"/><body name="FR_hip"'),
 )
@@ -65,7 +65,7 @@ COUNTED = (
     ("robot.xml", 'mass="5.204"', 'mass="5.3"'),
     ("robot.xml", 'diaginertia="0.0716565', 'diaginertia="0.0716566'),
     ("robot.xml", 'quat="-0.003421 0.7', 'quat="-0.013421 0.7'),
-    ("robot.xml", "-0.01592 -0.06659", "-0.01592 0.06659"),  # the IMU's place
+    ("robot.xml", "-0.01592 -0.06659", "-0.01592 0.06659"),  # the IMU's position
     ("robot.xml", 'armature="0.00906"', 'armature="0.00907"'),
     ("robot.xml", 'frictionloss="1.0"', 'frictionloss="1.1"'),
     ("robot.xml", 'frictionloss="1.0"', 'frictionloss="1.0" damping="0.1"'),
@@ -121,7 +121,7 @@ def test_feet_count_even_if_they_touch_nothing_in_the_mjcf(own_folder: Path) -> 
 
 
 def test_the_last_bits_do_not_count(go1: Robot) -> None:
-    """Another machine may round them otherwise."""
+    """Another machine may round them differently."""
     model = load_spec(go1.xml_path).compile()
     model.body_mass[1:] *= 1 + 4e-16
     model.body_ipos[:] += 1e-17
@@ -132,7 +132,7 @@ def test_the_last_bits_do_not_count(go1: Robot) -> None:
     assert digest(go1.description, model) != go1.digest
 
 
-def test_a_tendon_counts_with_all_that_it_does(own_folder: Path) -> None:
+def test_all_properties_of_a_tendon_count(own_folder: Path) -> None:
     edit(own_folder, "robot.xml", "</mujoco>", TENDON + "</mujoco>")
     for old, new in (
         ('name="tie"', 'name="tie" stiffness="1"'),
@@ -163,7 +163,7 @@ def test_a_constraint_counts_with_its_data(own_folder: Path) -> None:
 
 
 def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
-    """Of two meshes the first is only seen. A smaller base lies on the ground in another pose."""
+    """The first of two meshes is only visual. A smaller base lies on the ground in another pose."""
     path = own_folder / "robot.yaml"
     path.write_text(re.sub(r"lying_rad: [-\d.]+, *", "", path.read_text()))
     meshes = """<mesh name="seen" vertex="0 0 0 0.1 0 0 0 0.1 0 0 0 0.1"/>
@@ -180,7 +180,7 @@ def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
     assert robot.digest != before
     model = load_spec(robot.xml_path).compile()
     start = {name: model.mesh(name).vertadr[0] for name in ("seen", "shell")}
-    model.mesh_vert[start["seen"]] += 0.01  # of the corners alone, not of what follows from them
+    model.mesh_vert[start["seen"]] += 0.01  # of the corners only, not of quantities derived from them
     assert digest(robot.description, model) == robot.digest
     model.mesh_vert[start["shell"] + model.mesh("shell").vertnum[0] - 1, 1] += 0.01
     assert digest(robot.description, model) != robot.digest
@@ -221,7 +221,7 @@ def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) 
 
 
 def test_the_digest_counts_the_parent_of_a_body(own_folder: Path) -> None:
-    """The second part of a tail, at the same place on the first one as it was on the tail."""
+    """The second part of a tail, at the same position on the first part as it was on the tail."""
     edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
     before = load_robot(own_folder).digest
     edit(

@@ -18,7 +18,7 @@ REAR_RIGHT = 2  # among go1's feet
 def without_a_name(
     robot: Robot, change: Callable[[mujoco.MjsGeom], None]
 ) -> tuple[mujoco.MjModel, tuple[np.ndarray, ...]]:
-    """The robot's model as others may have it, whose rear right foot has no name; and what its feet are."""
+    """The robot's model without the rear right foot's name, as other makers may write it, and its feet."""
     spec = load_spec(robot.xml_path)
     foot = spec.geom(robot.description.feet[REAR_RIGHT].geoms[0])
     foot.name = ""
@@ -27,7 +27,7 @@ def without_a_name(
     return model, find_feet(model, robot.description, robot.xml_path)
 
 
-def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_place(go1: Robot) -> None:
+def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_position(go1: Robot) -> None:
     spec = load_spec(go1.xml_path)
     name = go1.description.feet[2].geoms[0]
     theirs = spec.geom(name)
@@ -49,7 +49,7 @@ def test_a_foot_without_a_name_is_found_among_the_others(go1: Robot) -> None:
 
 
 def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
-    """A drawn cap at the very place where the foot should be; the foot itself is 1 cm off."""
+    """A visual cap at the expected position of the foot; the foot itself is 1 cm off."""
 
     def cap(foot: mujoco.MjsGeom) -> None:
         foot.parent.add_geom(type=SPHERE, size=[0.03, 0, 0], pos=foot.pos, contype=0, conaffinity=0)

@@ -93,7 +93,7 @@ def test_the_tree_is_the_robots_alone(copy: Path) -> None:
 
 @pytest.mark.parametrize(("apart_m", "meet"), [(0.004, False), (-0.004, True)])
 def test_touching_links_meet_near_ones_not(copy: Path, apart_m: float, meet: bool) -> None:
-    """A file may have contacts noted before they touch, by a margin."""
+    """A file may report contacts before they touch, by a margin."""
     xml = copy / "robot.xml"
     text = xml.read_text()
     for leg, wide in (("l", 0.11), ("r", 0.11 - apart_m)):

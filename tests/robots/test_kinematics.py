@@ -49,7 +49,7 @@ class TestForward:
 class TestInverse:
     @pytest.mark.parametrize("limit", [ROBOT.lower_rad + 0.01, ROBOT.upper_rad - 0.01])
     def test_knees_next_to_their_limits_are_found(self, limit: np.ndarray) -> None:
-        """Beyond the soft limits, which bind targets, not legs."""
+        """Beyond the soft limits, which limit targets, not legs."""
         wanted = LEGS.default_angles.copy()
         wanted[:, 2] = limit[LEGS.joints[:, 2]]
         foot = LEGS.pose(LEGS.scatter(wanted, ROBOT.default_pose)).foot
@@ -89,7 +89,7 @@ class TestLoad:
         np.testing.assert_allclose(legs.holding_torque(pose, felt), legs.gather(slope), atol=1e-5)
 
     def test_rotations_and_torques_are_of_the_given_pose_despite_caches(self) -> None:
-        """Whatever was computed in between, also by inverse kinematics through MuJoCo."""
+        """After any computation in between, also inverse kinematics through MuJoCo."""
         robot = load_robot("g1")
         legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
         pose = robot.default_pose + 0.1

@@ -10,7 +10,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
-JOINT_RAD = 0.1  # by which episodes begin away from the default pose
+JOINT_RAD = 0.1  # initial distance of episodes from the default pose
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
 DECLARED = {
     "go1": {("FR", "FL"), ("RR", "RL")},
@@ -92,7 +92,7 @@ def test_the_plant_keeps_its_true_shapes(go1: Robot) -> None:
     assert frozenset({"FR_foot", "FL_foot"}) in met
 
 
-def test_pairs_that_are_all_by_which_legs_collide_stay_on_the_plant(own_folder: Path) -> None:
+def test_pairs_stay_on_the_plant_if_legs_collide_only_through_them(own_folder: Path) -> None:
     """A robot whose shanks and feet touch through pairs alone."""
     xml = own_folder / "robot.xml"
     text = xml.read_text().replace('size="0.012"', 'size="0.012" contype="0" conaffinity="0"')
@@ -104,7 +104,7 @@ def test_pairs_that_are_all_by_which_legs_collide_stay_on_the_plant(own_folder: 
 
 @pytest.mark.parametrize("name", ["go1", "hexapod"])
 def test_a_capsule_ends_within_its_foot(name: str) -> None:
-    """So the ground is met by the foot first, at any angle of the leg."""
+    """So the foot touches the ground first, at any angle of the leg."""
     model = load_spec(load_robot(name).xml_path).compile()
     for geom in {int(g) for pair in (model.pair_geom1, model.pair_geom2) for g in pair}:
         foot = model.geom(model.geom(geom).name.replace("shank", "foot"))

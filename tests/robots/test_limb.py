@@ -1,4 +1,4 @@
-"""Limbs of any kind: inverse against forward kinematics, limits, places out of reach."""
+"""Limbs of any kind: inverse against forward kinematics, limits, positions out of reach."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ class TestBothForms:
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @settings(max_examples=25)
     @given(data=st.data())
-    def test_the_same_leg_is_solved_alike(self, name: str, data: st.DataObject) -> None:
+    def test_the_same_leg_has_the_same_solution(self, name: str, data: st.DataObject) -> None:
         robot = load_robot(name)
         joint = near_default(robot, data.draw(fractions(robot)), share=0.25)
         tips = robot.legs.pose(joint).foot
@@ -68,7 +68,7 @@ class TestAnyLimb:
     def test_inverse_kinematics_inverts_forward_kinematics(
         self, robots: dict[str, Robot], kind: str, data: st.DataObject
     ) -> None:
-        """Another pose may come back where hinges are more than needed; the place is the same."""
+        """Redundant hinges may give another pose for the same position."""
         robot = robots[kind]
         legs = robot.legs
         joint = near_default(robot, data.draw(fractions(robot)), 0.25 if kind == "go1" else 0.5)
@@ -79,7 +79,7 @@ class TestAnyLimb:
 
     @settings(max_examples=25)
     @given(data=st.data())
-    def test_any_place_gives_finite_angles_within_the_limits(
+    def test_any_position_gives_finite_angles_within_the_limits(
         self, robots: dict[str, Robot], kind: str, data: st.DataObject
     ) -> None:
         robot = robots[kind]
@@ -97,7 +97,9 @@ class TestAnyLimb:
         assert np.all(np.isnan(angles[-1][own]))
         np.testing.assert_allclose(angles[:-1], legs.default_angles[:-1], atol=1e-6)
 
-    def test_some_limbs_alone_are_solved_as_among_all(self, robots: dict[str, Robot], kind: str) -> None:
+    def test_a_limbs_solution_does_not_depend_on_other_limbs(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
         legs = robots[kind].legs
         rng = np.random.default_rng(1)
         foot = legs.default_foot + rng.uniform(-0.03, 0.03, (legs.count, 3))
@@ -202,7 +204,7 @@ def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path
     np.testing.assert_allclose(moved[1, :, 0], [0.1, 0.0, 0.3], atol=1e-3)
 
 
-def test_a_limb_is_solved_alike_with_and_without_other_limbs(tmp_path: Path) -> None:
+def test_a_limb_has_the_same_solution_with_and_without_other_limbs(tmp_path: Path) -> None:
     """A limb's solution does not depend on which others the robot has."""
     alone: list[Leg] = [four_hinge_leg("e", -0.02, 0.14)]
     one = write_robot(tmp_path / "one", alone).legs

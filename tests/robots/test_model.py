@@ -57,7 +57,7 @@ def test_training_model_has_the_plants_body(go1: Robot, lean: mujoco.MjModel) ->
         np.testing.assert_allclose(getattr(lean, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
 
 
-def test_bodies_keep_the_inertia_that_left_out_geoms_give_them(own_folder: Path) -> None:
+def test_bodies_keep_the_inertia_of_omitted_geoms(own_folder: Path) -> None:
     xml = own_folder / "robot.xml"
     text = re.sub(r"<inertial [^>]*/>", "", xml.read_text())
     xml.write_text(
@@ -261,7 +261,7 @@ def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp
         ('<geom type="box" size="1 1 1" pos="9 0 0"/>', 1),
     ],
 )
-def test_a_floor_is_added_where_none_is(go1: Robot, tmp_path: Path, ground: str, planes: int) -> None:
+def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path, ground: str, planes: int) -> None:
     hill = '<hfield name="hill" nrow="2" ncol="2" size="5 5 1 1" elevation="0 0 1 1"/>'
     changes = ("<asset>", f"<asset>{hill}"), ("<worldbody>", f"<worldbody>{ground}")
     plant = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes))

@@ -7,8 +7,8 @@ import pytest
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
-DEEP_M = 0.01  # shapes may overlap this far before the simpler shapes of training touch
-NEAR_M = 0.006  # shapes may be this far apart when the simpler ones touch
+DEEP_M = 0.01  # allowed overlap before training's simpler shapes touch
+NEAR_M = 0.006  # allowed distance when training's simpler shapes touch
 
 
 @pytest.mark.parametrize("name", ["go1", "g1"])

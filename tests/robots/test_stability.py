@@ -1,4 +1,4 @@
-"""Simulations become unstable at the bound on stiffness and damping."""
+"""Simulations become unstable beyond the bound on stiffness and damping."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def energy_grows(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> bool:
 
 
 def mobility_of(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
-    """How joints answer torques while the base is free, by MuJoCo's forward dynamics, (n, n)."""
+    """Joint accelerations per torque with a free base, by MuJoCo's forward dynamics, (n, n)."""
     model.opt.gravity[:], model.dof_frictionloss[:], model.dof_damping[:] = 0.0, 0.0, 0.0
     dofs, columns = joint_addresses(model, robot)[1], []
     for dof in dofs:

@@ -67,7 +67,7 @@ def test_partners_and_signs_of_go1(go1: Robot) -> None:
     assert set(np.abs(found.joints.sign)) == {1.0}
 
 
-def test_a_trunk_that_its_file_starts_turned_is_as_symmetric(own_folder: Path, go1: Robot) -> None:
+def test_a_trunk_with_an_initial_rotation_is_still_symmetric(own_folder: Path, go1: Robot) -> None:
     xml = own_folder / "robot.xml"
     xml.write_text(
         xml.read_text().replace('"trunk" pos="0 0 0.445"', '"trunk" pos="1 2 0.4" euler="0.1 0.2 1.3"')
@@ -129,7 +129,7 @@ def test_a_part_without_a_mirror_image_is_named(own_folder: Path, old: str, new:
 
 
 def test_a_default_pose_that_differs_left_and_right_is_refused(own_folder: Path) -> None:
-    """By two milliradians, which move no joint by the tolerance on places."""
+    """By two milliradians, which is within the tolerance on positions."""
     declaration = own_folder / "robot.yaml"
     text = declaration.read_text()
     declaration.write_text(

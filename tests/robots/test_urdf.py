@@ -34,7 +34,7 @@ def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
 
 
 def as_read(text: str) -> mujoco.MjModel:
-    """A URDF as MuJoCo reads it, each link kept, its base free."""
+    """A URDF read by MuJoCo, with all links kept and a free base."""
     spec = mujoco.MjSpec.from_string(text)
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False

@@ -121,7 +121,7 @@ class TestBehindTheBus:
         return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
 
     def held(self, motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:
-        """Torque of enabled motors at rest that are commanded a torque for a time; what they give at last."""
+        """Final torque of enabled motors at rest after a constant commanded torque."""
         motors.enabled[:] = True
         motors._note_enabled()
         motors._watchdog.late = lambda *_: None  # type: ignore[method-assign]

@@ -41,7 +41,7 @@ def chromium() -> str | None:
 
 
 class Tab:
-    """One page. Remembers what the page complained about."""
+    """One page, with the errors that it reported."""
 
     def __init__(self, connection: Any) -> None:
         self._connection, self._numbers = connection, itertools.count(1)
@@ -65,7 +65,7 @@ class Tab:
         self.ask("Page.navigate", url=address)
 
     def value(self, expression: str) -> Any:
-        """What a JavaScript expression comes to."""
+        """Value of a JavaScript expression."""
         return self.ask("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
 
     @property

@@ -52,7 +52,7 @@ class Sway(Hold):
 
 
 class FailingPolicy(Hold):
-    """Holds the pose until a time, then does something else to its command, or worse."""
+    """Holds the pose until a time, then changes its command, or fails."""
 
     name = "failing"
 

@@ -112,7 +112,7 @@ def walk(
         command: commanded velocity (3,) over time.
         estimator: gives base velocity and height; the truth where None.
         push: a time and a change of the base's velocity (world frame) at that time.
-        frame: called at each tick, to look at the plant.
+        frame: called at each tick with the plant.
     """
     result = Walk()
     every = round(JOINT_RATE_HZ / policy.rate_hz)

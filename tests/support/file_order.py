@@ -1,6 +1,6 @@
 """Which files' tests run in one worker, and which begin first."""
 
-# Files that share what is slow to compile stay in one worker: the program of a training, and operations on
+# Files that compile the same programs stay in one worker: the program of a training, and operations on
 # arrays of the same sizes.
 TRAININGS = (
     "train/test_cluster.py",

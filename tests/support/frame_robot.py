@@ -65,7 +65,7 @@ class FrameRobot:
         return [BusStatistics("can0", 7)]
 
     def kinds(self) -> list[int]:
-        """What the last batch asked of each motor."""
+        """Kind of the last request to each motor."""
         kind = self.sent[-1][1].kind
         return [Request.COMMAND] * 12 if kind is None else kind.tolist()
 
@@ -79,7 +79,7 @@ def imu_frames(wiring: Wiring, reading: imu.Inertial, counter: int) -> Frames:
 
 
 class Ticks:
-    """A clock that hands out given times."""
+    """A clock that returns given times."""
 
     realtime = False
 

@@ -1,4 +1,4 @@
-"""A fresh environment with a built wheel in it, and of everything else only what the wheel declares.
+"""A fresh environment with a built wheel and only the packages that the wheel declares.
 
 The packages are linked to from the environment that the tests run in: nothing is downloaded.
 """
@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 
 
 class FreshEnvironment:
-    """A virtual environment, and the folder that its commands are typed in."""
+    """A virtual environment, and the working folder of its commands."""
 
     def __init__(self, folder: Path, wheel: Path, *extras: str) -> None:
         self.folder = folder / "work"
@@ -36,7 +36,7 @@ class FreshEnvironment:
         return done
 
     def try_to_run(self, command: list, **variables: str) -> subprocess.CompletedProcess[str]:
-        """Run a command, whatever comes of it. The tests' own search path is left out."""
+        """Run a command, also if it fails. The tests' own search path is left out."""
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         return subprocess.run(
             command, cwd=self.folder, env=environment | variables, capture_output=True, text=True, check=False
@@ -55,7 +55,7 @@ class FreshEnvironment:
 
 
 def _needed(package: Distribution, extras: Iterable[str]) -> list[Distribution]:
-    """What a package needs with some of its extras, directly or not, itself left out."""
+    """Direct and indirect requirements of a package with some of its extras."""
     found: dict[str, Distribution] = {}
     waiting = [(package, extra) for extra in ("", *extras)]
     seen = set()

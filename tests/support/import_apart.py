@@ -25,7 +25,7 @@ print(json.dumps([time.process_time() - began, sorted(sys.modules)]))
 
 
 def import_apart(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[float, list[str]]:
-    """Import modules in a fresh interpreter, some packages out of reach.
+    """Import modules in a fresh interpreter in which some packages cannot be imported.
 
     Returns:
         CPU seconds that it took, and the names of all modules that are loaded then.

@@ -20,7 +20,7 @@ FAULTS = {kind.name: kind.inject for kind in KINDS}
 
 
 class Injected:
-    """A simulated robot, its bus, the policy that acts on it, and what injects faults into them."""
+    """A simulated robot, its bus, its policy, and the fault injector."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Control loops for tests, put together as a session does it."""
+"""Control loops for tests, built as by a session."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -56,7 +56,7 @@ def loop_on(
     taken_over: Callable[[], bool] = lambda: False,
     safety: SafetyConfig | None = None,
     get_up: Any = None,
-    still_s: float = 0.0,  # it stands up as soon as all are heard
+    still_s: float = 0.0,  # it stands up as soon as all have replied
     **settings: Any,
 ) -> ControlLoop:
     """A loop on a bus, by default in lockstep at 500 Hz."""

@@ -1,4 +1,4 @@
-"""Invented robots, for tests that must hold on any: other lengths, axes and numbers of hinges."""
+"""Invented robots with other lengths, axes and numbers of hinges, for tests that must hold for any robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -118,7 +118,7 @@ ROLL, PITCH, YAW = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def quadruped_leg(name: str, x: float, y: float, scale: float = 1.0) -> Leg:
-    """Abduction, hip, knee: of a kind that has a closed form."""
+    """Abduction, hip and knee: a leg with a closed form."""
     out = 0.06 if y > 0 else -0.06
     return Leg(
         name,

@@ -1,4 +1,4 @@
-"""How much memory Python's objects take more than before."""
+"""Growth of the memory of Python's objects."""
 
 import tracemalloc
 from collections.abc import Callable, Iterator

@@ -13,7 +13,7 @@ import pytest
 
 @contextmanager
 def alone_on_multicast() -> Iterator[None]:
-    """No other test's robot is on these buses meanwhile, whichever process on this machine runs it."""
+    """Context in which no other test of this machine has a robot on these buses."""
     with (Path(tempfile.gettempdir()) / "footfall-multicast.lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
@@ -21,7 +21,7 @@ def alone_on_multicast() -> Iterator[None]:
 
 @contextmanager
 def robot_on_multicast(*options: str) -> Iterator[None]:
-    """The robot is there; the test is skipped where there is no multicast."""
+    """Context with the robot on the buses; skips the test without multicast."""
     command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast", *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with alone_on_multicast(), subprocess.Popen(command, **pipes, text=True) as server:  # type: ignore[call-overload]

@@ -1,4 +1,4 @@
-"""Files gone wrong, from a seed."""
+"""Damaged files, drawn from a seed."""
 
 import io
 from typing import Any
@@ -17,7 +17,7 @@ NASTY: tuple[Any, ...] = (
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
-    """Some bytes with up to a dozen places changed, cut out, repeated, swapped or torn off."""
+    """Bytes with up to a dozen positions changed, cut out, repeated, swapped or truncated."""
     data = bytearray(content)
     for _ in range(int(rng.integers(1, 13))):
         if not data:
@@ -81,7 +81,7 @@ def mutated_yaml(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def with_a_change(data: Any, rng: np.random.Generator) -> Any:
-    """Plain data with one value changed, as deep as chance leads."""
+    """Plain data with one random value changed, at any depth."""
     deeper = isinstance(data, dict | list) and len(data) > 0 and rng.integers(8) > 0
     if not deeper:
         return NASTY[int(rng.integers(len(NASTY)))]

@@ -1,10 +1,10 @@
-"""A stand-in that takes note of its calls."""
+"""A stand-in that records its calls."""
 
 from typing import Any
 
 
 class Notes:
-    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
+    """Records each call; the returned object records, too, under the call's name and first word."""
 
     def __init__(self, log: list[Any], name: str = "") -> None:
         self.__dict__ |= {"_log": log, "_name": name}

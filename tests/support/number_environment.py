@@ -20,7 +20,7 @@ PERIOD_S = 0.02
 
 
 class NumberEnvironment:
-    """Shows the same in each step. The first few episodes fall in each step, the next few time out."""
+    """The observation is constant. In each step the first few episodes fall and the next few time out."""
 
     period_s = PERIOD_S
     observation_sizes, action_size = SIZES, ACTIONS

@@ -1,4 +1,4 @@
-"""A page's server that only remembers its controls and drawings, by their labels and names."""
+"""A fake server of a page that stores its controls and drawings by label and name."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +27,7 @@ class PageControls:
         self.charts: dict[str, Control] = {}
         self.visitors: dict[int, str] = {}
         self.gui = self
-        self.connected: list[Any] = []  # what a visitor's coming calls
+        self.connected: list[Any] = []  # called when a visitor connects
         self.disconnected: list[Any] = []
         self.on_client_connect, self.on_client_disconnect = self.connected.append, self.disconnected.append
 

@@ -1,4 +1,4 @@
-"""A loop by the wall clock that neither minds a busy machine nor takes long to stand up and lie down."""
+"""Settings of a real-time loop that tolerate a busy machine and shorten standing up and lying down."""
 
 import json
 from dataclasses import replace

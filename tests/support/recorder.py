@@ -1,4 +1,4 @@
-"""Stands in for the functions that a verb calls, and keeps what they were handed."""
+"""Replaces the functions that a verb calls, and records their arguments."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Readings made up for the sensor checks, and what each check measures of them."""
+"""Invented readings for the sensor checks, and the value that each check measures."""
 
 from collections.abc import Callable
 from typing import Any
@@ -50,7 +50,7 @@ class JointReadings:
         target: float = 0.0,
         sent: np.ndarray | None = None,
     ) -> bool:
-        """Add one reading; returns whether a window is over, which the checks have seen then."""
+        """Add one reading; returns whether a window has ended and was passed to the checks."""
         heard = np.full(self.n, now_us) if heard_us is None else heard_us
         if not self.windows.add(now_us, 0, heard, STILL, joints, self.zeros + expected, sent=sent):
             return False
@@ -71,10 +71,10 @@ def measured(
     stiffness: float = 0.0,
     target: Callable[[float], float] = lambda _: 0.0,
 ) -> np.ndarray:
-    """What a check measures in the end of a robot of which joint 0 moves, (n,).
+    """Final value of a check for a robot whose joint 0 moves, (n,).
 
-    `torque` gives what that joint reports and what is expected, N m. A sample whose number is `lost` leaves
-    the reading, and the time at which it arrived, as they were.
+    `torque` gives the reported and the expected torque of that joint, N m. A sample whose number is in
+    `lost` changes neither the reading nor its time of arrival.
     """
     result, heard_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
     joints = np.zeros((3, result.n))
@@ -106,7 +106,7 @@ class BodyWindows:
         on_legs: bool = True,
         position: np.ndarray | None = None,
     ) -> float:
-        """What the check measures after one more window of 40 ms."""
+        """Value of the check after one more window of 40 ms."""
         place = self._position if position is None else position
         readings = BodyReadings(0.04, self.before, list(inertials), place, np.zeros(12), speed_rad_s)
         self.before = inertials[-1]

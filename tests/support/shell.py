@@ -28,7 +28,7 @@ class Shell:
         return CommandResult(status, *self._capsys.readouterr())
 
     def refuses(self, *tokens: str | Path) -> str:
-        """The complaint of a command that must be refused: one line, status 2, nothing else."""
+        """The error line of a command that must be refused with status 2 and no other output."""
         outcome = self(*tokens)
         assert outcome.status == 2, outcome
         assert outcome.err.startswith("footfall: ")

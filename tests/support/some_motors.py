@@ -1,4 +1,4 @@
-"""Motors of any maker: on a whole robot, two on a bus each, and the frames that they exchange."""
+"""Motors of any maker: on a whole robot, and two on separate buses, with their frames."""
 
 from dataclasses import replace
 from typing import Any

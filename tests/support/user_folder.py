@@ -13,7 +13,7 @@ OWN_MODULES = ("train.py", "envs/__init__.py", "deploy/__init__.py", "policies/_
 
 
 class UserFolder:
-    """Runs what a user types there, in processes of their own."""
+    """Runs a user's commands there in separate processes."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""A run that walks, as a command source sees it, and waiting for what other threads do."""
+"""Status of a walking run for command sources, and functions that wait for other threads."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Grounds: the same height by our functions, by JAX and by MuJoCo; shapes, files, refusals."""
+"""Grounds: equal heights in NumPy, JAX and MuJoCo; shapes, files, refusals."""
 
 from pathlib import Path
 
@@ -79,7 +79,7 @@ def test_slopes_are_the_change_of_height() -> None:
 
 @pytest.mark.parametrize("name", ["stairs", "blocks", "gaps", "rough"])
 def test_an_edge_lies_between_two_levels(name: str) -> None:
-    """Just on either side of it the heights are those levels; without one, no other level is near."""
+    """On either side of an edge the heights are those levels; elsewhere no other level is near."""
     ground = load_ground(name, seed=3)
     positions = np.random.default_rng(1).uniform(-4.5, 4.5, (400, 2))
     edge = edge_at(ground, positions)

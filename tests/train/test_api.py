@@ -54,7 +54,7 @@ def test_default_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def finished(run: Run) -> bool:
-    """Whether resuming a run reports that nothing is left to do."""
+    """Whether resuming a run reports that it is finished."""
     text = io.StringIO()
     run = own(run)
     api.resume(run.folder, Display(1, Console(file=text, width=400)))

@@ -68,7 +68,7 @@ def test_a_checkpoint_makes_room_for_itself_but_keeps_one(disk: Path) -> None:
     assert [p.name for p in sorted(disk.iterdir())] == ["00000004.ckpt", "filler"]
 
 
-# Kills its own process at each line of a checkpoint's saving in turn, and amid the file's content.
+# Kills its own process at each line of saving a checkpoint in turn, and in the middle of the file's content.
 KILL_ANYWHERE = """
 import os, resource, shutil, signal, sys
 from itertools import count

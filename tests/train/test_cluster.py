@@ -18,7 +18,7 @@ from footfall.train.runs import checkpoint
 PATIENCE_S = 420
 
 
-def test_two_processes_train_one_run_that_goes_on_in_one(
+def test_two_processes_train_one_run_that_one_process_continues(
     six_iterations: str, kept_programs: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with socket.socket() as free:
@@ -46,7 +46,7 @@ def test_two_processes_train_one_run_that_goes_on_in_one(
     assert (folder / "policy.onnx").is_file()
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000004.ckpt"
 
-    config = folder / "config.yaml"  # as long as the preset, whose program others have compiled
+    config = folder / "config.yaml"  # as long as the preset, so that a compiled program can be reused
     config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 1536"))
     api.resume(folder)
     assert "resuming from 00000004.ckpt" in capsys.readouterr().out
@@ -54,7 +54,7 @@ def test_two_processes_train_one_run_that_goes_on_in_one(
 
 
 @pytest.mark.parametrize(("process", "reason"), [(0, "holds a run already"), (1, "process 0 failed")])
-def test_no_process_trains_where_the_first_one_cannot_make_the_folder(
+def test_no_process_trains_if_the_first_cannot_make_the_folder(
     whole_run: Path, monkeypatch: pytest.MonkeyPatch, process: int, reason: str
 ) -> None:
     result: list[bool] = []

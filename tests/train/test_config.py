@@ -25,7 +25,7 @@ def own_training(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_it_replaces_only_the_keys_that_it_has(own_folder: Path) -> None:
+def test_it_replaces_only_its_own_keys(own_folder: Path) -> None:
     changes = (
         "gait: {frequency_hz: 1.5}",
         "rewards: {torque: -0.5}",
@@ -174,7 +174,7 @@ def test_a_shipped_preset_may_change_another() -> None:
     assert set(gpu.env.weights) < set(rough.env.weights)
 
 
-def test_the_entropys_weight_stays_or_falls_linearly() -> None:
+def test_the_entropy_coefficient_stays_or_falls_linearly() -> None:
     ppo = replace(load_preset("smoke").ppo, entropy_coef=0.01)
     assert ppo.entropy_weight(0) == ppo.entropy_weight(ppo.iterations) == 0.01
     falling = replace(ppo, final_entropy_coef=0.002)

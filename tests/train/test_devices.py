@@ -50,7 +50,7 @@ def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, 
     assert seen["copies_of_parameters"] == 2
 
 
-def test_accelerators_alone_make_the_default_compute(
+def test_on_accelerators_alone_the_default_device_computes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def none_such(*_: object, **__: object) -> None:
@@ -78,7 +78,7 @@ def test_the_mean_over_devices_is_of_each_leaf() -> None:
     np.testing.assert_allclose(mean["b"], np.tile([3.0, 4.0], (4, 1)))
 
 
-def test_each_part_of_a_state_lies_where_it_belongs() -> None:
+def test_each_part_of_a_state_is_on_its_device() -> None:
     for name, spec in STATE_SPECS._asdict().items():
         assert spec == (PartitionSpec("devices") if name in ("env", "observation") else PartitionSpec())
     mesh = device_mesh(load_preset("smoke").ppo, 1)

@@ -1,4 +1,4 @@
-"""The environment: true resets, delays in time, falls, divergence, and rewards by name."""
+"""The environment: resets, delays, falls, divergence, and rewards by name."""
 
 from dataclasses import replace
 
@@ -114,7 +114,7 @@ class TestStep:
 class TestDelays:
     @pytest.mark.parametrize("longest_s", [0.006, 0.015])
     def test_delays_at_the_motors_are_distributed_as_declared(self, longest_s: float) -> None:
-        """After a step of the goals from 0 to 1, the target is 1 lower for the duration of its delay."""
+        """After a step of the goals from 0 to 1, the target stays at 0 for the duration of its delay."""
         env = make(randomisation=Randomisation(action_delay_s=Distribution(0.0, longest_s)))
         states, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(14), 4000))
         near = 0.05  # rad from the default pose, which the rate limit lets pass at once

@@ -42,7 +42,7 @@ def test_an_agreeing_export_is_written(contract: Contract, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("shift", [2e-5, -2e-5, np.nan, np.inf])
 def test_a_differing_export_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
-    """Nor where the difference is no number."""
+    """Nor if the difference is NaN."""
     with pytest.raises(UserError, match="differs from the trained one"):
         export(actor(shift=shift), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
     assert list(tmp_path.iterdir()) == []

@@ -51,7 +51,7 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
 
 @pytest.fixture(scope="module")
 def sound(whole_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that nothing has gone wrong in, free to be damaged."""
+    """A copy of a run without faults, which a test may damage."""
     return Path(shutil.copytree(whole_run, tmp_path_factory.mktemp("runs") / "sound"))
 
 
@@ -204,7 +204,7 @@ class TestReplay:
 
 
 def broken_trainer(run: Run) -> BraxTrainer:
-    """After its seventh iteration, which left a value that is not finite."""
+    """A trainer after its seventh iteration, which left a non-finite value."""
     trainer = BraxTrainer(run, load_robot("go1"))
     trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
     return trainer

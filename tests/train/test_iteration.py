@@ -45,12 +45,12 @@ class TestIteration:
         np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
         assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
 
-    def test_a_reading_that_hardly_varies_is_not_blown_up(self) -> None:
+    def test_a_reading_that_hardly_varies_is_not_amplified(self) -> None:
         state, _, _ = self.after(environment(shown=0.0))  # its start: nothing deviates
         np.testing.assert_allclose(state.normalizer.std["state"], np.full(SIZES["state"], 0.02))
 
     def test_the_normaliser_moves_after_learning(self) -> None:
-        """The normaliser moves after learning, or the actor would look far from its own behaviour."""
+        """The normaliser moves after learning, otherwise the actor would seem to have changed."""
         env = environment(shown=5.0)
         iterate = make_iteration(env, NETWORKS, CONFIG)
         _, metrics, _ = iterate(decided(begun(env)))
@@ -69,7 +69,7 @@ class TestIteration:
 
 
 class Reaching(NumberEnvironment):
-    """Rewards actions by how near they are to one."""
+    """Rewards actions near one."""
 
     TARGET = jnp.array([0.5, -0.3])
 
@@ -78,7 +78,7 @@ class Reaching(NumberEnvironment):
 
 
 def test_it_learns_the_rewarded_action() -> None:
-    """An actor that begins at zero ends where the reward is largest, and becomes surer of it."""
+    """An actor that begins at zero ends where the reward is largest, and its standard deviation falls."""
     iterations, environments = 20, 64
     config = replace(
         CONFIG,

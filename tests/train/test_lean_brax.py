@@ -28,5 +28,5 @@ def test_training_imports_no_simulator_that_it_does_not_use() -> None:
 
 @long_test
 def test_brax_still_imports_its_simulator_by_itself() -> None:
-    """Where this fails, footfall/train/brax/lean_brax.py can go."""
+    """If this fails, footfall/train/brax/lean_brax.py can be deleted."""
     assert "True True" in run("import brax.training.types")

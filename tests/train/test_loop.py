@@ -137,7 +137,7 @@ def test_a_second_signal_interrupts_at_once(run: Run) -> None:
     assert trainer.asked == ["iterate 1"]
 
 
-def test_others_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     said = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
     monkeypatch.setattr(cluster, "broadcast", lambda *_: next(said))

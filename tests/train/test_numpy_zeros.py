@@ -20,7 +20,7 @@ class Recorder:
 
 
 def test_brax_builds_networks_from_jaxs_zeros(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where this fails, footfall/train/brax/numpy_zeros.py can go."""
+    """If this fails, footfall/train/brax/numpy_zeros.py can be deleted."""
     recorder = Recorder()
     monkeypatch.setattr(networks, "jnp", recorder)
     networks.make_value_network({"state": (3,)}, obs_key="state")

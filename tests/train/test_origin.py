@@ -110,7 +110,7 @@ class TestTakenOver:
             taken_over(broken, *trained.fresh(1), trained.run.config.ppo)
 
 
-def test_it_trains_on_with_the_taken_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
+def test_it_continues_with_the_loaded_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
     """Its export is the policy that it started from."""
     other = trained.begin(7)
     observed = np.zeros((1, trained.env.observation_sizes["state"]), np.float32)

@@ -41,7 +41,7 @@ class TestEndsOfEpisodes:
         """The critic's value, the same for all observations."""
         return float(NETWORKS.value_network.apply(state.normalizer, state.params.value, observation())[0])
 
-    def test_after_a_fall_nothing_is_expected(self) -> None:
+    def test_after_a_fall_no_reward_is_expected(self) -> None:
         """The critic's target is the reward alone; its loss is a quarter of the squared error."""
         env = environment(fallen=ENVIRONMENTS)
         state = begun(env)
@@ -71,7 +71,7 @@ class TestLearningRate:
     )
 
     def rates(self, moved: float, limit: float, start: float = RATE) -> np.ndarray:
-        """Rates after each of three mini-batches, of an actor that has moved so far from its behaviour."""
+        """Learning rates after each of three mini-batches, for an actor this far from its behaviour."""
         env = environment()
         config = replace(self.CONFIG, learning_rate=limit, final_learning_rate=limit)
         state = begun(env, config=config)
@@ -108,7 +108,7 @@ def test_a_long_gradient_is_clipped() -> None:
 
 
 def test_learning_normalises_as_the_behaviour_did() -> None:
-    """Or an actor that has not changed would look far from its own behaviour."""
+    """Otherwise an unchanged actor would seem to differ from its own behaviour."""
     env = environment(shown=5.0)
     state = decided(begun(env))
     shift = state.normalizer.replace(

@@ -1,4 +1,4 @@
-"""Restamping: only the digest changes, and only of a policy that fits otherwise."""
+"""Restamping changes only the digest, and only of a policy that otherwise fits the robot."""
 
 import shutil
 from dataclasses import replace

@@ -104,7 +104,7 @@ def shared(
 
 @pytest.fixture
 def trainer(shared: RslRlTrainer, run: Path) -> RslRlTrainer:
-    """As it was at the end of `run`."""
+    """The trainer in its state at the end of `run`."""
     shared.restore(newest(run))
     return shared
 
@@ -267,7 +267,7 @@ def test_it_resumes_exactly(preset: str, run: Path, tmp_path: Path, monkeypatch:
             api.train(request(preset, folder))
     assert newest(folder).name == "00000002.ckpt"
     assert not (folder / "policy.onnx").exists()
-    torch.manual_seed(99)  # whatever the process did in between
+    torch.manual_seed(99)  # independent of what the process did in between
     api.resume(folder)
     assert newest(folder).read_bytes() == newest(run).read_bytes()
     assert (folder / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()

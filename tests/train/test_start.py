@@ -1,4 +1,4 @@
-"""How a training gets going: device, imports and compilation, with nothing in each other's way."""
+"""Start of a training: device, imports and compilation run concurrently."""
 
 import threading
 from collections.abc import Callable
@@ -108,7 +108,7 @@ def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
 
 
 def test_environment_and_learning_settings_distinguish_programs() -> None:
-    """And on nothing else: the interval of checkpoints is not part of a program."""
+    """Only these: the interval of checkpoints is not part of a program."""
     go1, plain = load_robot("go1"), load_preset("smoke")
     env = plain.env
     others = {

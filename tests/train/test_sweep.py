@@ -1,4 +1,7 @@
-"""Sweeps: a mistake is known before anything runs; each trial is an ordinary run; one that fails is one."""
+"""Sweeps: mistakes are reported before anything runs; each trial is an ordinary run.
+
+A failed trial does not end the sweep.
+"""
 
 import csv
 import json
@@ -191,7 +194,7 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
 
 
 def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
-    """In place of trainings: trials of a moment. The first one waits until it is interrupted."""
+    """Replaces trainings by very short trials. The first one waits until it is interrupted."""
     files = ("run.yaml", "policy.onnx", "metrics.jsonl", "begun")
 
     def trial(settings: dict[str, Any]) -> None:
@@ -204,7 +207,7 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
         if settings["ppo.clip_param"] == BAD_CLIP and settings["seed"] == 1:
             raise RuntimeError("it diverged")
         run.touch()
-        # Its last iteration is a lucky one; the mean of the last ten is the seed and a tenth.
+        # Its last iteration has an outlier; the mean of the last ten is the seed and a tenth.
         values = [settings["seed"] + 9.0] + [settings["seed"] + 1.0] * 9 + [settings["seed"] - 8.0]
         metrics.write_text("".join(json.dumps({METRIC: value}) + "\n" for value in values))
         tune.report({METRIC: values[-1], "environment_steps": 256})

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 
 
 class TestMirror:
-    """Of each vector the first two components change places; the action changes its sign besides."""
+    """The mirror image of a vector swaps its first two components; the action also changes its sign."""
 
     SWAP = EnvironmentMirror(
         {
@@ -40,7 +40,7 @@ class TestMirror:
     )
 
     def begun(self) -> tuple[TrainState, Transition]:
-        """An actor that answers a mirrored observation with anything but the mirror image."""
+        """An actor whose action for a mirrored observation is not the mirror image."""
         env = environment()
         env.shown = {name: jnp.arange(1.0, size + 1) + 0 * env.shown[name] for name, size in SIZES.items()}
         state = decided(begun(env))

@@ -59,7 +59,7 @@ def test_a_class_that_is_no_trainer_is_refused(name: str, message: str, tmp_path
     assert not (tmp_path / "run").exists()
 
 
-def test_what_serves_every_trainer_imports_none() -> None:
+def test_modules_for_every_trainer_import_no_trainer() -> None:
     folder = Path(footfall.train.__file__).parent
     for path in folder.rglob("*.py"):
         if path.relative_to(folder).parts[0] in TRAINERS:

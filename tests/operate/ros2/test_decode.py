@@ -1,4 +1,4 @@
-"""Messages that come as bytes, without ROS, are those that were sent."""
+"""Decoding of messages from bytes, without ROS."""
 
 import struct
 
@@ -14,7 +14,7 @@ NUMBERS = HEIGHT_SCAN.kind
 
 
 @pytest.mark.parametrize("frame", ["", "a", "base_link", "base_link_"])
-def test_velocities_stand_behind_frames_of_any_length(frame: str) -> None:
+def test_velocities_follow_frame_names_of_any_length(frame: str) -> None:
     assert decode(TWIST, Template().gap(6).fill(0, SIX)) == [0.5, -0.2, 0.3]
     assert decode(TWIST_STAMPED, Template().stamp(frame).gap(6).fill(7, SIX)) == [0.5, -0.2, 0.3]
 
@@ -27,7 +27,7 @@ def test_texts_and_numbers_of_either_byte_order() -> None:
 
 
 @pytest.mark.parametrize("label", ["", "row", "points"])
-def test_numbers_stand_behind_labels_of_any_length(label: str) -> None:
+def test_numbers_follow_labels_of_any_length(label: str) -> None:
     three = struct.pack("<3f", 0.5, -0.25, 1.0)
     assert decode(NUMBERS, multi_array(label, 3, 4).fill(0, three)) == [0.5, -0.25, 1.0]
 

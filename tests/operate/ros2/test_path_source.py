@@ -1,4 +1,4 @@
-"""A path that ROS asks for is walked by odometry; velocities of the same operator end it."""
+"""A path requested by ROS is walked by odometry; velocities of the same operator end it."""
 
 import math
 from typing import Any

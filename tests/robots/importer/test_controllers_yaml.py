@@ -22,7 +22,7 @@ def at(section: Any, key: str) -> Any:
 
 class TestScaled:
     def test_a_robot_of_the_same_size_gets_the_same_settings(self) -> None:
-        """But for `stand`, which is as stiff as the robot's own gains."""
+        """Except for `stand`, whose stiffness comes from the robot's own gains."""
         theirs = read_yaml(ROBOTS / "go1" / "controllers.yaml")
         ours = scaled_controllers(GO1, 4, 0.0).sections
         for key in (
@@ -76,7 +76,7 @@ class TestScaled:
         assert points["step"]["gait"]["step_s"] < 0.7 * usual["gait"]["step_s"]
         assert points["step"]["start"]["capture_m"] < 0.01 * usual["start"]["capture_m"]
 
-    def test_legs_that_cannot_move_sideways_stand_where_they_do(self) -> None:
+    def test_legs_that_cannot_move_sideways_keep_their_width(self) -> None:
         flat = scaled_controllers(GO1._replace(spread_m=0.0), 4, 0.0).sections
         assert flat["trot"]["stance"]["outward_m"] == flat["mpc"]["stance"]["outward_m"] == 0.0
         assert flat["mpc"]["gait"]["duty"] == flat["mpc-wbc"]["plan"]["gait"]["duty"] > 0.6

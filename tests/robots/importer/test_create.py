@@ -94,13 +94,13 @@ class TestDerived:
         assert robot.default_pose[robot.joint_index("left_knee")] > 0.2
 
     def test_knees_that_bend_backward_are_noted(self, tmp_path: Path) -> None:
-        """On two legs they are likely those of a model whose x axis points backward."""
+        """On two legs the model's x axis likely points backward."""
         backward = BIPED_MJCF.replace('range="0 2.2"', 'range="-2.2 0"').replace("-1.8 0.6", "-0.6 1.8")
         _, made = make(tmp_path, backward, "xml")
         assert any("knees bend backward" in guess for guess in made.guesses)
 
     def test_a_keyframe_that_stands_is_the_default_pose(self, tmp_path: Path) -> None:
-        """By its name, beside another knee; a knee beyond the soft limits comes back within them."""
+        """The key is found by its name; a knee beyond the soft limits is moved inside them."""
         joints = ("0.1 0.05 -0.4 0.9 -0.5 -0.05", "-0.1 -0.05 -0.3 0.0 -0.4 0.05")
         keys = "".join(
             f'<key name="{name}" qpos="0 0 1 1 0 0 0 {left} {right}"/>'
@@ -143,7 +143,7 @@ class TestDerived:
         assert "reflected inertia" in (made.folder / "robot.yaml").read_text()
 
     def test_links_that_touch_in_the_default_pose_are_excluded(self, tmp_path: Path) -> None:
-        """Front thighs as wide as that reach into each other, the hind ones do not."""
+        """Front thighs of this width overlap, hind ones do not."""
         wide = '<collision><geometry><sphere radius="0.12"/></geometry></collision>'
         robot, _ = make(tmp_path, quadruped(thigh=wide))
         excluded = re.findall(r'<exclude body1="(\w+)" body2="(\w+)"', robot.xml_path.read_text())

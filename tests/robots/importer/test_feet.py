@@ -47,7 +47,7 @@ def geom(name: str, kind: mujoco.mjtGeom, size: Sequence[float], at: Sequence[fl
 def foot_of(
     *geoms: Geom, up: np.ndarray = UP, joints: int = 3, feet: Sequence[str] = ()
 ) -> tuple[list[Geom], list[Geom]]:
-    """What a link's foot stands on, and its other geoms."""
+    """Contact geoms of a link's foot, and its other geoms."""
     link = Link("shank", 1, np.zeros(3), LEVEL, 1.0, np.zeros(3), np.eye(3), (), geoms)
     limb = Limb(tuple(f"j{k}" for k in range(joints)), (4,), frozenset(feet))
     made, leg = stand_on(link, 2, limb, limb.joints[1:], "FL", up)
@@ -56,7 +56,7 @@ def foot_of(
 
 
 def sphere(name: str, low: float, radius: float = 0.02, x: float = 0.0, **rest: Any) -> Geom:
-    """One whose lowest point is at a height."""
+    """A sphere whose lowest point is at a height."""
     return geom(name, Kind.mjGEOM_SPHERE, [radius], [x, 0.0, low + radius], **rest)
 
 

@@ -17,7 +17,7 @@ from footfall.robots.importer.pose import standing_pose
 from footfall.robots.importer.shapes import Kind, rotation_of
 from footfall.robots.model import joint_addresses, training_model
 
-JOINT_RAD = 0.1  # by which episodes begin away from the default pose
+JOINT_RAD = 0.1  # initial distance of episodes from the default pose
 
 
 class Hip(NamedTuple):
@@ -107,7 +107,7 @@ def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:
         assert data.ncon == 0
 
 
-def test_pairs_are_no_more_than_capsules(tmp_path: Path) -> None:
+def test_there_are_no_more_pairs_than_capsules(tmp_path: Path) -> None:
     """Eight legs close to each other on a small base: 28 pairs of legs."""
     hips = [
         Hip(f"{side}{k}", 0.14 * (k - 1.5), y) for side, y in (("l", 0.06), ("r", -0.06)) for k in range(4)

@@ -18,7 +18,7 @@ from footfall.robots.importer.source import Source
 
 
 class TestMachine:
-    """An MJCF in which nothing is where it is easiest: angles at zero, anchors, frames, a shared waist."""
+    """An MJCF with rotated frames: angles at zero, anchors, frames, a shared waist."""
 
     @pytest.fixture
     def source(self, tmp_path: Path) -> Source:
@@ -81,7 +81,7 @@ class TestMachine:
             "joints that move no foot are rigid, as near to zero as their ranges allow: arm"
         ]
 
-    def test_a_feather_keeps_its_inertia_and_a_machine_its_height(self, machine: Machine) -> None:
+    def test_a_light_link_keeps_its_inertia_and_a_machine_its_height(self, machine: Machine) -> None:
         light = replace(machine.links[-1], inertia=np.diag([3e-7, 4e-7, 5e-7]) + 1e-8 * (1 - np.eye(3)))
         feather = replace(machine, links=(*machine.links[:-1], light))
         model = mujoco.MjModel.from_xml_string(model_xml(feather, 0.75))

@@ -46,7 +46,7 @@ class TestTurned:
         assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
 
     def test_a_turned_base_is_the_same_machine(self, tmp_path: Path) -> None:
-        """The robot that is asked to face along y."""
+        """The robot is requested to face along y."""
         (tmp_path / "a").mkdir()
         (tmp_path / "b").mkdir()
         as_is, _ = make(tmp_path / "a", quadruped(), forward="x")
@@ -60,7 +60,7 @@ class TestTurned:
             assert other.body(f"{leg}_thigh").pos == pytest.approx([-y, x, z], abs=1e-5)
 
     def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
-        """No limbs are below its base until the axis is named; then it is the machine with z up."""
+        """Without the axis no limb is below its base; with it the machine equals the one with z up."""
         upright = read(tmp_path, BIPED_MJCF)
         lying = turned(upright, base_of(upright.model), "x", "-y")
         with pytest.raises(UserError, match="--up"):

@@ -114,7 +114,7 @@ class TestPose:
 
     @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
     def test_a_leg_stands_as_another_or_mirrored(self, tmp_path: Path, other: int, across: float) -> None:
-        """Also where hinges count the other way, and from another angle."""
+        """Also for hinges of the opposite direction and another zero."""
         text = walker()
         for name in ("fr", "rl"):
             text = text.replace(f'"{name}_hip" axis="0 1 0"', f'"{name}_hip" axis="0 -1 0" ref="0.4"')
@@ -126,7 +126,7 @@ class TestPose:
         np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
 
     def test_a_foot_belongs_below_its_zero_and_nearer_if_spread(self, tmp_path: Path) -> None:
-        """0.4 m long: one that reaches 0.1 m down of it is spread, and stands at 0.7 of its 0.3 m."""
+        """A leg 0.4 m long that reaches 0.1 m down is spread, and stands at 0.7 of its 0.3 m."""
 
         def spread(name: str, y: float, down: float) -> str:
             aside = np.sign(y) * np.sqrt(0.16 - down**2)

@@ -14,7 +14,7 @@ from footfall.robots.importer.robot_yaml import choose_protocols, robot_yaml
 
 
 class Carries(NamedTuple):
-    """What a made-up motor's frames carry."""
+    """Limits of an invented motor's frames."""
 
     torque: float
     velocity: float = 50.0
@@ -76,7 +76,7 @@ class TestRobotYaml:
         assert lines.count("    friction_speed_rad_s: 0.25") == 9
         assert sum(line.startswith("    stall_torque_nm: 20") for line in lines) == 8
 
-    def test_names_that_yaml_would_take_for_something_else_are_quoted(self) -> None:
+    def test_names_that_yaml_would_read_as_other_types_are_quoted(self) -> None:
         machine = replace(rod_machine([hinge("no"), hinge("1e3"), hinge("Off")]), name="y")
         motors = dict.fromkeys(("no", "1e3", "Off"), JointMotor(20.0, 30.0, 0.2))
         pose = Pose(dict.fromkeys(motors, 0.0), 0.3, 0.0, 0.5)

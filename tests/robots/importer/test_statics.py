@@ -42,7 +42,7 @@ class TestStatics:
         assert not found.stable(np.array([1e4, 1e4]))
 
     def test_torque_is_force_times_distance(self, model: mujoco.MjModel) -> None:
-        """With the body 0.03 m before the ankles, they share 10 * 9.81 * 0.03 N m."""
+        """With the body 0.03 m ahead of the ankles, they share 10 * 9.81 * 0.03 N m."""
         model.body_ipos[PELVIS, 0] = 0.03
         mujoco.mj_setConst(model, mujoco.MjData(model))
         found = statics(model, ("left", "right"), self.legs(), model.qpos0)

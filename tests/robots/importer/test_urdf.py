@@ -36,7 +36,7 @@ class TestUrdf:
             sorted(found.round(6).tolist()), sorted(wanted.round(6).tolist()), atol=2e-6
         )
 
-    def test_one_file_in_two_sizes_is_two_shapes(self, tmp_path: Path) -> None:
+    def test_one_file_in_two_sizes_gives_two_shapes(self, tmp_path: Path) -> None:
         (tmp_path / "c.obj").write_text(self.CUBE)
         text = quadruped(
             foot='<collision><geometry><mesh filename="c.obj" scale="1 1 1"/></geometry></collision>'
@@ -86,7 +86,7 @@ class TestUrdf:
         )
         np.testing.assert_allclose(source.model.joint("RL_knee").range, [-np.pi, np.pi])
 
-    def test_an_inertia_that_no_body_has_is_raised_to_a_radius_of_a_millimetre(self, tmp_path: Path) -> None:
+    def test_an_impossible_inertia_is_raised_to_a_radius_of_a_millimetre(self, tmp_path: Path) -> None:
         """0.4 kg on an arm: 4e-7 kg m^2 about its thinnest axis, the others as they are."""
         moments = 'ixx="0.0016" iyy="0.002" izz="0.0012000000000000001" ixy="0.00016" ixz="0.0" iyz="0.0"'
         text = quadruped()
