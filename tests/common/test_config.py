@@ -1,6 +1,5 @@
 """Dataclasses from YAML and back."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -53,52 +52,41 @@ def read(**changes: Any) -> Cart:
     return structure(A_CART | changes, Cart, "here")
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (A_CART | {"steered": "left"}, "steered: 'left' is none of front, rear"),
-        (A_CART | {"steered": ["rear"]}, "steered: ['rear'] is none of front, rear"),
-        (A_CART | {"wheels": [ROUND, {"radius_m": -1.0}]}, "wheels[1]: radius_m must be above 0, not -1.0"),
+def refusal(data: object) -> str:
+    """Why these settings are no cart: one short line that begins with where they come from."""
+    with pytest.raises(UserError, match=r"^here: [^\n]{,200}$") as caught:
+        structure(data, Cart, "here")
+    return str(caught.value).removeprefix("here: ")
+
+
+def test_a_wrong_value_is_refused_with_its_place() -> None:
+    for wrong, place in (
+        ({"steered": "left"}, "steered: 'left'"),
+        ({"steered": ["rear"]}, "steered: ['rear']"),
+        ({"wheels": [ROUND, {"radius_m": -1.0}]}, "wheels[1]: radius_m"),
+        ({"span": [0, float("nan")]}, "span[1]: "),
+        ({"first": None}, "first: "),
+        ({"first": 3}, "first: "),
         *(
-            (A_CART | {"first": ROUND | first}, f"first{message}")
-            for first, message in (
-                ({"spokes": 1.0}, ".spokes: 1.0 is not a whole number"),
-                ({"spokes": True}, ".spokes: True is not a whole number"),
-                ({"radius_m": True}, ".radius_m: True is not a number"),
-                ({"radius_m": "1"}, ".radius_m: '1' is not a number"),
-                ({"radius_m": 10**400}, ".radius_m: not a finite number"),
-                ({"radius_m": -float("inf")}, ".radius_m: not a finite number"),
-                ({"driven": 1}, ".driven: 1 is not true or false"),
-                ({"tags": [7]}, ".tags[0]: 7 is not text: put it in quotes"),
+            ({"first": ROUND | wheel}, f"first{place}")
+            for wheel, place in (
+                ({"spokes": 1.0}, ".spokes: 1.0"),
+                ({"spokes": True}, ".spokes: True"),
+                ({"radius_m": True}, ".radius_m: True"),
+                ({"radius_m": "1"}, ".radius_m: '1'"),
+                ({"radius_m": 10**400}, ".radius_m: "),
+                ({"radius_m": -float("inf")}, ".radius_m: "),
+                ({"driven": 1}, ".driven: 1"),
+                ({"tags": [7]}, ".tags[0]: 7"),
                 ({"b": 2, "a": 3}, ": no setting a, b (there are radius_m, spokes, tags, driven)"),
                 ({"spoeks": 1}, ": no setting spoeks (did you mean spokes?)"),
             )
         ),
-        ({}, "name, first: required field missing"),
-        ({"name": "a", "first": None}, "first: expected a mapping of settings"),
-        ({"name": "a", "first": 3}, "first: expected a mapping of settings"),
-        ([1], "expected a mapping of settings, found list"),
-    ],
-)
-def test_a_wrong_value_is_refused_with_its_place(data: Any, message: str) -> None:
-    with pytest.raises(UserError) as caught:
-        structure(data, Cart, "here")
-    assert str(caught.value) == f"here: {message}"
-
-
-@pytest.mark.parametrize(
-    "data",
-    [[], "text", 3, A_CART | {"span": [1.0]}, A_CART | {"wheels": 3}, A_CART | {2: 3}, {"name": [0] * 1000}],
-)
-def test_the_wrong_kind_of_value_is_refused_in_one_short_line(data: object) -> None:
-    with pytest.raises(UserError, match=r"^here: [^\n]{,200}$"):
-        structure(data, Cart, "here")
-
-
-@pytest.mark.parametrize("text", [".nan", ".inf", "-.inf", "1.0e+999", "1" + 400 * "0"])
-def test_numbers_are_finite(text: str) -> None:
-    with pytest.raises(UserError, match=r"^here: span\[1\]: not a finite number"):
-        read(**yaml.safe_load(f"span: [0, {text}]"))
+    ):
+        assert refusal(A_CART | wrong).startswith(place)
+    assert refusal({}).startswith("name, first: ")
+    for wrong in ([], [1], "text", 3, A_CART | {"span": [1.0]}, A_CART | {2: 3}, {"name": [0] * 1000}):
+        assert refusal(wrong)
 
 
 def test_whole_numbers_and_exponents_without_a_point_are_floats() -> None:
@@ -121,41 +109,20 @@ class Spring:
         require_ordered(self, "travel_m")
 
 
-@pytest.mark.parametrize(
-    ("settings", "reason"),
-    [
-        ({"stiffness": (1.0, 0.0)}, "stiffness must be above 0, not 0.0"),
-        ({"stiffness": (float("nan"),)}, "stiffness must be above 0, not nan"),
-        ({"stiffness": (float("inf"),)}, "stiffness must be above 0, not inf"),
-        ({"rest_m": -1e-9}, "rest_m must be 0 or above, not -1e-09"),
-        ({"rest_m": float("nan")}, "rest_m must be 0 or above, not nan"),
-        ({"share": 1.01}, "share must be from 0 to 1, not 1.01"),
-        ({"share": -0.01}, "share must be from 0 to 1, not -0.01"),
-        ({"share": float("nan")}, "share must be from 0 to 1, not nan"),
-        ({"travel_m": (1.0, -1.0)}, "travel_m must be a range from low to high, not [1.0, -1.0]"),
-        ({"travel_m": (0.0, float("nan"))}, "travel_m must be a range from low to high, not [0.0, nan]"),
-        ({"travel_m": (0.0, float("inf"))}, "travel_m must be a range from low to high, not [0.0, inf]"),
-    ],
-)
-def test_values_out_of_range_are_named_with_the_rule(settings: dict, reason: str) -> None:
+def test_values_out_of_range_are_named() -> None:
     Spring((1e-300, 1e300), 0.0, 0.0, (2.0, 2.0))  # all at the edge of their range
     Spring(share=1.0)
     Spring(share=None, travel_m=None)
-    with pytest.raises(ValueError) as caught:  # noqa: PT011, compared in full
-        Spring(**settings)
-    assert str(caught.value) == reason
-
-
-@pytest.mark.parametrize(
-    "content",
-    [b"when: 2026-13-45", b"x: " + 5000 * b"1", 5000 * b"[", b"\xff\xfe\xff", b"a: [", b"? [a]\n: 1"],
-    ids=["no such date", "a number of 5000 digits", "nested", "no text", "cut short", "a list for a name"],
-)
-def test_invalid_yaml_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "cart.yaml"
-    path.write_bytes(content)
-    with pytest.raises(UserError, match=r"cart\.yaml is not valid YAML: [^\n]+$"):
-        read_yaml(path)
+    nan, inf = float("nan"), float("inf")
+    for name, wrong in (
+        ("stiffness", ((1.0, 0.0), (nan,), (inf,))),
+        ("rest_m", (-1e-9, nan)),
+        ("share", (1.01, -0.01, nan)),
+        ("travel_m", ((1.0, -1.0), (0.0, nan), (0.0, inf))),
+    ):
+        for value in wrong:
+            with pytest.raises(ValueError, match=f"^{name} must be "):
+                Spring(**{name: value})
 
 
 BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
@@ -163,23 +130,26 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
 )
 
 
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [
-        ("kp: 1\nkd: 2\nkp: 3\n", "the key kp is repeated"),
-        ("a: {kp: 1, kp: 1}", "the key kp is repeated"),
-        ("on: 2", "the key on is neither text nor a whole number"),
-        ("~: 2", "the key ~ is neither text nor a whole number"),
-        ("a: &a {b: *a}", "an alias is inside the value that it repeats"),
-        ("a: &a [*a]", "an alias is inside the value that it repeats"),
-        (BOMB, "its aliases repeat more than 262,144 values"),
-    ],
-)
-def test_ambiguous_yaml_is_refused(tmp_path: Path, content: str, why: str) -> None:
-    (tmp_path / "cart.yaml").write_text(content)
-    refused = rf"cart\.yaml is not valid YAML: {re.escape(why)} \(line \d+, column \d+\)$"
-    with pytest.raises(UserError, match=refused):
-        read_yaml(tmp_path / "cart.yaml")
+def test_invalid_and_ambiguous_yaml_is_refused_in_one_line(tmp_path: Path) -> None:
+    for content, why in (
+        (b"when: 2026-13-45", ""),
+        (b"x: " + 5000 * b"1", ""),
+        (5000 * b"[", ""),
+        (b"\xff\xfe\xff", ""),
+        (b"a: [", ""),
+        (b"? [a]\n: 1", ""),
+        (b"kp: 1\nkd: 2\nkp: 3\n", "key kp .*line 3"),
+        (b"a: {kp: 1, kp: 1}", "key kp .*line 1"),
+        (b"on: 2", "key on .*line 1"),
+        (b"~: 2", "key ~ .*line 1"),
+        (b"a: &a {b: *a}", "alias .*line 1"),
+        (b"a: &a [*a]", "alias .*line 1"),
+        (BOMB.encode(), "aliases .*line"),
+    ):
+        (tmp_path / "cart.yaml").write_bytes(content)
+        with pytest.raises(UserError, match=rf"cart\.yaml .*{why}") as caught:
+            read_yaml(tmp_path / "cart.yaml")
+        assert "\n" not in str(caught.value)
 
 
 def test_own_keys_override_merged_keys(tmp_path: Path) -> None:
@@ -227,7 +197,7 @@ def test_the_largest_size_is_the_limit(tmp_path: Path, monkeypatch: pytest.Monke
     path.write_text("a: 1 #" + "x" * 1994)
     assert read_yaml(path) == {"a": 1}
     path.write_text("a: 1 #" + "x" * 1995)
-    with pytest.raises(UserError, match="larger than 2,000 bytes"):
+    with pytest.raises(UserError, match="2,000"):
         read_yaml(path)
-    with pytest.raises(UserError, match=r"no\.yaml: No such file"):
+    with pytest.raises(UserError, match=r"no\.yaml"):
         read_yaml(tmp_path / "no.yaml")

@@ -48,85 +48,61 @@ def test_json_round_trip_is_exact(contract: Contract) -> None:
     assert repr(again) == repr(contract)  # distinguishes -0.0 from 0.0, which == does not
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        *((text, "not JSON") for text in ("", "{", "9" * 5000, "[" * 100_000)),
-        *(("[]", "mapping"), ("{}", "robot"), ('{"robot": 3}', "robot")),
-    ],
-)
-def test_garbage_is_refused_in_one_line(text: str, wanted: str) -> None:
-    with pytest.raises(UserError, match=wanted) as caught:
+def refusal(text: str) -> str:
+    with pytest.raises(UserError, match=r"^walk\.onnx: [^\n]*\Z") as caught:
         Contract.from_json(text, "walk.onnx")
-    assert str(caught.value).startswith("walk.onnx: ")
-    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "wanted"),
-    [
-        ("control_rate_hz", 0.0, "control_rate_hz must be from 1 to 1000"),
-        ("control_rate_hz", 1e-9, "control_rate_hz must be from 1 to 1000"),
-        ("observation", [], "observation has no terms"),
-        ("observation", [{"name": "gyro", "history": 0}], "history must be above 0"),
-        ("kp", [20.0], "kp has 1 numbers for 12 joints"),
-        ("kd", [0.5] * 13, "kd has 13 numbers for 12 joints"),
-        ("default_pose_rad", [0.0] * 11, "default_pose_rad has 11 numbers for 12 joints"),
-        ("action_scale_rad", [], "action_scale_rad has 0 numbers for 12 joints"),
-        ("kp", ["stiff"] * 12, "'stiff' is not a number"),
-        ("gait", {"frequency_hz": 2.0, "phase": [0.0], "amplitude_rad": [0.0]}, "gait.phase has 1"),
-        (
-            "gait",
-            {"frequency_hz": 2.0, "phase": [0.0] * 12, "amplitude_rad": [0.0]},
-            "gait.amplitude_rad has 1 numbers for 12 joints",
-        ),
-        ("gait", {"frequency_hz": 0.0, "phase": [], "amplitude_rad": []}, "frequency_hz must be above 0"),
-        (
-            "gait",
-            {"frequency_hz": 2.0, "phase": [], "amplitude_rad": [], "duty": 1.0},
-            "duty must be between 0 and 1, not 1.0",
-        ),
+def test_a_text_that_is_no_contract_is_refused_in_one_line() -> None:
+    for text in ("", "{", "9" * 5000, "[" * 100_000, "[]"):
+        refusal(text)
+    for text in ("{}", '{"robot": 3}'):
+        assert "robot" in refusal(text)
+
+
+def test_a_wrong_field_is_named(contract: Contract) -> None:
+    gait = {"frequency_hz": 2.0, "phase": [0.0] * 12, "amplitude_rad": [0.0] * 12}
+    for field, value, wanted in (
+        ("control_rate_hz", 0.0, "control_rate_hz"),
+        ("control_rate_hz", 1e-9, "control_rate_hz"),
+        ("observation", [], "observation"),
+        ("observation", [{"name": "gyro", "history": 0}], "history"),
+        ("kp", [20.0], "kp has 1 numbers for 12"),
+        ("kd", [0.5] * 13, "kd has 13 numbers for 12"),
+        ("default_pose_rad", [0.0] * 11, "default_pose_rad has 11"),
+        ("action_scale_rad", [], "action_scale_rad has 0"),
+        ("kp", ["stiff"] * 12, "'stiff'"),
+        ("gait", gait | {"phase": [0.0]}, "gait.phase has 1"),
+        ("gait", gait | {"amplitude_rad": [0.0]}, "gait.amplitude_rad has 1"),
+        ("gait", gait | {"frequency_hz": 0.0}, "frequency_hz"),
+        ("gait", gait | {"duty": 1.0}, "duty"),
         ("commands", {"forward_m_s": [0.0]}, "commands"),
         ("mood", 1, "mood"),
-    ],
-)
-def test_nonsense_is_refused(contract: Contract, field: str, value: object, wanted: str) -> None:
-    text = json.dumps(json.loads(contract.to_json()) | {field: value})
-    with pytest.raises(UserError, match=wanted) as caught:
-        Contract.from_json(text, "walk.onnx")
-    assert "\n" not in str(caught.value)
+    ):
+        assert wanted in refusal(json.dumps(json.loads(contract.to_json()) | {field: value})), field
 
 
-@pytest.mark.parametrize(
-    ("changes", "fields"),
-    [
-        ({}, []),
-        *(
-            ({field: value}, [field])
-            for field, value in (
-                ("robot", "go2"),
-                ("version", 0),
-                ("digest", "0123456789abcdef"),
-                ("default_pose_rad", (0.0,) * 12),
-                ("joints", tuple(f"joint_{i}" for i in range(12))),
-                ("kp", (20.0,) * 12),
-                ("kd", (0.5,) * 12),
-            )
-        ),
-        # Values per joint are not compared if the joints differ, nor is the digest if any field differs.
-        (
-            {"robot": "g1", "joints": tuple("abcdefghijkl"), "kp": (1.0,) * 12, "kd": (1.0,) * 12},
-            ["robot", "joints"],
-        ),
-        ({"robot": "go2", "digest": "other", "kd": (0.5,) * 12}, ["robot", "kd"]),
-    ],
-)
-def test_a_mismatch_names_its_field_only(
-    contract: Contract, go1: Robot, changes: dict[str, Any], fields: list[str]
-) -> None:
-    found = replace(contract, **changes).mismatches(go1)
-    assert [line.split(":")[0] for line in found] == fields
-    assert "\n" not in "".join(found)
+def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot) -> None:
+    """Values per joint tell nothing new where the joints differ, nor does the digest where any field does."""
+    other: dict[str, Any] = {
+        "robot": "go2",
+        "version": 0,
+        "digest": "0123456789abcdef",
+        "default_pose_rad": (0.0,) * 12,
+        "joints": tuple(f"joint_{i}" for i in range(12)),
+        "kp": (20.0,) * 12,
+        "kd": (0.5,) * 12,
+    }
+    for changed, named in (
+        ((), []),
+        *(((field,), [field]) for field in other),
+        (("robot", "joints", "kp", "kd"), ["robot", "joints"]),
+        (("robot", "digest", "kd"), ["robot", "kd"]),
+    ):
+        found = replace(contract, **{field: other[field] for field in changed}).mismatches(go1)
+        assert [line.split(":")[0] for line in found] == named
+        assert "\n" not in "".join(found)
 
 
 def test_a_mismatch_shows_both_values(contract: Contract, go1: Robot) -> None:

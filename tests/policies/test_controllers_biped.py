@@ -32,7 +32,7 @@ STANDING = partial(hold, (0.0, 0.0, 0.0))
 
 def test_step_refuses_a_robot_of_four_feet() -> None:
     settings = load_policy("step", G1)._config  # type: ignore[attr-defined]
-    with pytest.raises(UserError, match="a left and a right foot"):
+    with pytest.raises(UserError, match="go1"):
         Step(load_robot("go1"), settings)
 
 

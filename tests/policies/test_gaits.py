@@ -127,10 +127,10 @@ class TestFeetInTheMiddle:
         np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
 
     def test_a_gait_for_another_number_of_feet_is_refused(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match="gait 'limp' has 2 feet on the left, robot 'go1' has 1"):
+        with pytest.raises(UserError, match=r"'limp' .*2 .*left.* 1"):
             find_gait("limp", standing_at(go1, self.PLACES))
         beside = self.PLACES | {"m": (0.2, -0.1)}
-        with pytest.raises(UserError, match="gait 'hop' has 1 feet on the right, robot 'go1' has 2"):
+        with pytest.raises(UserError, match=r"'hop' .*1 .*right.* 2"):
             find_gait("hop", standing_at(go1, beside))
 
 
@@ -142,25 +142,22 @@ def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None
     assert gaits_of(standing_at(go1, tail)) == ["wave"]
     assert gaits_of(standing_at(go1, tail | {"e": (-0.3, 0.1)})) == []  # three on the left
     seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
-    with pytest.raises(UserError, match="no gait 'trot' for 7 feet of robot 'go1': there are none"):
+    with pytest.raises(UserError, match=r"'trot' .*7 .*'go1'"):
         find_gait("trot", seven)
 
 
-@pytest.mark.parametrize("duty", [0.0, 1.0, -0.1, float("nan")])
-def test_a_foot_both_stands_and_swings(duty: float) -> None:
-    with pytest.raises(ValueError, match="duty must be above 0 and below 1"):
-        require_duty(duty)
-    with pytest.raises(ValueError, match="duty must be above 0 and below 1"):
-        GaitEntry(duty)
+def test_duties_and_phases_are_shares_of_a_cycle() -> None:
+    for duty in (0.0, 1.0, -0.1, float("nan")):
+        with pytest.raises(ValueError, match="duty"):
+            require_duty(duty)
+        with pytest.raises(ValueError, match="duty"):
+            GaitEntry(duty)
     require_duty(None)
     require_duty(0.01)
-
-
-@pytest.mark.parametrize("side", ["left", "right", "middle"])
-@pytest.mark.parametrize("place", [-0.1, 1.1])
-def test_a_phase_is_from_0_to_1(side: str, place: float) -> None:
-    with pytest.raises(ValueError, match=f"{side} must be from 0 to 1"):
-        GaitEntry(0.5, **{side: (0.2, place)})
+    for side in ("left", "right", "middle"):
+        for place in (-0.1, 1.1):
+            with pytest.raises(ValueError, match=side):
+                GaitEntry(0.5, **{side: (0.2, place)})
 
 
 class TestPlannedLift:

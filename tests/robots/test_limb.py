@@ -164,7 +164,7 @@ class TestSoles:
         declaration, xml = tmp_path / "robot.yaml", tmp_path / "robot.xml"
         declaration.write_text(declaration.read_text().replace("- a_foot0", "- a_foot0\n  - shin", 1))
         xml.write_text(xml.read_text().replace('<geom type="capsule"', '<geom name="shin" type="capsule"', 1))
-        with pytest.raises(UserError, match="foot a: its geoms are on different bodies"):
+        with pytest.raises(UserError, match="foot a"):
             load_robot(tmp_path)
 
 

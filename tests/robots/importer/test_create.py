@@ -1,6 +1,7 @@
 """`footfall robot new`: a robot folder from another maker's URDF or MJCF."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -182,83 +183,64 @@ class TestOptions:
 class TestRefusals:
     """One line, exit status 2, and nothing written."""
 
-    @pytest.mark.parametrize(
-        ("text", "reason"),
-        [
+    @pytest.fixture
+    def refusal(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+        def refuse(text: str, *options: str) -> str:
+            (tmp_path / "m.xml").write_text(text)
+            arguments = ["--from", str(tmp_path / "m.xml"), "--out", str(tmp_path / "made")]
+            assert main(["robot", "new", *arguments, *options]) == 2
+            assert [path.name for path in tmp_path.iterdir()] == ["m.xml"]
+            complaint = capsys.readouterr().err
+            assert complaint.count("\n") == 1
+            return complaint
+
+        return refuse
+
+    def test_a_file_without_a_legged_robot(self, refusal: Callable[..., str]) -> None:
+        xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+        slide = '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody></mujoco>'
+        mesh = '<collision><geometry><mesh filename="package://p/x.stl"/></geometry></collision>'
+        dog = quadruped()
+        for text, reason in (
             ("hello", "neither URDF nor MJCF"),
-            ("<html/>", "its root is <html>"),
-            ('<robot name="r"/>', "has no links"),
-            (
-                '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include/><link name="a"/></robot>',
-                "is a xacro",
-            ),
-            ("<mujoco/>", "has no joints"),
+            ("<html/>", "<html>"),
+            ('<robot name="r"/>', "no links"),
+            (f'<robot {xacro}><xacro:include/><link name="a"/></robot>', "xacro"),
+            ("<mujoco/>", "no joints"),
             ("<mujoco><worldbody><bodyx/></worldbody></mujoco>", "unrecognized element"),
-            (
-                '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody></mujoco>',
-                "no free joint",
-            ),
-            (quadruped(knee_limit='<limit lower="-2" upper="-1"/>'), "FL_knee has no peak torque (effort)"),
-            (
-                quadruped(knee_limit='<limit lower="-2" upper="-1" effort="1000"/>'),
-                "is no motor's on a machine",
-            ),
-            (quadruped(knee_kind="prismatic"), "is a slide joint"),
+            (slide, "no free joint"),
+            (quadruped(knee_limit='<limit lower="-2" upper="-1"/>'), "FL_knee has no peak torque"),
+            (quadruped(knee_limit='<limit lower="-2" upper="-1" effort="1000"/>'), "FL_knee"),
+            (quadruped(knee_kind="prismatic"), "slide joint"),
             (quadruped(knee_extra='<mimic joint="FL_hip"/>'), "follows another one"),
-            (quadruped(foot=""), "FL_shank carries a foot, but no collision geometry"),
-            (
-                quadruped(
-                    foot='<collision><geometry><mesh filename="package://p/x.stl"/></geometry></collision>'
-                ),
-                "no mesh file for 'package://p/x.stl'",
-            ),
+            (quadruped(foot=""), "FL_shank carries a foot"),
+            (quadruped(foot=mesh), "'package://p/x.stl'"),
             (quadruped(shank_mass=0.0), "FL_shank moves and has no mass"),
             (quadruped(upside_down=True), "no feet found"),
-            (quadruped().replace('"FR_roll"', '"FL_roll"'), "2 joints have the name 'FL_roll'"),
-            (quadruped().replace('value="5.3"', 'value="heavy"'), "expected three numbers"),
-            (
-                quadruped().replace('<child link="FL_shank"/>', '<child link="nix"/>'),
-                "parent or child missing",
-            ),
-        ],
-    )
-    def test_a_file_without_a_legged_robot(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, reason: str
-    ) -> None:
-        (tmp_path / "m.xml").write_text(text)
-        assert main(["robot", "new", "--from", str(tmp_path / "m.xml"), "--out", str(tmp_path / "made")]) == 2
-        complaint = capsys.readouterr().err
-        assert reason in complaint
-        assert complaint.count("\n") == 1
-        assert [path.name for path in tmp_path.iterdir()] == ["m.xml"]
+            (dog.replace('"FR_roll"', '"FL_roll"'), "'FL_roll'"),
+            (dog.replace('value="5.3"', 'value="heavy"'), "three numbers"),
+            (dog.replace('<child link="FL_shank"/>', '<child link="nix"/>'), "parent or child"),
+        ):
+            assert reason in refusal(text)
+
+    def test_options_that_match_no_joint_or_link(self, refusal: Callable[..., str]) -> None:
+        for option, value, named in (
+            ("--peak-torque", "a=b", "positive"),
+            ("--armature", "-1", "positive"),
+            ("--speed", "wrist=3", "'wrist'"),
+            ("--feet", "FL_shank,nix", "'nix'"),
+            ("--feet", "FL_shank,trunk", "'trunk'"),
+        ):
+            assert named in refusal(quadruped(), option, value)
 
     def test_an_existing_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         (tmp_path / "mine").mkdir()
         (tmp_path / "mine/robot.yaml").write_text("precious")
-        assert (
-            main(["robot", "new", "--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "mine")]) == 2
-        )
-        assert "exists already" in capsys.readouterr().err
+        arguments = ["--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "mine")]
+        assert main(["robot", "new", *arguments]) == 2
+        assert str(tmp_path / "mine") in capsys.readouterr().err
         assert (tmp_path / "mine/robot.yaml").read_text() == "precious"
-
-    @pytest.mark.parametrize(
-        ("option", "value", "reason"),
-        [
-            ("--peak-torque", "a=b", "expected a positive number"),
-            ("--armature", "-1", "expected a positive number"),
-            ("--speed", "wrist=3", "no joint has 'wrist' in its name"),
-            ("--feet", "FL_shank,nix", "no link 'nix'"),
-            ("--feet", "FL_shank,trunk", "a limb does not end in 'trunk'"),
-        ],
-    )
-    def test_options_that_match_no_joint_or_link(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, value: str, reason: str
-    ) -> None:
-        (tmp_path / "m.urdf").write_text(quadruped())
-        arguments = ["--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "made")]
-        assert main(["robot", "new", *arguments, option, value]) == 2
-        assert reason in capsys.readouterr().err
 
     def test_a_continuous_joint_is_given_a_range_instead(self, tmp_path: Path) -> None:
         text = quadruped(knee_kind="continuous", knee_limit='<limit effort="23" velocity="17"/>')
@@ -306,7 +288,7 @@ class TestCreate:
         """Joints of so much damping that the plant's steps are unstable."""
         request = self.request(tmp_path)
         request.source.write_text(quadruped().replace('damping="0.1', 'damping="900.1'))
-        with pytest.raises(UserError, match="too much for its inertia"):
+        with pytest.raises(UserError, match="damping"):
             import_robot(request)
         assert [path.name for path in tmp_path.iterdir()] == ["m.urdf"]
 
