@@ -19,37 +19,30 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().err.count("\n") == 3
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        *(
-            ("fit", ""),
-            ("fit absent.mcap", ""),
-            ("net", ""),
-            ("net absent.mcap", ""),
-            ("net x --steps 0", ""),
-            ("net x --steps 24", "steps"),  # before the first check
-            ("fit x x", "twice"),
-            ("fit x --held-out ./x", "twice"),  # a fit cannot be tested on its own log
-            ("fit x --out absent/robot", "absent"),  # before minutes of work
-        ),
-        ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains
-        ("record log.mcap --bus virtual --plant other.xml", ""),  # a plant is for the simulated robot alone
-    ],
-)
 def test_a_fit_without_a_log_and_a_record_that_cannot_be_made_are_refused(
-    arguments: str, named: str, shell: Shell, tmp_path: Path
+    shell: Shell, tmp_path: Path
 ) -> None:
     (tmp_path / "motion.yaml").write_text("stiffness: [0.5]")
-    assert named in shell.refuses("identify", *arguments.split())
+    for arguments, named in (
+        ("fit", ""),
+        ("fit absent.mcap", ""),
+        ("net", ""),
+        ("net absent.mcap", ""),
+        ("net x --steps 0", ""),
+        ("net x --steps 24", "steps"),  # before the first check
+        ("fit x x", "twice"),
+        ("fit x --held-out ./x", "twice"),  # a fit cannot be tested on its own log
+        ("fit x --out absent/robot", "absent"),  # before minutes of work
+        ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains
+        ("record log.mcap --bus virtual --plant other.xml", ""),  # a plant is for the simulated robot alone
+    ):
+        assert named in shell.refuses("identify", *arguments.split()), arguments
 
 
-@pytest.mark.parametrize(
-    ("state", "faults", "status"), [("IDLE", (), 0), ("IDLE", ("a fault",), 1), ("ESTOP", (), 1)]
-)
 def test_a_recording_that_did_not_end_in_order_is_status_1(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, state: str, faults: tuple[str, ...], status: int
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    outcome = SimpleNamespace(faults=faults, notes=(), walked_s=1.0, final_state=state)
-    monkeypatch.setattr("footfall.identify.record.record", lambda *_, **__: outcome)
-    assert main(["identify", "record", str(tmp_path / "log.mcap")]) == status
+    for state, faults, status in (("IDLE", (), 0), ("IDLE", ("a fault",), 1), ("ESTOP", (), 1)):
+        outcome = SimpleNamespace(faults=faults, notes=(), walked_s=1.0, final_state=state)
+        monkeypatch.setattr("footfall.identify.record.record", lambda *_, outcome=outcome, **__: outcome)
+        assert main(["identify", "record", str(tmp_path / "log.mcap")]) == status

@@ -1,7 +1,6 @@
 """Clock, schedule and swing curves."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -48,24 +47,20 @@ class TestNamedGait:
         assert (clock.timing.period_s, clock.timing.duty) == (0.9, 0.75)
         assert clock.offsets.tolist() == [0.0, 0.5, 0.25, 0.75]
         assert GaitConfig("walk", 0.9, duty=0.8).clock(go1).timing.duty == 0.8
-        with pytest.raises(UserError, match="no gait 'tripod'"):
+        with pytest.raises(UserError, match="'tripod'"):
             GaitConfig("tripod", 0.9).clock(go1)
 
-    @pytest.mark.parametrize("make", [lambda *numbers: GaitConfig("walk", *numbers), GaitTiming])
-    @pytest.mark.parametrize(
-        ("period_s", "duty", "complaint"),
-        [
-            (0.0, 0.5, "period_s must be above 0"),
-            (-1.0, 0.5, "period_s must be above 0"),
-            (0.5, 0.0, "duty must be above 0"),
-            (0.5, 1.0, "duty must be above 0 and below 1"),
-        ],
-    )
-    def test_a_gait_that_never_ends_or_never_steps_is_refused(
-        self, make: Callable[..., object], period_s: float, duty: float, complaint: str
-    ) -> None:
-        with pytest.raises(ValueError, match=complaint):
-            make(period_s, duty)
+    def test_a_gait_that_never_ends_or_never_steps_is_refused(self) -> None:
+        for period_s, duty, named in (
+            (0.0, 0.5, "period_s"),
+            (-1.0, 0.5, "period_s"),
+            (0.5, 0.0, "duty"),
+            (0.5, 1.0, "duty"),
+        ):
+            with pytest.raises(ValueError, match=named):
+                GaitTiming(period_s, duty)
+            with pytest.raises(ValueError, match=named):
+                GaitConfig("walk", period_s, duty)
 
 
 class TestSwingCurve:

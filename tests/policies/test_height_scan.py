@@ -78,21 +78,18 @@ def test_mirrored_ground_reads_as_the_mirror_image(seeing: Contract) -> None:
     np.testing.assert_allclose(mirror(plain), other)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
+def test_an_invalid_scan_setting_is_refused_by_name(seeing: Contract) -> None:
+    wrong: dict[str, object]
+    for wrong in (
         {"spacing_m": 0.0},
         {"forward_m": [0.5, -0.5]},
         {"clip_m": [0.5, float("nan")]},
         {"spacing_m": 0.01, "forward_m": [-2.0, 2.0]},
         {"max_age_s": 0.01},
         {"width_m": 1.0},
-    ],
-)
-def test_an_invalid_scan_setting_is_refused_by_name(seeing: Contract, wrong: dict[str, object]) -> None:
-    term = Term("height_scan", settings=SETTINGS | wrong)
-    with pytest.raises(UserError, match="height_scan|" + next(iter(wrong))):
-        term_size(term, seeing)
+    ):
+        with pytest.raises(UserError, match="height_scan|" + next(iter(wrong))):
+            term_size(Term("height_scan", settings=SETTINGS | wrong), seeing)
 
 
 def test_policies_of_one_run_must_agree_on_the_scan(contract: Contract, seeing: Contract) -> None:

@@ -11,7 +11,7 @@ from footfall.common.errors import UserError
 from footfall.policies.gaits import find_gait
 from footfall.robots import kinds
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.kinds import Kind, Parts
+from footfall.robots.kinds import Parts
 from footfall.robots.symmetry import Mirror, Symmetry, find_symmetry
 
 PARTS = Parts(joints=3, bodies=5, feet=4)
@@ -24,9 +24,8 @@ SYMMETRY = Symmetry(
 MIRROR = np.diag([1.0, -1.0, 1.0])  # at the x-z plane
 
 
-@pytest.mark.parametrize(
-    ("kind", "value", "image"),
-    [
+def test_each_kind_has_its_size_and_image() -> None:
+    for kind, value, image in (
         (kinds.SCALAR, [7.0], [7.0]),
         (kinds.VECTOR, [1.0, 2.0, 3.0], [1.0, -2.0, 3.0]),
         (kinds.ROTATION, [1.0, 2.0, 3.0], [-1.0, 2.0, -3.0]),
@@ -36,16 +35,13 @@ MIRROR = np.diag([1.0, -1.0, 1.0])  # at the x-z plane
         (kinds.JOINT_AMOUNTS, [1.0, 2.0, 3.0], [2.0, 1.0, 3.0]),
         (kinds.BODY_AMOUNTS, [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 3.0, 2.0, 5.0, 4.0]),
         (kinds.FOOT_AMOUNTS, [1.0, 2.0, 3.0, 4.0], [2.0, 1.0, 4.0, 3.0]),
-    ],
-)
-def test_each_kind_has_its_size_and_image(kind: Kind, value: list[float], image: list[float]) -> None:
-    assert kind.size(PARTS) == len(value)
-    mirror = kind.mirror(SYMMETRY)
-    assert mirror(np.array(value)).tolist() == image
-    batch = np.array([value, np.multiply(value, 10.0)], dtype=np.float32)
-    mirrored = mirror(batch)
-    np.testing.assert_array_equal(mirrored, [image, np.multiply(image, 10.0)])
-    assert mirrored.dtype == np.float32
+    ):
+        assert kind.size(PARTS) == len(value)
+        mirrored = kind.mirror(SYMMETRY)(np.array([value, np.multiply(value, 10.0)], dtype=np.float32))
+        np.testing.assert_array_equal(mirrored, [image, np.multiply(image, 10.0)])
+        assert mirrored.dtype == np.float32
+    together = SYMMETRY._replace(clock=1.0)  # partners that step together
+    assert kinds.CLOCK.mirror(together)(np.array([3.0, 4.0])).tolist() == [3.0, 4.0]
 
 
 def test_rotations_are_mirrored_as_the_motion_is() -> None:
@@ -97,71 +93,42 @@ def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
     assert find_symmetry(load_robot(own_folder)).joints.sign.tolist() == [-1, -1, 1] * 4
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
+def test_a_part_without_a_mirror_image_is_named(own_folder: Path) -> None:
+    for file, old, new, named in (
+        ("robot.xml", 'name="FL_hip" pos="0.1881 ', 'name="FL_hip" pos="0.2081 ', "_joint"),
         (
-            'name="FL_hip" pos="0.1881 0.04675',
-            'name="FL_hip" pos="0.2081 0.04675',
-            "_joint has no mirror image",
-        ),
-        (
+            "robot.xml",
             '"FL_calf_joint" class="knee"',
             '"FL_calf_joint" class="knee" axis="0.2 1 0"',
-            "the axes of FR_calf",
+            "FR_calf",
         ),
+        ("robot.xml", '"FL_foot" class="foot"/>', '"FL_foot" class="foot" pos="0.02 0 -.213"/>', "foot F"),
+        ("robot.xml", 'mass="5.204" pos="0.0223 0.002', 'mass="5.204" pos="0.0223 0.02', "trunk"),
+        # Two milliradians move no joint by the tolerance on places.
         (
-            '<geom name="FL_foot" class="foot"/>',
-            '<geom name="FL_foot" class="foot" pos="0.02 0 -.213"/>',
-            "foot F",
-        ),
-        ('mass="5.204" pos="0.0223 0.002', 'mass="5.204" pos="0.0223 0.02', "body trunk has no mirror image"),
-    ],
-)
-def test_a_part_without_a_mirror_image_is_named(own_folder: Path, old: str, new: str, message: str) -> None:
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
-    assert old in text
-    xml.write_text(text.replace(old, new))
-    with pytest.raises(UserError, match=message) as caught:
-        find_symmetry(load_robot(own_folder))
-    assert "robot 'go1'" in str(caught.value)
-
-
-def test_a_default_pose_that_differs_left_and_right_is_refused(own_folder: Path) -> None:
-    """By two milliradians, which is within the tolerance on positions."""
-    declaration = own_folder / "robot.yaml"
-    text = declaration.read_text()
-    declaration.write_text(
-        text.replace(
+            "robot.yaml",
             "RR_calf_joint,  motor: knee, default_rad: -1.8",
-            "RR_calf_joint,  motor: knee, default_rad: -1.802",
-        )
-    )
-    with pytest.raises(UserError, match="its default pose differs left and right"):
-        find_symmetry(load_robot(own_folder))
+            "RR_calf_joint, motor: knee, default_rad: -1.802",
+            "pose",
+        ),
+    ):
+        text = (own_folder / file).read_text()
+        assert old in text
+        (own_folder / file).write_text(text.replace(old, new))
+        with pytest.raises(UserError, match=f"'go1'.*{named}"):
+            find_symmetry(load_robot(own_folder))
+        (own_folder / file).write_text(text)
 
 
-@pytest.mark.parametrize(
-    ("phase", "sign"),
-    [
+def test_the_clocks_sign_changes_where_partners_step_in_turn(go1: Robot) -> None:
+    for phase, sign in (
         (None, 1.0),
-        ([0.1, 0.6, 0.85, 0.35], -1.0),  # partners half a cycle apart
-        ([0.9, 0.9, 0.2, 0.2], 1.0),  # partners together
-    ],
-)
-def test_the_clocks_sign_changes_in_turns(go1: Robot, phase: list[float] | None, sign: float) -> None:
-    assert find_symmetry(go1, None if phase is None else np.array(phase)).clock == sign
-
-
-def test_a_gait_that_has_no_image_is_refused(go1: Robot) -> None:
-    with pytest.raises(UserError, match="no mirror image"):
+        (np.array([0.1, 0.6, 0.85, 0.35]), -1.0),  # half a cycle apart
+        (np.array([0.9, 0.9, 0.2, 0.2]), 1.0),  # together
+    ):
+        assert find_symmetry(go1, phase).clock == sign
+    with pytest.raises(UserError, match="go1"):
         find_symmetry(go1, np.array([0.0, 0.5, 0.25, 0.25]))
-
-
-def test_a_clock_keeps_its_sign_where_partners_step_together() -> None:
-    together = SYMMETRY._replace(clock=1.0)
-    assert kinds.CLOCK.mirror(together)(np.array([3.0, 4.0])).tolist() == [3.0, 4.0]
 
 
 @pytest.mark.parametrize("name", ["tripod", "ripple", "wave"])

@@ -31,16 +31,13 @@ def test_a_robot_of_known_motors(tmp_path: Path) -> None:
     assert "gear_ratio: 9" in (made.folder / "robot.yaml").read_text()
 
 
-@pytest.mark.parametrize(
-    ("chosen", "reason"),
-    [
-        ({"": "DM-J4310-2EC-24"}, "Did you mean DM-J4310-2EC-24V?"),
-        ({"elbow": "Unitree-4010"}, "no joint has 'elbow' in its name"),
-    ],
-)
-def test_unknown_actuators_are_refused(tmp_path: Path, chosen: dict[str, str], reason: str) -> None:
-    with pytest.raises(UserError, match=reason.replace("?", r"\?")):
-        make(tmp_path, quadruped(), actuators=chosen)
+def test_unknown_actuators_are_refused(tmp_path: Path) -> None:
+    for chosen, named in (
+        ({"": "DM-J4310-2EC-24"}, r"mean DM-J4310-2EC-24V\?"),
+        ({"elbow": "Unitree-4010"}, "'elbow'"),
+    ):
+        with pytest.raises(UserError, match=named):
+            make(tmp_path, quadruped(), actuators=chosen)
 
 
 def test_motors_beyond_their_rated_torque_are_reported(tmp_path: Path) -> None:

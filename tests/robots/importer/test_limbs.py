@@ -16,15 +16,11 @@ def feet_of(source: Source, *named: str) -> list[str]:
 
 
 class TestLimbs:
-    @pytest.mark.parametrize(
-        ("name", "called"),
-        [
-            *((name, True) for name in ("FL_foot", "toe_2", "l_toes", "Paw1", "Sole", "feet")),
-            *((name, False) for name in ("stoel", "tow_hook", "shank")),
-        ],
-    )
-    def test_names_of_feet_are_recognised(self, name: str, called: bool) -> None:
-        assert bool(FOOT_NAME.search(name)) is called
+    def test_names_of_feet_are_recognised(self) -> None:
+        for name in ("FL_foot", "toe_2", "l_toes", "Paw1", "Sole", "feet"):
+            assert FOOT_NAME.search(name), name
+        for name in ("stoel", "tow_hook", "shank"):
+            assert not FOOT_NAME.search(name), name
 
     def test_without_names_feet_are_links_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
         limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
@@ -69,27 +65,18 @@ class TestLimbs:
             find_limbs(source)
         assert feet_of(source, "left_gripper", "right_gripper") == ["left_gripper", "right_gripper"]
 
-    @pytest.mark.parametrize(
-        ("old", "new", "message"),
-        [
-            ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "is a slide joint"),
+    def test_joints_that_cannot_be_driven_are_named(self, tmp_path: Path) -> None:
+        text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
+        for old, new, named in (
+            ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "b_joint .*slide"),
             (
                 "</mujoco>",
                 '<equality><joint joint1="b_joint" joint2="a_joint"/></equality></mujoco>',
-                "b_joint of a leg follows another one",
+                "b_joint",
             ),
-            (
-                "</mujoco>",
-                '<equality><weld name="w" body1="a" body2="b"/></equality></mujoco>',
-                "equality w closes a loop",
-            ),
-            ('pos="0 -0.1 0"', 'pos="0 -0.1 0.19"', "only one foot, a, found"),
-        ],
-    )
-    def test_joints_that_cannot_be_driven_are_named(
-        self, tmp_path: Path, old: str, new: str, message: str
-    ) -> None:
-        text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
-        assert old in text
-        with pytest.raises(UserError, match=message):
-            find_limbs(read(tmp_path, text.replace(old, new)))
+            ("</mujoco>", '<equality><weld name="w" body1="a" body2="b"/></equality></mujoco>', "equality w"),
+            ('pos="0 -0.1 0"', 'pos="0 -0.1 0.19"', "foot, a,"),
+        ):
+            assert old in text
+            with pytest.raises(UserError, match=named):
+                find_limbs(read(tmp_path, text.replace(old, new)))
