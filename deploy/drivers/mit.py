@@ -58,6 +58,9 @@ _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC
 CLEAR, ENTER, EXIT, ZERO = _SPECIAL - 1, _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  # as 64-bit words
 _HIGHEST_COMMAND = np.uint64(CLEAR - 1)
 
+_ALL = slice(None)
+MAX_SUBSETS = 64  # of motors, limited: with frames lost at random, any subset replies
+
 _WIRE = np.dtype(">u8")  # byte order of a word in a frame
 
 _BITS = np.array([[16], [12], [12], [12], [12]])  # position, velocity, kp, kd, torque
@@ -104,13 +107,6 @@ class _Fields(NamedTuple):
     quantum: np.ndarray
     codes_per_unit: np.ndarray
 
-    def of(self, motor: np.ndarray | slice) -> "_Fields":
-        """Fields of some motors (indices), or of all motors (a slice)."""
-        if isinstance(motor, slice):
-            return self
-        code, *rest = self
-        return _Fields(code, *(part[:, motor] for part in rest))
-
     def pack(self, values: np.ndarray) -> np.ndarray:
         """Words (k,) from values (fields, k), which are clamped to the range."""
         codes = np.maximum(values, self.lowest)
@@ -126,6 +122,27 @@ class _Fields(NamedTuple):
         values *= self.quantum
         values += self.lowest
         return values
+
+
+class _PerMotor:
+    """Fields of all motors, and of subsets, which are kept because selecting them takes long."""
+
+    def __init__(self, every: _Fields) -> None:
+        self._every = every
+        self._some: dict[tuple[str, bytes], _Fields] = {}
+
+    def of(self, motor: np.ndarray | slice) -> _Fields:
+        """Fields of some motors (indices), or of all motors (a slice)."""
+        if isinstance(motor, slice):
+            return self._every
+        key = motor.dtype.char, motor.tobytes()
+        fields = self._some.get(key)
+        if fields is None:
+            if len(self._some) >= MAX_SUBSETS:
+                self._some.clear()
+            code, *rest = self._every
+            fields = self._some[key] = _Fields(code, *(part[:, motor] for part in rest))
+        return fields
 
 
 def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> _Fields:
@@ -161,10 +178,11 @@ class Codec:
         )
         lowest = -highest
         lowest[2:4] = 0.0
-        self._command = _fields(_COMMAND_SHIFT, _BITS, lowest, highest)
-        self._reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
-        self.lowest, self.highest, self.quantum = lowest, highest, self._command.quantum
-        self.reply_quantum = self._reply.quantum
+        command = _fields(_COMMAND_SHIFT, _BITS, lowest, highest)
+        reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
+        self._command, self._reply = _PerMotor(command), _PerMotor(reply)
+        self.lowest, self.highest, self.quantum = lowest, highest, command.quantum
+        self.reply_quantum = reply.quantum
         self._encoded = b"", np.zeros((0, 8), np.uint8)  # the last command, and its frames
 
     def encode(self, values: np.ndarray) -> np.ndarray:
@@ -184,7 +202,7 @@ class Codec:
         if key != self._encoded[0]:
             if not math.isfinite(np.add.reduce(values, axis=None)):
                 raise ValueError("a command that is not finite cannot be sent")
-            self._encoded = key, bytes_of(np.minimum(self._command.pack(values), _HIGHEST_COMMAND))
+            self._encoded = key, bytes_of(np.minimum(self._command.of(_ALL).pack(values), _HIGHEST_COMMAND))
         return self._encoded[1]
 
     def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:

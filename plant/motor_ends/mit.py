@@ -6,11 +6,13 @@ from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit_driver import REPLY_ID
 from footfall.deploy.drivers.polled import MOTOR_IDS, motor_lookup
-from footfall.deploy.frames import Frames, layout_of
+from footfall.deploy.frames import Frames, Layout, layout_of
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests
 
 KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}
+
+MAX_LAYOUTS = 64  # limited: with frames lost at random, layouts never repeat
 
 _ALL = slice(None)
 
@@ -33,6 +35,7 @@ class MitMotorEnd(PolledMotorEnd):
         )
         commands = self._outgoing._replace(id=wiring.motor_id)
         self._usual = layout_of(commands)  # layout of a batch that addresses every motor in joint order
+        self._others: dict[Layout, tuple[np.ndarray, np.ndarray]] = {}  # motors and rows of other layouts
         self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)  # data of such a batch, and its requests
 
     def requests(self, frames: Frames) -> Requests:
@@ -54,11 +57,18 @@ class MitMotorEnd(PolledMotorEnd):
 
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
         """The motors of this robot that frames address, and the data for them."""
-        if layout_of(frames) == self._usual:
+        layout = layout_of(frames)
+        if layout == self._usual:
             return _ALL, frames.data
-        motor = self._lookup[frames.channel, frames.id & 0xFF]
-        usable = (motor >= 0) & (frames.id < 0x100) & (frames.length == 8)
-        return motor[usable], frames.data[usable]
+        known = self._others.get(layout)
+        if known is None:
+            if len(self._others) >= MAX_LAYOUTS:
+                self._others.clear()
+            motor = self._lookup[frames.channel, frames.id & 0xFF]
+            rows = np.flatnonzero((motor >= 0) & (frames.id < 0x100) & (frames.length == 8))
+            known = self._others[layout] = motor[rows], rows
+        motor, rows = known
+        return motor, frames.data[rows]
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         tail = report.error | (np.asarray(report.temperature_c, np.uint64) << np.uint64(8))
