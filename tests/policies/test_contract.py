@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
@@ -41,6 +41,7 @@ def contracts(draw: st.DrawFn) -> Contract:
     )
 
 
+@settings(max_examples=25)
 @given(contracts())
 def test_json_round_trip_is_exact(contract: Contract) -> None:
     again = Contract.from_json(contract.to_json(), "a test")

@@ -7,37 +7,38 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_robots import BALL, make, quadruped
+from foreign_robots import BALL, quadruped
 from shell import Shell
 
 from footfall.cli import main
 from footfall.plant.standing import StandingResult, standing_test
 from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.create import Imported
 from footfall.robots.inspection import inspect_robot
 
 
 @pytest.fixture(scope="module")
-def four(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return make(tmp_path_factory.mktemp("four"), quadruped())[0]
+def dog(four: tuple[Robot, Imported]) -> Robot:
+    return four[0]
 
 
 @pytest.fixture(scope="module")
-def four_standing(four: Robot) -> StandingResult:
-    return standing_test(four, duration_s=1.5)
+def dog_standing(dog: Robot) -> StandingResult:
+    return standing_test(dog, duration_s=1.5)
 
 
 LOW = "\nsafety: {sensors: {sunk: 1.0}}\n"  # a robot that may have its base on the ground
 
 
 @pytest.fixture
-def changed(four: Robot, tmp_path: Path) -> Callable[..., Path]:
+def changed(dog: Robot, tmp_path: Path) -> Callable[..., Path]:
     """A copy of the quadruped in which one text of one file is replaced."""
 
     def change(file: str, old: str, new: str) -> Path:
         folder = tmp_path / "changed"
         if not folder.exists():
             folder.mkdir()
-            for path in four.folder.iterdir():
+            for path in dog.folder.iterdir():
                 (folder / path.name).write_text(path.read_text())
         text = (folder / file).read_text()
         found = re.sub(old, new, text)
@@ -55,18 +56,18 @@ def wrong(folder: Path, capsys: pytest.CaptureFixture[str], seconds: str = "1") 
 
 
 class TestStanding:
-    def test_an_imported_quadruped_stands_on_all_feet(self, four_standing: StandingResult) -> None:
-        assert four_standing.stood
-        assert four_standing.stood_s == pytest.approx(1.5, abs=0.01)
-        assert (four_standing.feet_down == 1.0).all()
+    def test_an_imported_quadruped_stands_on_all_feet(self, dog_standing: StandingResult) -> None:
+        assert dog_standing.stood
+        assert dog_standing.stood_s == pytest.approx(1.5, abs=0.01)
+        assert (dog_standing.feet_down == 1.0).all()
 
-    def test_torques_are_those_of_the_weight(self, four: Robot, four_standing: StandingResult) -> None:
+    def test_torques_are_those_of_the_weight(self, dog: Robot, dog_standing: StandingResult) -> None:
         """The knees' torques: a quarter of the weight each, on the foot's distance from the knee's axis."""
-        knees = [four.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
-        angle = four.default_pose[knees] + four.default_pose[[k - 1 for k in knees]]
+        knees = [dog.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
+        angle = dog.default_pose[knees] + dog.default_pose[[k - 1 for k in knees]]
         distance = 0.2 * np.abs(np.sin(angle))
-        weight = inspect_robot(four).mass_kg * 9.81
-        shares = four_standing.torque_share[knees] * four.motor.peak_torque[knees]
+        weight = inspect_robot(dog).mass_kg * 9.81
+        shares = dog_standing.torque_share[knees] * dog.motor.peak_torque[knees]
         assert shares.sum() == pytest.approx(np.mean(distance) * weight, rel=0.3)
 
     def test_weak_knees_give_way(self, changed: Callable[..., Path]) -> None:
@@ -111,13 +112,13 @@ class TestInspection:
         findings = inspect_robot(load_robot(changed(file, old, new))).findings()
         assert any(re.match(finding, each) for each in findings)
 
-    def test_an_imported_robot_passes_the_check(self, four: Robot) -> None:
-        assert list(inspect_robot(four).findings()) == []
+    def test_an_imported_robot_passes_the_check(self, dog: Robot) -> None:
+        assert list(inspect_robot(dog).findings()) == []
 
 
 class TestCommand:
-    def test_a_sound_robot(self, four: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main(["robot", "check", str(four.folder), "--duration", "1", "--no-controllers"]) == 0
+    def test_a_sound_robot(self, dog: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["robot", "check", str(dog.folder), "--duration", "1", "--no-controllers"]) == 0
         result = capsys.readouterr().out
         for word in ("RR_knee", "-2.33 to -0.40", "total 11.58 kg", "nothing wrong was found"):
             assert word in result, word
@@ -149,8 +150,8 @@ class TestCommand:
         assert "joint FL_roll: kd is 18.8, above the" in wrong(folder, capsys)
 
 
-def test_ranges_that_no_training_can_read_are_refused(four: Robot, tmp_path: Path, shell: Shell) -> None:
+def test_ranges_that_no_training_can_read_are_refused(dog: Robot, tmp_path: Path, shell: Shell) -> None:
     folder = tmp_path / "mine"
-    shutil.copytree(four.folder, folder)
+    shutil.copytree(dog.folder, folder)
     (folder / "randomisation.yaml").write_text("armature: {low: 1.05, high: 0.95}")
     assert "armature" in shell.refuses("robot", "check", str(folder))

@@ -1,4 +1,4 @@
-"""The URDF of each robot, read by MuJoCo and by Pinocchio, moves and weighs as the MJCF does."""
+"""The URDF of each robot, read by MuJoCo, moves and weighs as the MJCF does."""
 
 import shutil
 from collections.abc import Iterable
@@ -69,7 +69,15 @@ def posed(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
     return data
 
 
-def test_links_move_as_the_bodies_do(robot: Robot) -> None:
+def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, joints: Iterable[str]) -> np.ndarray:
+    """The mass matrix, base first, then the joints in this order."""
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    order = [*range(6), *(int(model.joint(name).dofadr[0]) for name in joints)]
+    return matrix[np.ix_(order, order)]
+
+
+def test_links_move_and_weigh_as_the_bodies_do(robot: Robot) -> None:
     made, own = as_read(urdf(robot)), without_armature(robot)
     for pose in poses(own):
         ours, theirs = posed(own, pose), posed(made, pose)
@@ -83,14 +91,8 @@ def test_links_move_as_the_bodies_do(robot: Robot) -> None:
         for foot in robot.description.feet:
             middle = np.mean([ours.geom(name).xpos for name in foot.geoms], axis=0)
             np.testing.assert_allclose(theirs.body(f"{foot.name}_sole").xpos, middle, atol=1e-7)
-
-
-def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, joints: Iterable[str]) -> np.ndarray:
-    """The mass matrix, base first, then the joints in this order."""
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
-    order = [*range(6), *(int(model.joint(name).dofadr[0]) for name in joints)]
-    return matrix[np.ix_(order, order)]
+        matrices = (mass_matrix(model, data, pose) for model, data in ((made, theirs), (own, ours)))
+        np.testing.assert_allclose(*matrices, rtol=1e-6, atol=1e-7)
 
 
 def test_joints_carry_their_limits(robot: Robot) -> None:
@@ -130,29 +132,3 @@ def lowest_solid(model: mujoco.MjModel, data: mujoco.MjData) -> float:
                 reach = size @ abs(down)
         heights.append(data.geom_xpos[geom][2] - reach)
     return min(heights)
-
-
-def test_pinocchio_reads_the_same_robot(robot: Robot) -> None:
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
-    model = pin.buildModelFromXML(urdf(robot), pin.JointModelFreeFlyer())
-    data, own = model.createData(), without_armature(robot)
-    for pose in poses(own):
-        ours = posed(own, pose)
-        x, y, z, w, i, j, k = ours.qpos[:7]
-        position = pin.neutral(model)
-        position[:7] = x, y, z, i, j, k, w
-        joints = [model.joints[model.getJointId(name)] for name in pose]
-        position[[joint.idx_q for joint in joints]] = list(pose.values())
-        pin.framesForwardKinematics(model, data, position)
-        pin.centerOfMass(model, data, position)
-        np.testing.assert_allclose(data.com[0], ours.subtree_com[1], atol=1e-7)
-        for foot in robot.description.feet:
-            middle = np.mean([ours.geom(name).xpos for name in foot.geoms], axis=0)
-            sole = data.oMf[model.getFrameId(f"{foot.name}_sole")].translation
-            np.testing.assert_allclose(sole, middle, atol=1e-7)
-        moved = [6 + index for index in range(len(joints))]
-        order = [joint.idx_v for joint in joints]
-        inertia = np.triu(pin.crba(model, data, position))
-        inertia = inertia + np.triu(inertia, 1).T
-        expected = mass_matrix(own, ours, pose)[np.ix_(moved, moved)]
-        np.testing.assert_allclose(inertia[np.ix_(order, order)], expected, rtol=1e-6, atol=1e-7)

@@ -23,16 +23,6 @@ from footfall.robots.importer.shapes import Kind
 from footfall.train.config import load_preset
 
 
-@pytest.fixture(scope="module")
-def four(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    return make(tmp_path_factory.mktemp("four"), quadruped())
-
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")
-
-
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Skip the search for a lying pose, which takes seconds (tests/plant/test_lying.py)."""

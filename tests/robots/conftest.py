@@ -1,0 +1,19 @@
+"""Imported robots that several tests read."""
+
+import pytest
+from foreign_robots import BIPED_MJCF, make, quadruped
+
+from footfall.robots.description import Robot
+from footfall.robots.importer.create import Imported
+
+
+@pytest.fixture(scope="session")
+def four(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
+    """From a URDF."""
+    return make(tmp_path_factory.mktemp("four"), quadruped())
+
+
+@pytest.fixture(scope="session")
+def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
+    """From an MJCF, on soles."""
+    return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")
