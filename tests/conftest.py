@@ -15,7 +15,7 @@ os.environ.setdefault(
     + " --xla_cpu_use_fusion_emitters=false"
     * any(found.version.startswith("0.10.") for found in distributions(name="jaxlib")),
 )
-os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")  # no places of the source in programs
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")  # no source locations in programs
 os.environ["XDG_STATE_HOME"] = str(Path(__file__).parents[1] / ".cache" / "state")  # not the user's
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
@@ -113,11 +113,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest. The order is the same wherever collection began."""
-    place = {name: index for index, name in enumerate(LONGEST)}
+    rank = {name: index for index, name in enumerate(LONGEST)}
 
     def order(item: pytest.Item) -> tuple[int, str]:
         name = item.path.relative_to(HERE).as_posix()
-        return place.get(name, len(LONGEST)), name
+        return rank.get(name, len(LONGEST)), name
 
     items.sort(key=order)
 
@@ -222,8 +222,8 @@ def called(monkeypatch: pytest.MonkeyPatch) -> Recorder:
 def contract(go1: Robot) -> Contract:
     """A contract that fits go1 and uses every observation term, some with history."""
     phase = np.zeros(12)
-    for place, joints in zip(find_gait("trot", go1).phase, go1.foot_joints, strict=True):
-        phase[joints] = place
+    for foot_phase, joints in zip(find_gait("trot", go1).phase, go1.foot_joints, strict=True):
+        phase[joints] = foot_phase
     return Contract(
         robot=go1.name,
         digest=go1.digest,

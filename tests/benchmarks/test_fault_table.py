@@ -203,7 +203,7 @@ def test_rows_have_the_share_in_time_and_the_failures() -> None:
         ("policy interrupted at its deadline, getting up", "ESTOP", "the policy ran late"),
     ],
 )
-def test_a_robot_that_gets_up_meets_a_fault_and_is_damped(title: str, final_state: str, message: str) -> None:
+def test_a_robot_that_gets_up_is_damped_after_a_fault(title: str, final_state: str, message: str) -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
     assert run["detected"]
     assert message in run["fault"]

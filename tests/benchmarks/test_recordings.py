@@ -114,8 +114,8 @@ def made_up_servo(path: Path, gain: float, hz: float) -> None:
 
 
 def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None:
-    for place, (gain, hz) in enumerate(((200.0, 0.5), (800.0, 0.8), (800.0, 0.3))):
-        made_up_servo(tmp_path / f"{place}.json", gain, hz)
+    for index, (gain, hz) in enumerate(((200.0, 0.5), (800.0, 0.8), (800.0, 0.3))):
+        made_up_servo(tmp_path / f"{index}.json", gain, hz)
     folder = str(tmp_path)
     assert servo_logs.folds(folder, "xl330") == [("kp 200", [0]), ("kp 800", [1, 2])]
     windows = servo_logs.problem(folder, "xl330", "joint law")

@@ -15,7 +15,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_folder_that_the_user_names_is_taken_as_it_is(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_given_by_the_user_is_used_unchanged(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(home / "mine"))
     assert compilation_cache() == home / "mine"
 

@@ -59,8 +59,8 @@ def refusal(data: object) -> str:
     return str(caught.value).removeprefix("here: ")
 
 
-def test_a_wrong_value_is_refused_with_its_place() -> None:
-    for wrong, place in (
+def test_a_wrong_value_is_refused_with_its_key() -> None:
+    for wrong, key in (
         ({"steered": "left"}, "steered: 'left'"),
         ({"steered": ["rear"]}, "steered: ['rear']"),
         ({"wheels": [ROUND, {"radius_m": -1.0}]}, "wheels[1]: radius_m"),
@@ -68,8 +68,8 @@ def test_a_wrong_value_is_refused_with_its_place() -> None:
         ({"first": None}, "first: "),
         ({"first": 3}, "first: "),
         *(
-            ({"first": ROUND | wheel}, f"first{place}")
-            for wheel, place in (
+            ({"first": ROUND | wheel}, f"first{key}")
+            for wheel, key in (
                 ({"spokes": 1.0}, ".spokes: 1.0"),
                 ({"spokes": True}, ".spokes: True"),
                 ({"radius_m": True}, ".radius_m: True"),
@@ -83,7 +83,7 @@ def test_a_wrong_value_is_refused_with_its_place() -> None:
             )
         ),
     ):
-        assert refusal(A_CART | wrong).startswith(place)
+        assert refusal(A_CART | wrong).startswith(key)
     assert refusal({}).startswith("name, first: ")
     for wrong in ([], [1], "text", 3, A_CART | {"span": [1.0]}, A_CART | {2: 3}, {"name": [0] * 1000}):
         assert refusal(wrong)

@@ -124,7 +124,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_pages_install_from_the_clone_that_they_lie_in(page: Path) -> None:
+def test_pages_install_from_the_clone(page: Path) -> None:
     for line in re.findall(r"pip install (?:-q )?([^`\n]+)", page.read_text()):
         for wanted in shlex.split(line, comments=True):
             if wanted.startswith("-") or wanted.endswith(".whl"):

@@ -56,7 +56,7 @@ def test_a_name_that_is_too_long_is_refused_and_the_longest_is_written(tmp_path:
         check_outputs(tmp_path / ("a" * 256))
 
 
-def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path: Path) -> None:
+def test_a_named_pipe_is_refused_and_an_open_pipe_is_not(tmp_path: Path) -> None:
     """Opening a named pipe waits for the other end."""
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
@@ -119,7 +119,7 @@ class TestOutputs:
             os.close(reader)
         assert stat.S_ISFIFO(pipe.stat().st_mode)
 
-    def test_a_link_leads_to_its_file_which_is_replaced(self, tmp_path: Path) -> None:
+    def test_the_target_of_a_link_is_replaced(self, tmp_path: Path) -> None:
         (tmp_path / "there").mkdir()
         real, link = tmp_path / "there" / "real", tmp_path / "link"
         real.write_text("old")

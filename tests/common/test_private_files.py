@@ -33,7 +33,7 @@ def test_neither_group_nor_others_may_write_to_a_file_or_its_folder(file: Path, 
             act()
 
 
-def test_links_to_a_file_or_a_folder_of_ones_own_are_refused(file: Path, tmp_path: Path) -> None:
+def test_links_are_refused_even_to_own_files_and_folders(file: Path, tmp_path: Path) -> None:
     link = file.with_name("link")
     link.symlink_to(file)
     with pytest.raises(OSError, match="symbolic links"):

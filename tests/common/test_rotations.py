@@ -53,7 +53,7 @@ class TestAgainstMujoco:
         np.testing.assert_allclose(ours(*arguments), expected, atol=1e-12)
         np.testing.assert_allclose(ours(*map(jnp.asarray, arguments)), expected, atol=1e-6)
 
-    def test_the_type_of_the_numbers_stays(self, ours, mujocos, arguments) -> None:
+    def test_the_dtype_is_kept(self, ours, mujocos, arguments) -> None:
         single = [each[0].astype(np.float32) for each in arguments]
         assert ours(*single).dtype == np.float32
 

@@ -97,7 +97,7 @@ def test_a_sagging_pack_and_a_lying_voltage(go1: Robot, change: dict, fault: str
     assert bool(found) is bool(fault)
 
 
-def test_without_a_voltage_nothing_is_claimed_and_nothing_limited(go1: Robot) -> None:
+def test_without_a_voltage_charge_is_unknown_and_nothing_is_limited(go1: Robot) -> None:
     pack = Pack(go1, 0.05)
     pack.off_v = np.full(MOTORS, np.nan)
     state = pack.draw(6.0, 1.0)

@@ -58,7 +58,7 @@ class TestBench:
         assert max(torques) < 0.1
         assert not stand.body.motors_on.any()
 
-    def test_watching_shows_readings_and_switches_nothing_on(self, stand: OnStand) -> None:
+    def test_watching_shows_readings_and_enables_no_motor(self, stand: OnStand) -> None:
         bench, seen = stand.bench(), []
         assert (bench.query_settings(), bench.settle()) == ("", "")
         bench.watch(0.3, lambda: seen.append(stand.body.motors_on.any()))
@@ -174,12 +174,12 @@ class TestScan:
         stand = OnStand(with_motors(go1, **motors))
         hip, knee = makers
         first = motors.get("first_id", 1)
-        places = {
+        addresses = {
             Found(channel, first + joint, knee if joint == 2 else hip)
             for channel in range(4)
             for joint in range(3)
         }
-        assert stand.scan() == places == set(expected(stand.wiring))
+        assert stand.scan() == addresses == set(expected(stand.wiring))
         assert not stand.body.motors_on.any()
 
     def test_a_scan_repeats_lost_probes(self, go1: Robot) -> None:

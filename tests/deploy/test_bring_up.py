@@ -59,8 +59,8 @@ def findings(
     values["temperature_c"] = np.full((101, 12), 30.0)
     up, time_s = changes.pop("up", UP), changes.pop("time_s", TIME_S)
     samples = Samples(time_s, np.stack(list((values | changes).values()), axis=1), up)
-    places = [f"joint {joint}" for joint in range(12)]
-    return list(criterion(Case(robot, places, Window(0.0, 1.0, joints, sways), samples, BringUpLimits())))
+    labels = [f"joint {joint}" for joint in range(12)]
+    return list(criterion(Case(robot, labels, Window(0.0, 1.0, joints, sways), samples, BringUpLimits())))
 
 
 def assert_found(found: list[str], *expected: str) -> None:
@@ -89,7 +89,7 @@ class TestCriteria:
         found = findings(go1, criteria.follow, 2, target=pose + only(2, TRAVEL), position=position)
         assert_found(found, *finds)
 
-    def test_two_moving_joints_are_not_taken_for_swapped_ones(self, go1: Robot) -> None:
+    def test_two_moving_joints_are_not_reported_as_swapped(self, go1: Robot) -> None:
         position = only(2, 1.5 * TRAVEL) + only(5, 0.5 * TRAVEL)
         found = findings(go1, criteria.follow, 2, target=only(2, TRAVEL), position=position)
         assert_found(found, "joint 2 150% ratio", "joint 5 0.07 rad")
@@ -321,7 +321,7 @@ class TestJudge:
         assert (verdict.step, verdict.findings, verdict.passed) == ("x", ("it fell", "it leans"), False)
 
 
-def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) -> None:
+def test_a_scale_lowers_gains_and_torque_but_not_damping(go1: Robot) -> None:
     """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
     driver = open_driver(wiring_of(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
@@ -469,7 +469,7 @@ def steps_run(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
-def test_steps_run_in_their_own_order_however_they_are_typed(
+def test_steps_run_in_their_own_order_not_in_the_typed_one(
     shell: Shell, steps_run: list[str], typed: str
 ) -> None:
     """The robot does not walk before all other requested steps have passed."""

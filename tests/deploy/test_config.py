@@ -147,9 +147,7 @@ class TestLimitsOfARobot:
     def with_limits(self, robot: Robot, **limits: object) -> Robot:
         return replace(robot, description=replace(robot.description, safety=limits))
 
-    def test_replace_the_defaults_and_a_file_changes_them_one_by_one(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_replace_the_defaults_and_a_file_changes_single_ones(self, go1: Robot, tmp_path: Path) -> None:
         path, robot = tmp_path / "loop.yaml", self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5})
         path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
         for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
@@ -160,7 +158,7 @@ class TestLimitsOfARobot:
         with pytest.raises(UserError, match=r"go1/robot.yaml: safety: no setting tilt \("):
             deploy_config(self.with_limits(go1, tilt=0.7))
 
-    def test_reach_as_far_as_its_motors_wait(self, go1: Robot) -> None:
+    def test_depend_on_the_motors_timeout(self, go1: Robot) -> None:
         """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}

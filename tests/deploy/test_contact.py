@@ -87,7 +87,7 @@ class TestContact:
         found = self.after(robot, self.begun(robot, sensed), sensed, 200)
         np.testing.assert_allclose(found, trust, atol=0.01)
 
-    def test_legs_in_the_air_do_not_stand_however_heavy_they_are(self) -> None:
+    def test_legs_in_the_air_are_not_in_stance_for_any_weight(self) -> None:
         """The hexapod's legs weigh as much as its body: held up, then pulled down faster than free fall."""
         robot = load_robot("hexapod")
         for felt in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
@@ -109,7 +109,7 @@ class TestContact:
             np.testing.assert_allclose(found, 0.0, atol=1e-9)
         assert self.after(ROBOT, self.begun(ROBOT, standing), standing, 40).min() > 0.9
 
-    def test_a_stretched_leg_does_not_stop_it(self, tmp_path: Path) -> None:
+    def test_a_stretched_leg_does_not_stop_the_estimate(self, tmp_path: Path) -> None:
         """All links in a line: no torque depends on a force along it."""
         robot = bodies(tmp_path)["biped without ankles"]
         straight = held_out(robot, np.zeros(6))

@@ -373,7 +373,7 @@ class TestHeight:
         assert estimator.odometry().position[2] == pytest.approx(0.0 if level else 0.4, abs=5e-3)
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
 
-    def test_in_a_fall_the_height_goes_down_with_the_velocity(self) -> None:
+    def test_in_a_fall_the_height_falls_with_the_velocity(self) -> None:
         """A fortieth of a second: g t^2 / 2 is 3 mm."""
         estimator, hanging = BaseEstimator(ROBOT), held(share=0.0)
         estimator.reset(hanging)

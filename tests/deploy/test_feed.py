@@ -126,7 +126,7 @@ def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_pat
     assert read_log(tmp_path / "run.mcap").complete
 
 
-def test_a_used_feed_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
+def test_a_feed_in_use_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"cannot serve a feed at .*feed: Address already in use"):
         McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
     with socket.socket(socket.AF_UNIX) as dead:
@@ -140,9 +140,9 @@ def test_a_used_feed_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog
 def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_path: Path) -> None:
     """Compared with MuJoCo's kinematics, with the base at the odometry's pose."""
     angles = np.random.default_rng(0).uniform(-0.5, 0.5, 12) + go1.default_pose
-    place, quaternion = np.array([1.0, 2.0, 0.1]), np.array([0.8, 0.0, 0.36, 0.48])
+    position, quaternion = np.array([1.0, 2.0, 0.1]), np.array([0.8, 0.0, 0.36, 0.48])
     still, unknown = np.zeros(3), np.zeros((7, 7))
-    log.odometry(0, Odometry(place, quaternion, 0.0, still, still, 0.3, np.ones(4), unknown))
+    log.odometry(0, Odometry(position, quaternion, 0.0, still, still, 0.3, np.ones(4), unknown))
     log.tick(0, sensed(angles), HEALTH, None)
     log.close()
     parents = {}
@@ -151,7 +151,7 @@ def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_
             parents[each.child_frame_id] = each.header.frame_id, each.transform
     model = load_spec(go1.xml_path).compile()
     data = mujoco.MjData(model)
-    data.qpos[:7] = [*place, *quaternion]
+    data.qpos[:7] = [*position, *quaternion]
     data.qpos[[model.joint(name).qposadr[0] for name in go1.joint_names]] = angles
     mujoco.mj_kinematics(model, data)
     for foot in go1.description.feet:

@@ -44,7 +44,7 @@ class TestFilter:
         """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
         config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
         motion = coupled()
-        place, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
+        position, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
         forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
         motion.predict(forces[0].tolist(), turn.tolist(), 0.0)
         before = matrix(motion)
@@ -52,7 +52,7 @@ class TestFilter:
 
         acceleration = turn @ (forces.mean(axis=0) - bias) - 9.81 * UP
         np.testing.assert_allclose(motion.velocity, velocity + dt_s * acceleration)
-        np.testing.assert_allclose(motion.position, place + dt_s * velocity + dt_s**2 / 2 * acceleration)
+        np.testing.assert_allclose(motion.position, position + dt_s * velocity + dt_s**2 / 2 * acceleration)
         transition = np.array([[1.0, dt_s, 0.0], [0.0, 1.0, -dt_s], [0.0, 0.0, 1.0]])
         change = (0.5**2 + 0.5**2 + 1.0**2) / 3
         noise = config.acceleration_noise**2 + config.acceleration_change**2 * change
@@ -134,7 +134,7 @@ class TestFilter:
         assert (motion.velocity[0] < 0.02) != follows
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_how_far_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
+    def test_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
         """In 2 ms of 10: a fifth of the legs' velocity, then a fifth of the rest; a third of squares."""
         motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
         seen[axis], motion.vv = -2.0, 0.0

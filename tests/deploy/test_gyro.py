@@ -56,7 +56,7 @@ def test_noise_of_the_orientation_averages_out() -> None:
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=0.004)
 
 
-def test_speeding_up_is_no_bias() -> None:
+def test_acceleration_is_no_bias() -> None:
     """Between two readings the robot turns by their mean: from 0 to 10 rad/s in half a second."""
     estimator, quaternion = GyroBias(GyroConfig()), turn(np.zeros(3))
     rates = np.linspace(0.0, 10.0, 251)

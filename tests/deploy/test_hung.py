@@ -122,7 +122,7 @@ class TestGuard:
         assert acts[-1] == "off"
         assert "did not return" in capsys.readouterr().err
 
-    def test_does_not_act_on_a_loop_in_time(self) -> None:
+    def test_does_not_act_while_the_loop_is_in_time(self) -> None:
         taken_over = threading.Event()
         guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, taken_over, pytest.fail)
         time.sleep(0.15)

@@ -43,7 +43,7 @@ Walk = tuple[Path, np.ndarray]
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
     """A rest and a trot, recorded by a rotated IMU without orientation; and the true path, m."""
-    rows, places = [], []
+    rows, positions = [], []
 
     def note(loop: ControlLoop, body: SimulatedRobot) -> None:
         sensed = loop.sensed
@@ -52,7 +52,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
         gyro, acceleration = (MOUNTING.inv().apply(value) for value in (sensed.gyro, sensed.acceleration))
         joints = *sensed.joint_position, *sensed.joint_torque
         rows.append([loop.now_us * 1e-6, *np.degrees(gyro), *acceleration, *joints])
-        places.append(body.truth().base_position)
+        positions.append(body.truth().base_position)
 
     ahead = short_episode(command_source=lambda _: np.array([0.4, 0.0, 0.0]), duration_s=2.0)
     run_episode(ROBOT, load_policy("trot", ROBOT), ahead, note)
@@ -63,7 +63,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
         names = *MAP["joint_position"].values(), *MAP["joint_torque"].values()
         writer.writerow(["t", "wx", "wy", "wz", "ax", "ay", "az", *names])
         writer.writerows(rest + rows)
-    return path, places[-1] - places[0]
+    return path, positions[-1] - positions[0]
 
 
 def typed(shell: Shell, walk: Walk, tmp_path: Path, **changes: Any) -> list[str | Path]:
@@ -81,9 +81,9 @@ def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Pa
         rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])
     assert columns.readings.values[:, :count] == pytest.approx(rows[:, 7 : 7 + count])
     assert columns.readings.time_s == pytest.approx(rows[:, 0] - rows[0, 0], abs=1e-6)
-    place = columns.column("/odom", 85).values[-1, :2]
+    position = columns.column("/odom", 85).values[-1, :2]
     assert np.linalg.norm(walk[1][:2]) > 0.4
-    assert np.linalg.norm(place - walk[1][:2]) < 0.05
+    assert np.linalg.norm(position - walk[1][:2]) < 0.05
     contact = columns.column("/contacts", 4).values
     assert 0.3 < contact[-50:].mean() < 0.9
     assert shell("log", "info", tmp_path / "walk.mcap").status == 0

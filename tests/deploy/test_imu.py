@@ -43,7 +43,7 @@ def test_a_gravity_offset_moves_the_projected_gravity_as_declared() -> None:
     np.testing.assert_allclose(shifted, wanted / np.linalg.norm(wanted), atol=1e-12)
 
 
-def test_a_whole_reading_is_read_at_once() -> None:
+def test_a_complete_reading_is_decoded_at_once() -> None:
     """The second batch from the same arrays takes the short way."""
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
@@ -89,7 +89,7 @@ def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
         ("quaternion", lambda data, length: length.__setitem__(2, 1)),
     ],
 )
-def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, corrupt: Any, at_once: bool) -> None:
+def test_each_part_must_be_renewed_by_complete_frames(part: str, corrupt: Any, at_once: bool) -> None:
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
     reader.absorb(Frames(channel, identifier, whole(1), length), 1000)
@@ -188,7 +188,7 @@ class TestReader:
         assert wire.reader.reading.quaternion == (1.0, 0.0, 0.0, 0.0)
 
     @pytest.mark.parametrize("before", [1, 2, 3])
-    def test_a_reading_that_is_repeated_is_no_new_one(self, wire: Wire, before: int) -> None:
+    def test_a_repeated_reading_is_not_new(self, wire: Wire, before: int) -> None:
         for counter in range(before):
             wire.send(counter, 1000 * counter)
         for now_us in (9000, 9500):
@@ -229,8 +229,8 @@ class TestReader:
         for ids in ([0x302, 0x300, 0x303, 0x2FF, 0x301], [0x302, 0x300, 0x301]):
             for now_us in (70, 71):
                 data = np.vstack([imu.encode(reading, now_us), others])
-                place = [(0x300, 0x301, 0x302, 0x303, 0x2FF).index(each) for each in ids]
-                rows = np.ones(len(ids), int), np.array(ids), data[place], np.full(len(ids), 8)
+                order = [(0x300, 0x301, 0x302, 0x303, 0x2FF).index(each) for each in ids]
+                rows = np.ones(len(ids), int), np.array(ids), data[order], np.full(len(ids), 8)
                 wire.reader.absorb(Frames(*rows), now_us)
                 np.testing.assert_allclose(wire.reader.reading.gyro, reading.gyro)
                 np.testing.assert_allclose(wire.reader.reading.acceleration, reading.acceleration)

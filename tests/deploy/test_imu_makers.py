@@ -179,7 +179,7 @@ class NoCan:
 
 
 class TestPort:
-    """A pseudo-terminal in the place of the IMU's cable."""
+    """A pseudo-terminal instead of the IMU's cable."""
 
     def test_bytes_of_a_port_reach_the_driver_beside_can(self) -> None:
         far, near = os.openpty()

@@ -88,7 +88,7 @@ class TestOut:
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
-    def test_a_lowered_torque_is_whole_again_once_the_joint_slows_down(
+    def test_a_reduced_torque_is_restored_once_the_joint_slows_down(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
     ) -> None:
         wanted = command(go1, go1.default_pose, torque=20.0)

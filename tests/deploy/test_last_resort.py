@@ -28,14 +28,14 @@ def test_replies_from_the_second_tick_on_confirm_disabling(go1: Robot) -> None:
     assert loop.last_resort.silent_at_the_end == []
 
 
-def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named(go1: Robot) -> None:
+def test_a_motor_that_never_replies_is_named_after_a_quarter_of_a_second(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[7]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()
     assert loop.last_resort.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]
     assert loop.last_resort.on_at_the_end == []
 
 
-def test_a_motor_that_answers_but_stays_enabled_is_asked_for_as_long_and_named(go1: Robot) -> None:
+def test_a_motor_that_replies_but_stays_enabled_is_named_at_the_timeout(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.readings[2, 7] = 2.0
     assert shut_down(loop, body, silent=[]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()

@@ -50,8 +50,8 @@ class Notebook:
         self._then = then
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        place = body.data.qpos[:7].copy()
-        self.ticks.append(Tick(loop.state.mode, loop.target, place[2], tilt(place[3:])))
+        base_pose = body.data.qpos[:7].copy()
+        self.ticks.append(Tick(loop.state.mode, loop.target, base_pose[2], tilt(base_pose[3:])))
         if self._then is not None:
             self._then(loop, body)
 
@@ -138,7 +138,7 @@ class TestPostures:
         between = 0.5 * (go1.default_pose + go1.lying_pose)
         np.testing.assert_allclose(postures.command(middle_s).position, between, atol=1e-9)
 
-    def test_a_robot_that_cannot_lie_stands_on_its_legs_however_low_its_base_is(self) -> None:
+    def test_a_robot_without_lying_pose_counts_as_on_its_legs_at_any_height(self) -> None:
         postures = Postures(load_robot("g1"), CONFIG, lie_down=True)
         squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}
         names = load_robot("g1").joint_names
@@ -279,7 +279,7 @@ class TestDescription:
         assert load_robot(own_folder).digest == go1.digest
 
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
-    def test_nothing_but_base_and_feet_touches_the_ground(self, name: str) -> None:
+    def test_only_base_and_feet_touch_the_ground(self, name: str) -> None:
         """By MuJoCo's own collisions, a few millimetres into it."""
         robot = load_robot(name)
         wiring = wiring_of(robot)

@@ -196,7 +196,7 @@ class TestContent:
         assert list(written["/contacts"].data) == found.contact.tolist()
         assert list(written["/footholds"].data) == list(range(12))
 
-    def test_odometry_is_logged_at_50_hz_where_asked_for(self, go1: Robot, tmp_path: Path) -> None:
+    def test_odometry_is_logged_at_50_hz_on_request(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "asked.mcap"
         config = replace(UNHURRIED, odometry=True)
         run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
@@ -455,7 +455,7 @@ class TestDisk:
         assert 0 < len(readings) == 1000 - int(lacks[1])
         assert read_log(path).complete
 
-    def test_a_writer_that_never_ends_is_given_up(
+    def test_a_writer_that_never_ends_is_abandoned(
         self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)

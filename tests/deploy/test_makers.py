@@ -115,7 +115,9 @@ class TestSettings:
         assert settings[time_out] == kept
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
-    def test_a_motor_that_ignores_it_stays_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
+    def test_a_motor_that_ignores_a_setting_stays_disabled(
+        self, wiring: Wiring, setting: int, message: str
+    ) -> None:
         """It confirms the write, and reports its old setting."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)

@@ -208,7 +208,7 @@ class TestAddressing:
                 motor = read(frames._replace(**{corrupt: array})).motor
                 assert np.arange(12)[motor].tolist() == known
 
-    def test_a_whole_batch_in_another_order_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+    def test_a_complete_batch_in_another_order_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         backwards = self.replies(end, np.arange(12)[::-1])
         for _ in range(3):
@@ -217,7 +217,7 @@ class TestAddressing:
                 found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
             )  # by either setting
 
-    def test_motors_take_whole_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+    def test_motors_accept_complete_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         values = np.zeros((5, 12))
         values[0] = 0.1 * np.arange(12)

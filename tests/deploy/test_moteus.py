@@ -203,7 +203,7 @@ class TestBuses:
         here.close()
         there.close()
 
-    def test_a_log_has_them_as_candump_writes_them(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_log_has_can_fd_frames_in_candumps_format(self, go1: Robot, tmp_path: Path) -> None:
         robot: Any = with_motors(go1, hip="moteus", knee="moteus")
         episode = short_episode(duration_s=0.1, log=tmp_path / "a.mcap", log_frames=True)
         run_episode(robot, Hold(robot), episode)

@@ -19,7 +19,7 @@ def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float)
 
 
 class TestDrift:
-    def test_yaw_that_drifts_turns_the_way(self) -> None:
+    def test_yaw_drift_rotates_the_path(self) -> None:
         """Straight at v, yaw a random walk of q: variances q^2 T of the yaw, v^2 q^2 T^3 / 3 across."""
         drift = walked(OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.01}), (0.0, 0.5), 8.0)
         found = drift.covariance(np.array([0.0, 4.0, 0.0]))

@@ -146,7 +146,7 @@ class TestFrames:
         assert not driver.replies(joined(others)).values.size
 
     @pytest.mark.filterwarnings("error")
-    def test_nan_and_infinity_are_no_readings(self, driver: OdriveDriver) -> None:
+    def test_nan_and_infinity_are_not_accepted_as_readings(self, driver: OdriveDriver) -> None:
         for bits in ((0x7F800001, 0), (0x7F800000, 0xFF800000), (0x7FC00000, 0)):  # signalling NaN, inf, NaN
             assert not driver.replies(frame(0x069, struct.pack("<II", *bits))).values.size
         driver.replies(pair(0x07C, 0.0, float("inf")))
@@ -202,7 +202,7 @@ class TestJointLaw:
 
 
 class TestEnd:
-    def test_a_disabled_axis_is_known_by_its_heartbeat_not_by_its_readings(
+    def test_a_disabled_axis_is_detected_by_its_heartbeat_not_by_its_readings(
         self, driver: OdriveDriver
     ) -> None:
         assert OdriveDriver(TWO).not_confirmed_off().all()

@@ -52,7 +52,7 @@ def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, proto
     assert not simulated.body.motors_on.any()
 
 
-def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
+def test_filters_and_readings_come_from_the_users_imu(go1: Robot) -> None:
     wiring = wiring_of(with_own(go1))
     assert OwnImu.filters[0] in filters_of(wiring)
     imu, end = open_imu(wiring), open_imu_end(wiring)
@@ -118,12 +118,12 @@ MISFITS = {
 }
 
 
-def assert_refused(wiring: Any, place: str, part: str) -> None:
-    """One line that names the place and the part."""
+def assert_refused(wiring: Any, import_path: str, part: str) -> None:
+    """One line that names the class and the missing part."""
     with pytest.raises(UserError) as refused:
         open_driver(wiring)
     assert "\n" not in str(refused.value)
-    assert place in str(refused.value)
+    assert import_path in str(refused.value)
     assert part in str(refused.value)
 
 
@@ -132,12 +132,12 @@ def test_an_unsuitable_motor_driver_is_refused_with_the_reason(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
     monkeypatch.setattr(own_drivers, "Misfit", MISFITS[part], raising=False)
-    place = "own_drivers:Misfit"
-    assert_refused(two_motors(place, place), place, part.strip())
+    import_path = "own_drivers:Misfit"
+    assert_refused(two_motors(import_path, import_path), import_path, part.strip())
 
 
 @pytest.mark.parametrize(
-    ("place", "part"),
+    ("import_path", "part"),
     [
         ("no_such_module:Driver", "no_such_module"),
         ("own_drivers:NoSuchDriver", "NoSuchDriver"),
@@ -145,10 +145,12 @@ def test_an_unsuitable_motor_driver_is_refused_with_the_reason(
         ("NoSuchMotor", "MODULE:NAME"),
     ],
 )
-def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(place: str, part: str) -> None:
-    assert_refused(two_motors(place, "RS00"), "joint hip", part)
+def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(
+    import_path: str, part: str
+) -> None:
+    assert_refused(two_motors(import_path, "RS00"), "joint hip", part)
     with pytest.raises(UserError, match=part):
-        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol=place))
+        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol=import_path))
 
 
 @pytest.mark.parametrize(

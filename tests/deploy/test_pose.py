@@ -9,7 +9,7 @@ import pytest
 from footfall.deploy.pose import impossible_pose
 from footfall.robots.description import Robot
 
-PLACES = [f"joint {joint}" for joint in range(12)]
+LABELS = [f"joint {joint}" for joint in range(12)]
 TURN = math.tau
 
 
@@ -21,7 +21,7 @@ def found(robot: Robot, position: float, lower: float, upper: float, margin_rad:
         lower_rad=np.where(joint, lower, robot.lower_rad),
         upper_rad=np.where(joint, upper, robot.upper_rad),
     )
-    return impossible_pose(ranged, PLACES, np.where(joint, position, robot.default_pose), margin_rad)
+    return impossible_pose(ranged, LABELS, np.where(joint, position, robot.default_pose), margin_rad)
 
 
 @pytest.mark.parametrize(
@@ -66,5 +66,5 @@ def test_a_joint_off_by_a_turn_of_its_rotor_is_named_so(go1: Robot) -> None:
     gear = go1.motor_figures("gear_ratio")[0]
     position = go1.default_pose.copy()
     position[0] = go1.upper_rad[0] + 0.5
-    fault = impossible_pose(go1, PLACES, position, 0.1)
+    fault = impossible_pose(go1, LABELS, position, 0.1)
     assert fault.endswith(f"off by +1 turn of its rotor (+{TURN / gear:.2f} rad)?")

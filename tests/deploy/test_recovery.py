@@ -150,7 +150,7 @@ class TestOnFrames:
         assert "it stays down" in loop.state.faults[-1]
 
     @pytest.mark.parametrize("wish", [Wish.WALK, Wish.GET_UP])
-    def test_an_operator_can_be_asked_each_time(self, go1: Robot, wish: Wish) -> None:
+    def test_an_operators_consent_can_be_required_each_time(self, go1: Robot, wish: Wish) -> None:
         asked = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))
         loop, *_ = fallen(go1, safety=asked, command_source=Wishing(wish))
         assert (Mode.RECOVERING in to_the_end(loop)) is (wish is Wish.GET_UP)
@@ -161,7 +161,7 @@ class TestOnFrames:
         to_the_end(loop)
         assert any("--recover" in note for note in source.seen[-1].notes)
 
-    def test_one_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
+    def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
         walks, rises = Hold(go1), Hold(go1)
         rises.name = "rises"
         loop, body = loop_of(go1, walks, get_up=rises, safety=SAFETY)
@@ -202,8 +202,8 @@ class TestFaultsWhileItGetsUp:
 class PutDown:
     """Tips the walking robot over and lays it on its belly, or its back, once it keeps still."""
 
-    def __init__(self, robot: Robot, place: tuple[float, ...] = (0.15, *UPRIGHT)) -> None:
-        self._lying, self._tipped, self.modes, self._place = robot.lying_pose, False, list[Mode](), place
+    def __init__(self, robot: Robot, pose: tuple[float, ...] = (0.15, *UPRIGHT)) -> None:
+        self._lying, self._tipped, self.modes, self._pose = robot.lying_pose, False, list[Mode](), pose
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         mode = loop.state.mode
@@ -214,7 +214,7 @@ class PutDown:
             body.data.qvel[2:4] = 1.0, 12.0
         since_s = loop.now_us * 1e-6 - loop.state.since_s
         if mode is Mode.FALLING and 0.0 < since_s < 0.01:
-            body.data.qpos[2:7], body.data.qpos[7:] = self._place, self._lying
+            body.data.qpos[2:7], body.data.qpos[7:] = self._pose, self._lying
             body.data.qvel[:] = 0.0
 
 

@@ -74,8 +74,8 @@ def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: lis
 def decided(steps: int, **changes: float) -> list[np.ndarray]:
     """Decisions of `Counts`, with some numbers changed: at_STEP_INDEX=by."""
     numbers = [np.concatenate([ZEROS + 0.1 * (step + 1), np.zeros(48)]) for step in range(steps)]
-    for place, by in changes.items():
-        _, step, index = place.split("_")
+    for key, by in changes.items():
+        _, step, index = key.split("_")
         numbers[int(step)][int(index)] += by
     return numbers
 
@@ -346,7 +346,7 @@ class TestWritten:
 NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
 
 
-def test_definitions_are_those_of_ros_2() -> None:
+def test_definitions_equal_those_of_ros_2() -> None:
     """A tool decodes the bytes by its own definition, independently of the file's."""
     ours, theirs = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY)
     for kind in {topic.kind for topic in TOPICS.values()} - NOT_OF_ROS:

@@ -90,7 +90,7 @@ class TestFrames:
         assert other.error.tolist() == [0]
 
     @pytest.mark.parametrize("end", ["report", "clear", "warning"])
-    def test_a_fault_lasts_until_it_is_cleared_and_a_warning_is_none(
+    def test_a_fault_lasts_until_it_is_cleared_and_warnings_are_ignored(
         self, driver: RobstrideDriver, end: str
     ) -> None:
         word = "0000 0000 0100 0000" if end == "warning" else "0400 0000 0000 0000"

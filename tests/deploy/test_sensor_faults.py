@@ -71,8 +71,8 @@ def test_a_fault_in_a_walk_is_named_in_time_and_damps(
     outcome = run.run(2.0, watch)
     assert outcome.final_state == "ESTOP", outcome.faults
     assert len(outcome.faults) == 1
-    place, _, reasons = message.rpartition(": ") if "_joint" in message else ("", "", message)
-    assert outcome.faults[0].startswith(place)
+    source, _, reasons = message.rpartition(": ") if "_joint" in message else ("", "", message)
+    assert outcome.faults[0].startswith(source)
     assert any(reason in outcome.faults[0] for reason in reasons.split(" | "))
     assert faulty[-1] - AT_S <= within_s
     assert len(damped) > 200

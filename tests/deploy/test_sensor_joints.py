@@ -193,7 +193,7 @@ class TestTorqueStuck:
         ],
         ids=["full", "nearly full", "coarse", "reached", "late"],
     )
-    def test_does_not_count_of_a_sound_motor(
+    def test_is_zero_for_a_sound_motor(
         self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
     ) -> None:
         """Reported and commanded shares of the peak torque; frames are ten times finer."""
@@ -246,7 +246,7 @@ class TestOpposing:
         found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
         assert found[0] == pytest.approx(fifth / (fifth - 0.2))
 
-    def test_a_motor_that_is_asked_for_little_hardly_counts(self, go1: Robot) -> None:
+    def test_a_motor_with_a_small_command_hardly_counts(self, go1: Robot) -> None:
         """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
         little = 0.01 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, torque=lambda _: (-little, little))

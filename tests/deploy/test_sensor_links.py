@@ -149,7 +149,7 @@ class TestSlow:
         assert measured(go1, Creep, drifting, samples=samples)[0] > LIMITS.creep_rad
         assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
 
-    def test_a_gait_in_step_with_the_readings_is_no_drift(self, go1: Robot) -> None:
+    def test_a_gait_synchronous_with_the_readings_is_no_drift(self, go1: Robot) -> None:
         """Five strides a second at 1.5 rad/s: all turn back at the same moment between two readings."""
         up_s = 0.1 + 0.15 * 0.004
 

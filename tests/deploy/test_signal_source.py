@@ -90,16 +90,16 @@ def test_a_robot_at_rest_on_a_slope_stands_up_after_its_time(go1: Robot) -> None
     assert loop.now_us == 50_000
 
 
-@pytest.mark.parametrize("place", ["the IMU's gyro", "FL_thigh_joint (can1, id 2)"])
-def test_a_robot_that_moves_is_refused_after_a_wait(go1: Robot, place: str) -> None:
+@pytest.mark.parametrize("part", ["the IMU's gyro", "FL_thigh_joint (can1, id 2)"])
+def test_a_robot_that_moves_is_refused_after_a_wait(go1: Robot, part: str) -> None:
     loop, body = loop_of(go1, Hold(go1), still_s=0.05)
-    if place.startswith("FL"):
+    if part.startswith("FL"):
         body.readings[1, 4] = -0.5
     else:
         body.gyro = (0.0, 0.5, 0.0)
     until(loop, Mode.ESTOP)
     assert loop.now_us == 1_000_000
-    assert f"{place} reads 0.50 rad/s" in loop.state.faults[0]
+    assert f"{part} reads 0.50 rad/s" in loop.state.faults[0]
 
 
 def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:

@@ -225,8 +225,8 @@ class TestPlants:
         other = Bench(go1, plant=rewritten(go1, tmp_path / "other.xml", *feet, extra=mesh))
         assert "FR_foot is geom" in other.body.notes[0]
         assert "of body FR_end" in other.body.notes[0]
-        places = [bench.body.truth().foot_position for bench in (own, other)]
-        np.testing.assert_allclose(*places, atol=1e-4)
+        positions = [bench.body.truth().foot_position for bench in (own, other)]
+        np.testing.assert_allclose(*positions, atol=1e-4)
         assert self.stands(other)
         truth = other.body.truth()
         assert truth.foot_contact.all()

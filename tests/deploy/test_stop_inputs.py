@@ -124,7 +124,7 @@ def device(tmp_path: Path) -> Iterator[tuple[str, int]]:
 
 
 class TestKey:
-    def test_any_key_or_the_one_that_is_declared_stops(self, device: tuple[str, int]) -> None:
+    def test_any_key_or_only_the_declared_one_stops(self, device: tuple[str, int]) -> None:
         path, end = device
         any_key = StopKeyInput(StopKey(path))
         assert any_key.stopped is None

@@ -1,4 +1,4 @@
-"""A robot's buses and the place of each motor on them."""
+"""A robot's buses, and bus and id of each motor."""
 
 from dataclasses import replace
 

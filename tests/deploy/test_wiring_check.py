@@ -220,7 +220,7 @@ class TestProof:
             must_check(held, "socketcan", "auto")
         assert not must_check(held, "socketcan", "trust")
 
-    def test_a_proof_that_cannot_be_kept_or_read_is_none(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_proof_that_cannot_be_saved_or_read_does_not_count(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "footfall").write_text("a file where the folder should be")
         assert "cannot be saved" in keep_proof(go1, "socketcan", PROOF)
         (tmp_path / "footfall").unlink()

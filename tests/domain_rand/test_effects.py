@@ -53,8 +53,8 @@ class TestBody:
         apply_to_model(model, Sample(com_offset_m=offset), where)
         mujoco.mj_kinematics(model, after)
         np.testing.assert_allclose(after.xipos[where.base], before.xipos[where.base] + offset, atol=1e-12)
-        for place in ("ximat", "geom_xpos", "geom_xmat", "site_xpos", "site_xmat"):
-            np.testing.assert_allclose(getattr(after, place), getattr(before, place), atol=1e-12)
+        for field in ("ximat", "geom_xpos", "geom_xmat", "site_xpos", "site_xmat"):
+            np.testing.assert_allclose(getattr(after, field), getattr(before, field), atol=1e-12)
 
     def test_friction_is_set_on_all_geoms_of_the_ground(self, go1: Robot) -> None:
         model = read_plant(go1, change=replaced_by(load_ground("blocks"))).model
@@ -72,7 +72,7 @@ class TestBody:
         np.testing.assert_allclose(heavy.body_subtreemass, 2 * nominal.body_subtreemass)
         assert np.all(heavy.body_invweight0[1:, 0] < nominal.body_invweight0[1:, 0])
 
-    def test_mujoco_and_mjx_models_change_alike(self, go1: Robot) -> None:
+    def test_mujoco_and_mjx_models_change_in_the_same_way(self, go1: Robot) -> None:
         model = training_model(go1)
         where: BodyMap = body_map(model, go1)
         rng = np.random.default_rng(0)
@@ -113,9 +113,9 @@ class TestEveryField:
         np.testing.assert_allclose(changed["body_mass"], mass)
         turning = np.array([1.0, *(sample["link_mass"] * sample["inertia"])])
         np.testing.assert_allclose(changed["body_inertia"], nominal.body_inertia * turning[:, None])
-        place = nominal.body_ipos.copy()
-        place[base] += sample["com_offset_m"]
-        np.testing.assert_allclose(changed["body_ipos"], place)
+        centres = nominal.body_ipos.copy()
+        centres[base] += sample["com_offset_m"]
+        np.testing.assert_allclose(changed["body_ipos"], centres)
         armature = nominal.dof_armature.copy()
         armature[dofs] *= sample["armature"]
         np.testing.assert_allclose(changed["dof_armature"], armature)
@@ -185,8 +185,8 @@ def test_an_addition_to_the_base_acts_on_its_own_body() -> None:
     mass = adds_to_base("body_mass").change(np.array([0.0, 7.0, 5.0, 1.0]), 1.5, where)
     np.testing.assert_array_equal(mass, [0.0, 7.0, 6.5, 1.0])
     offset = np.array([0.1, -0.2, 0.3])
-    place = adds_to_base("body_ipos").change(np.ones((4, 3)), offset, where)
-    np.testing.assert_allclose(place, np.ones((4, 3)) + np.outer([0, 0, 1, 0], offset))
+    changed = adds_to_base("body_ipos").change(np.ones((4, 3)), offset, where)
+    np.testing.assert_allclose(changed, np.ones((4, 3)) + np.outer([0, 0, 1, 0], offset))
 
 
 class TestBodyMap:

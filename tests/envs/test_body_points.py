@@ -21,9 +21,9 @@ from footfall.robots.model import training_model
 STEP_S = 1 / 200
 
 
-def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, place: np.ndarray) -> np.ndarray:
+def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndarray) -> np.ndarray:
     """Distance of points (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
-    own = np.abs((place - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+    own = np.abs((point - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
     size = model.geom_size[geom]
     cores = {
         int(mujoco.mjtGeom.mjGEOM_SPHERE): np.zeros(3),
@@ -41,14 +41,14 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     data.qpos += np.random.default_rng(3).normal(0.0, 0.4, model.nq)
     mujoco.mj_normalizeQuat(model, data.qpos)
     mujoco.mj_kinematics(model, data)
-    places = np.asarray(jax.jit(points.points)(data.qpos.astype(np.float32)))
+    positions = np.asarray(jax.jit(points.points)(data.qpos.astype(np.float32)))
     feet = {geom for foot in robot.description.feet for geom in foot.geoms}
     shapes = [
         geom
         for geom in range(model.ngeom)
         if (model.geom_contype[geom] or model.geom_conaffinity[geom]) and model.geom(geom).name not in feet
     ]
-    distances = np.array([to_shape(model, data, geom, places) for geom in shapes])
+    distances = np.array([to_shape(model, data, geom, positions) for geom in shapes])
     assert distances.min(axis=0).max() < 1e-5
     assert (distances < 1e-5).any(axis=1).all()  # no shape is without a point
     base = model.body(robot.description.base).id

@@ -62,16 +62,16 @@ class TestPictures:
     def test_each_robot_has_a_picture_of_its_own(self, renderer: list[Any]) -> None:
         many = GymnasiumVectorEnv(ROBOT, SMOKE, 2, "rgb_array")
         assert many.render() is None  # nothing has started
-        places = np.zeros((2, 19))
-        places[:, 0], places[:, 3] = [1.0, 2.0], 1.0
-        many.state = type("S", (), {"qpos": places})()
+        positions = np.zeros((2, 19))
+        positions[:, 0], positions[:, 3] = [1.0, 2.0], 1.0
+        many.state = type("S", (), {"qpos": positions})()
         assert len(many.render() or ()) == 2
         assert [each[0][0] for each in renderer[1:]] == [1.0, 2.0]
         many.close()
         assert renderer[-1] == ("closed",)
 
 
-def test_information_is_of_the_episodes_that_go_on_and_of_those_that_ended() -> None:
+def test_information_covers_running_and_ended_episodes() -> None:
     last = gymnasium_env.StepResult(
         np.arange(6.0).reshape(3, 2), np.zeros(3), np.array([False, True, False]), np.array([False,
         False, True]),

@@ -159,9 +159,9 @@ class TestResetPose:
         )
         return np.asarray(state.qpos), np.asarray(state.qvel)
 
-    def test_it_stands_on_the_ground_wherever_that_is(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_it_stands_on_the_ground_at_any_height(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Half a metre up where x is 0, and sloping."""
-        monkeypatch.setattr(data, "ground_height", lambda place: 0.5 + 0.1 * place[0])
+        monkeypatch.setattr(data, "ground_height", lambda position: 0.5 + 0.1 * position[0])
         qpos, _ = self.draw(np.full(31, 0.5))
         assert qpos[2] == pytest.approx(0.5 + ROBOT.description.standing_height_m)
 
@@ -229,8 +229,8 @@ class TestDrop:
             pose = np.asarray(state.qpos)[7:]
             assert np.all((lower - 1e-5 <= pose) & (pose <= upper + 1e-5))
             np.testing.assert_array_equal(np.asarray(state.goals), np.tile(pose, (3, 1)))
-            places = np.asarray(scene.body.points(state.qpos))
-            heights.append((places[:, 2] - scene.body.radius).min())
+            points = np.asarray(scene.body.points(state.qpos))
+            heights.append((points[:, 2] - scene.body.radius).min())
             tilts.append(Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).as_matrix()[2, 2])
         assert 0.1 - 1e-5 <= min(heights) < 0.13
         assert 0.17 < max(heights) <= 0.2 + 1e-5

@@ -36,16 +36,16 @@ class TestFeet:
 
     def test_speed_is_horizontal_and_of_the_last_physics_step(self) -> None:
         feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
-        places = np.zeros((3, 4, 3))
-        places[0] = 7.0
-        places[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
-        np.testing.assert_allclose(feet.speed(jnp.asarray(places)), [1.0, 0.0, 2.0, 4.0], rtol=1e-5)
+        positions = np.zeros((3, 4, 3))
+        positions[0] = 7.0
+        positions[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
+        np.testing.assert_allclose(feet.speed(jnp.asarray(positions)), [1.0, 0.0, 2.0, 4.0], rtol=1e-5)
 
     def test_feet_crowd_if_two_are_too_close(self) -> None:
         feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
-        places = jnp.array([[0.0, 0.0, 0.5], [0.03, 0.04, 0.0], [1.0, 0.0, 0.0], [1.0, 0.09, 0.0]])
-        assert float(feet.crowding(places, 0.1)) == pytest.approx(0.05**2 + 0.01**2, rel=1e-4)
-        assert float(feet.crowding(places, 0.05)) == pytest.approx(0.0, abs=1e-9)
+        positions = jnp.array([[0.0, 0.0, 0.5], [0.03, 0.04, 0.0], [1.0, 0.0, 0.0], [1.0, 0.09, 0.0]])
+        assert float(feet.crowding(positions, 0.1)) == pytest.approx(0.05**2 + 0.01**2, rel=1e-4)
+        assert float(feet.crowding(positions, 0.05)) == pytest.approx(0.0, abs=1e-9)
 
     @pytest.mark.parametrize("phase", np.linspace(0.0, 0.95, 20))
     def test_swing_follows_the_reference_gait(self, phase: float) -> None:

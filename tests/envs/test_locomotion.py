@@ -118,11 +118,9 @@ TO_NOMINAL = CurriculumConfig("linear", "randomisation", settings={"start": 0.0}
 ACTION = jnp.linspace(-0.3, 0.4, N)
 
 
-def placed(
-    state: State, place=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0), velocity=(0.0,) * 6
-) -> State:
+def placed(state: State, base=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0), velocity=(0.0,) * 6) -> State:
     """A state with the base at this pose and with this velocity, in MuJoCo's coordinates."""
-    qpos = state.qpos.at[:3].set(jnp.asarray(place)).at[3:7].set(jnp.asarray(quaternion))
+    qpos = state.qpos.at[:3].set(jnp.asarray(base)).at[3:7].set(jnp.asarray(quaternion))
     return state._replace(qpos=qpos, qvel=state.qvel.at[:6].set(jnp.asarray(velocity)))
 
 
@@ -440,7 +438,7 @@ class TestStillStep:
     def state(cls, still: LocomotionEnv) -> State:
         return placed(jax.jit(still.reset)(jax.random.PRNGKey(2))[0])
 
-    def test_the_clock_goes_on_by_the_control_period(self, step, state: State) -> None:
+    def test_the_clock_advances_by_the_control_period(self, step, state: State) -> None:
         after, _ = step(state._replace(phase=jnp.array([0.97])), jnp.zeros(N))
         np.testing.assert_allclose(after.phase, [0.01], atol=1e-6)  # 0.97 + 2 Hz / 50 Hz, wrapped
 
@@ -463,7 +461,7 @@ class TestStillStep:
         assert not np.array_equal(one.key, state.key)
         assert not np.array_equal(first.observation["state"][:3], second.observation["state"][:3])  # gyro
 
-    def test_the_next_step_goes_on_from_the_last_target(self, step, state: State) -> None:
+    def test_the_next_step_continues_from_the_last_target(self, step, state: State) -> None:
         """A far goal is approached at 60 rad/s through all physics steps of 20 ms, to the soft limit."""
         at_once = state._replace(sample=state.sample | {"action_delay_s": jnp.float32(0.0)})
         after, _ = step(at_once, jnp.full(N, 100.0))

@@ -142,7 +142,9 @@ class TestPurity:
         step(first[0], two)
         assert equal(step(begun, one), first)
 
-    def test_nothing_changes_a_bit(self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str) -> None:
+    def test_results_do_not_depend_on_the_batch(
+        self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str
+    ) -> None:
         for module in ("c", "generated.on_processor"):
             monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: 3)
         monkeypatch.setattr("footfall.envs.physics.generated.on_processor.MIN_ROBOTS_PER_THREAD", 5)

@@ -208,7 +208,9 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, 
     assert "\n" not in line
 
 
-def test_the_least_used_makes_room(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_least_recently_used_program_is_deleted(
+    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
     kept(make, "first")
     monkeypatch.setattr(program_cache, "LARGEST_BYTES", int(2.5 * only_file(cache).stat().st_size))
     kept(make, "second")

@@ -191,7 +191,7 @@ def test_terms_of_every_kind_come_from_a_users_module() -> None:
     assert speeds[1] - speeds[0] == pytest.approx(1.0, rel=1e-4)
 
 
-def test_a_task_of_ones_own_makes_the_environment() -> None:
+def test_a_users_task_makes_the_environment() -> None:
     env = make_environment(ROBOT, replace(SMOKE, task="own_terms:kneel"))
     assert env.episode_steps == 25
     assert env.config.weights == {"alive": 2.0}

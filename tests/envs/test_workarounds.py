@@ -42,7 +42,7 @@ def time_spent(steps: int) -> float:
     return float(data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration)
 
 
-def test_mujoco_times_its_steps_but_for_those_of_a_training() -> None:
+def test_mujoco_times_its_steps_except_in_a_training() -> None:
     assert time_spent(3) > 0.0
     with UNDISTURBED:
         assert time_spent(3) == 0.0

@@ -48,7 +48,7 @@ class TestComparison:
         assert self.compared(EvaluationConfig("go1", ("one", "where")), file).push_scenario is None
 
 
-def test_brackets_in_a_name_are_no_markup() -> None:
+def test_brackets_in_a_name_are_not_markup() -> None:
     console = Console(file=io.StringIO(), width=200)
     print_results({"[bold]mine": {"scenarios": {"one": bare("x")}}}, console)
     printed = console.file.getvalue()  # type: ignore[attr-defined]

@@ -50,7 +50,7 @@ def test_their_means_are_reported(config: EvaluationConfig, tmp_path: Path, go1:
 
 
 @pytest.mark.parametrize(
-    ("places", "complaint"),
+    ("names", "complaint"),
     [
         (("absent_module:height",), "no module 'absent_module'"),
         (("metrics_of_mine:absent",), "has no 'absent'"),
@@ -59,6 +59,6 @@ def test_their_means_are_reported(config: EvaluationConfig, tmp_path: Path, go1:
         (("metrics_of_mine:highest_base_m",) * 2, "two metrics are called 'highest_base_m'"),
     ],
 )
-def test_unfit_ones_are_refused(config: EvaluationConfig, places: tuple[str, ...], complaint: str) -> None:
+def test_unfit_ones_are_refused(config: EvaluationConfig, names: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(UserError, match=complaint):
-        api.evaluate_policy("stand", replace(config, metrics=places), console=Console(quiet=True))
+        api.evaluate_policy("stand", replace(config, metrics=names), console=Console(quiet=True))

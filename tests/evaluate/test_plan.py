@@ -45,7 +45,7 @@ def refusal(folder: Path, text: str) -> str:
 
 
 class TestScenarioFile:
-    def test_an_unknown_scenario_is_answered_with_those_that_exist(self) -> None:
+    def test_an_unknown_scenario_is_refused_with_the_known_names(self) -> None:
         with pytest.raises(UserError) as error:
             FILE.select(["nominal", "moonwalk"])
         assert "moonwalk" in str(error.value)
@@ -164,7 +164,7 @@ class TestCommandsOfARobot:
         assert "scenarios['own']: level payload_kg must be above -5.2, not -5.21" in complaint
         assert complaint.endswith("the base of go1 weighs 5.2 kg")
 
-    def test_a_file_of_ones_own_adds_and_replaces_and_may_give_units(self, tmp_path: Path) -> None:
+    def test_a_users_file_adds_and_replaces_scenarios_and_may_use_units(self, tmp_path: Path) -> None:
         path = tmp_path / "own.yaml"
         path.write_text(
             "scenarios:\n"

@@ -77,7 +77,7 @@ class TestFilms:
         assert asked[0].ground is not None
         assert np.max(asked[0].ground.heights) >= 1.0
 
-    def test_the_next_way_to_render_is_tried_where_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_another_renderer_is_tried_if_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tried: list[Any] = []
         works = {"osmesa"}
 

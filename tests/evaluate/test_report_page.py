@@ -41,7 +41,7 @@ class TestPage:
         sentence = "mine falls least often (0 of 24, against 9 of 24 of trot)"
         assert words.index(sentence) < words.index("Headline figures")
 
-    def test_needs_nothing_but_itself_and_names_each_element_once(self, page: str) -> None:
+    def test_is_self_contained_and_ids_are_unique(self, page: str) -> None:
         parsed = Page(page)
         assert all(reference.startswith(("data:", "#")) for reference in parsed.references)
         assert not re.search(r"(?:@import|url\(\s*['\"]?https?:)", page)
@@ -92,7 +92,7 @@ class TestPage:
         assert "1 of 1 episode failed: its process died (1)" in text
 
 
-def test_a_walk_keeps_its_place_after_others(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_walk_keeps_its_position_after_others(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """A policy's index determines its colour in all plots."""
     given: list[course_plots.Walk] = []
     for name in ("tracking", "gait", "torque_speed", "timing"):

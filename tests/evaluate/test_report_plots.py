@@ -48,7 +48,7 @@ class Drawn:
         """Of a histogram."""
         return [bar for bar in self.axes.patches if isinstance(bar, Rectangle)]
 
-    def places(self, colour: str) -> list[float]:
+    def starts(self, colour: str) -> list[float]:
         """Start of the lines of this colour, along x."""
         return [float(np.asarray(each.get_xdata())[0]) for each in self.lines(colour)]
 
@@ -91,7 +91,7 @@ class TestSurvival:
             [segment[:, 1] for segment in edges.get_segments()], [[0.6, 0.95], [0.1, 0.5]]
         )
 
-    def test_the_fit_goes_down_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
+    def test_the_fit_falls_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
         scenario_plots.survival(
             {"a": self.summary(1.8, [1.5, None]), "b": self.summary(1.0, [0.5, 1.5], 9.0)}
         )
@@ -207,7 +207,7 @@ class TestTracking:
                 x, y = panel.points(colour)
                 assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
                 assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
-            assert panel.places(svg.INK)[1:] == [1.5, 4.25]  # pushes
+            assert panel.starts(svg.INK)[1:] == [1.5, 4.25]  # pushes
 
     def test_lines_are_averaged_over_a_fifth_of_a_second_about_each_sample(self) -> None:
         trace = walk(2.0)
@@ -286,7 +286,7 @@ class TestTiming:
         assert sum(height for _, _, height in bars) == pytest.approx(100.0)
         assert [bar.get_x() for bar in one.bars] == [bar.get_x() for bar in other.bars]
         p50, p99 = np.percentile([0.1, 0.1, 0.4, 2.0], [50, 99])
-        assert one.places(svg.INK) == pytest.approx([p50, p99, 5.0])
+        assert one.starts(svg.INK) == pytest.approx([p50, p99, 5.0])
 
 
 class TestLearning:

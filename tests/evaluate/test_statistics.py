@@ -47,7 +47,7 @@ class TestBootstrap:
         assert math.isnan(weighted_mean([2.0, 3.0], [0.0, 0.0]))
         assert weighted_mean([1.0, 9.0], [2.0, np.inf]) == 1.0
 
-    def test_an_episode_without_weight_is_none(self) -> None:
+    def test_an_episode_without_weight_does_not_count(self) -> None:
         values, weights = np.random.default_rng(6).normal(size=12), np.full(12, 3.0)
         alone = bootstrap_mean_interval(values, weights)
         assert bootstrap_mean_interval(values, weights) == alone
@@ -60,11 +60,11 @@ class TestSurvival:
     def test_is_the_penalised_likelihoods_maximum_as_scipy_finds_it(self) -> None:
         pushes = np.array([0.5, 0.5, 1.0, 1.0, 1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
         stood = np.array([1, 1, 1, 0, 1, 0, 1, 0, 0, 1])
-        place = (pushes - 0.5) / 2.0
+        scaled = (pushes - 0.5) / 2.0
 
         def cost(coefficients: np.ndarray) -> float:
             offset, slope = coefficients
-            score = offset + slope * place
+            score = offset + slope * scaled
             return float(np.sum(np.logaddexp(0, score) - stood * score) + 0.025 * slope**2 + 5e-7 * offset**2)
 
         offset, slope = scipy.optimize.minimize(cost, [0.0, 0.0], tol=1e-10).x

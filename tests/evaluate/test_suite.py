@@ -63,7 +63,7 @@ class TestSuite:
             + plan.index
         )
 
-    def test_each_policy_meets_every_episode_and_its_figures_are_its_own(self, asked: list[Any]) -> None:
+    def test_each_policy_runs_every_episode_and_has_its_own_figures(self, asked: list[Any]) -> None:
         progress: list[tuple[int, int]] = []
         figures = suite.run_suite(["b", "a"], CONFIG, FILE, lambda *each: progress.append(each))
         ((tasks, workers),) = asked

@@ -191,7 +191,7 @@ class TestSummary:
         (row,) = summarise(SCENARIOS["sweep"], [outcome(levels=levels)], 0)["rows"]
         assert (row["forward_m_s"], row["yaw_rad_s"]) == (2.0, -1.0)
 
-    def test_rows_rise_with_their_level_in_whatever_order_it_was_met(self) -> None:
+    def test_rows_are_sorted_by_level(self) -> None:
         met = [outcome(levels={"friction": friction}) for friction in (0.6, 0.2, 1.2)]
         rows = summarise(SCENARIOS["friction"], met, 0)["rows"]
         assert [row["friction"] for row in rows] == [0.2, 0.6, 1.2]

@@ -149,7 +149,7 @@ class TestFigures:
         assert beats(ERROR, edges(0.1, 0.2, falls=3), edges(0.3, 0.4, falls=3))
         assert not beats(ERROR, edges(0.1, 0.2, falls=4), edges(0.3, 0.4, falls=3))
 
-    def test_falls_rank_however_few_the_episodes(self) -> None:
+    def test_falls_rank_for_any_number_of_episodes(self) -> None:
         few = [
             scored(0.1, falls=falls, episodes=6) | {"fall_rate_interval": [low, low + 0.1]}
             for falls, low in ((0, 0.0), (6, 0.5))
@@ -238,7 +238,7 @@ class TestWarnings:
         results = {"mine": {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}}
         assert warnings(results) == ["no floor", "trained on 1 m/s: 2 became 1, and 2 more"]
 
-    def test_notes_on_two_things_of_one_controller_are_two_lines(self) -> None:
+    def test_notes_on_two_subjects_of_one_controller_are_two_lines(self) -> None:
         notes = [
             "wave: slowed to 2.7 s: at 1.0 s 8.2 rad/s",
             "wave: steps of 0.1 m: shortened",

@@ -48,7 +48,7 @@ def test_a_push_keeps_time_and_direction_of_the_scenarios(plan: EpisodePlan) -> 
     np.testing.assert_allclose(np.cross(after.delta_v_m_s, before.delta_v_m_s), 0.0, atol=1e-9)
 
 
-def test_other_disturbances_take_the_pushs_place(plan: EpisodePlan) -> None:
+def test_other_disturbances_replace_the_push(plan: EpisodePlan) -> None:
     changed = disturbed(plan, {"friction": 0.75, "strength": 0.4, "latency": 0.2})
     assert changed.pushes == ()
     assert changed.levels == pytest.approx({"friction": 0.25, "motor_strength": 0.6, "action_delay_s": 0.05})

@@ -6,7 +6,7 @@ import sys
 import footfall
 
 
-def test_every_name_is_there_and_nothing_else() -> None:
+def test_the_api_has_exactly_the_documented_names() -> None:
     assert all(getattr(footfall, name) is not None for name in footfall.__all__)
     assert set(footfall.__all__) <= set(dir(footfall))
     assert not hasattr(footfall, "load_robots")

@@ -224,7 +224,7 @@ class TestOutputs:
         assert str(tmp_path / "file") in shell.refuses(*tokens, tmp_path / "file" / "out")
 
     @pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc")
-    def test_a_folder_that_takes_no_files(self, shell: Shell, tokens: list[str]) -> None:
+    def test_an_unwritable_folder(self, shell: Shell, tokens: list[str]) -> None:
         assert "/proc/out" in shell.refuses(*tokens, "/proc/out")
 
 

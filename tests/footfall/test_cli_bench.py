@@ -76,7 +76,7 @@ def motors(closed: list[str], monkeypatch: pytest.MonkeyPatch) -> Motors:
     return motors
 
 
-def test_whatever_happens_motors_are_disabled(shell: Shell, motors: Motors, closed: list[str]) -> None:
+def test_motors_are_disabled_after_any_outcome(shell: Shell, motors: Motors, closed: list[str]) -> None:
     motors.interrupts = True
     assert shell("can", "clear", "--yes").status == 130
     assert closed == ["motors", "bus"]
@@ -149,7 +149,7 @@ def test_the_table_shows_the_latest(shell: Shell, motors: Motors, monkeypatch: p
     assert shown == ["+0.000", "+0.100", "+0.200", "+0.300", "+0.400", "+0.500"]
 
 
-def test_ctrl_c_ends_a_look_as_its_duration_does(shell: Shell, motors: Motors) -> None:
+def test_ctrl_c_ends_monitoring_like_its_duration(shell: Shell, motors: Motors) -> None:
     motors.interrupts, motors.answers = True, {"missing": "nobody answers"}
     outcome = shell("can", "monitor")
     assert (outcome.status, outcome.out.splitlines()) == (1, [*TABLE, "nobody answers"])

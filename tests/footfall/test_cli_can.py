@@ -185,7 +185,7 @@ class TestVirtual:
         assert first == f"RL_calf_joint reported {message}: cleared"
         assert table[-1].split()[0] == "RL_calf_joint"
 
-    def test_an_error_that_goes_on_is_named(self, shell: Shell, own_folder: Path, faulty: Faulty) -> None:
+    def test_a_persistent_error_is_named(self, shell: Shell, own_folder: Path, faulty: Faulty) -> None:
         faulty(lambda motors: motors.error, 8)
         knees = with_knees(own_folder, "DM8009")
         outcome = shell(

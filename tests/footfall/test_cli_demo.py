@@ -43,7 +43,7 @@ def test_from_training_to_a_report(steps: list[tuple[str, ...]], shell: Shell, c
     ("robot", "walkers", "half_speed"),
     [("hexapod", ["hexapod-flat", "tripod", "mpc"], "0.125"), ("g1", ["g1-flat", "step", "mpc-wbc"], "0.4")],
 )
-def test_another_robot_is_asked_for_its_own_controllers_of_each_kind_and_speed(
+def test_another_robot_walks_with_its_own_controllers_and_speed(
     steps: list[tuple[str, ...]],
     shell: Shell,
     tmp_path: Path,
@@ -75,7 +75,7 @@ def test_requirements_of_all_steps_are_checked_before_the_first(
     assert not (tmp_path / "d").exists()
 
 
-def test_a_failed_step_ends_it() -> None:
+def test_a_failed_step_ends_the_demo() -> None:
     with pytest.raises(UserError, match="footfall list failed with status 2"):
         demo_module._step("list", "--no-such-option")
 
@@ -101,7 +101,7 @@ def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Sh
     assert ran[4:] == ["train", "export"]
 
 
-def test_ctrl_c_ends_it_after_the_step_has_ended(monkeypatch: pytest.MonkeyPatch, shell: Shell) -> None:
+def test_ctrl_c_ends_the_demo_after_the_current_step(monkeypatch: pytest.MonkeyPatch, shell: Shell) -> None:
     waits: list[str] = []
 
     def wait() -> int:

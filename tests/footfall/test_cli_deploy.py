@@ -301,15 +301,15 @@ class TestOptions:
         (tmp_path / "mine.yaml").write_text("kp: 45.0")
         called.replace("footfall.policies.registry.lasting_spec", lambda spec: f"lasting {spec}")
         called.replace("footfall.policies.registry.load_policy", lambda spec, robot: (spec, robot.name))
-        for bus, place in (
+        for bus, import_path in (
             ("sim", "plant.episode.run_episode"),
             ("slcan", "deploy.session.run_on_interface"),
         ):
             called.calls.clear()
-            called.replace(f"footfall.{place}", ran())
+            called.replace(f"footfall.{import_path}", ran())
             options = ("--set", "stand.kd=2.5", "--bus", bus, "--json", "a.json")
             assert shell("deploy", "stand@mine.yaml", *options).status == 0
-            _, policy, *_, given = called.of(place.rpartition(".")[2])[0]
+            _, policy, *_, given = called.of(import_path.rpartition(".")[2])[0]
             assert policy == ("stand@mine.yaml@kd=2.5", "go1")
             logged = given.policy_spec if bus == "sim" else given.facts["policy_spec"]
             assert logged == "lasting stand@mine.yaml@kd=2.5"

@@ -58,7 +58,7 @@ def test_info_and_page_of_a_fault(
     assert "is not finite" in log.with_suffix(".html").read_text()
 
 
-def test_a_jump_is_found_and_a_swing_is_none() -> None:
+def test_a_jump_is_found_and_a_swing_is_not() -> None:
     time_s = np.arange(500) * 0.002
     path = np.stack([0.1 * np.sin(9.0 * time_s), np.maximum(0.0, 0.05 * np.sin(30.0 * time_s))], axis=1)
     assert continuity(time_s, path[:, None], 0.005).jumps == []
@@ -110,7 +110,7 @@ def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, 
     assert {f"/joint_states/{joint}/effort" for joint in go1.joint_names} <= set(curves)
 
 
-def test_a_layout_lies_beside_its_log_whatever_its_robot_is_called(shell: Shell, tmp_path: Path) -> None:
+def test_a_layout_is_written_beside_its_log_for_any_robot_name(shell: Shell, tmp_path: Path) -> None:
     (tmp_path / "logs").mkdir()
     with (tmp_path / "logs" / "a.mcap").open("wb") as file:
         writer = Writer(file)

@@ -78,7 +78,7 @@ class TestVerdict:
         )
 
 
-def test_motors_without_known_frames_are_skipped_and_the_others_are_looked_at(
+def test_motors_without_known_frames_are_skipped_and_others_are_checked(
     go1: Robot,
 ) -> None:
     motors = {"hip": SimpleNamespace(protocol="unheard-of"), "knee": SimpleNamespace(protocol="AK10-9")}

@@ -103,7 +103,7 @@ class TestOptions:
             yield
             called.calls.append(("unwatched", (), {}))
 
-        for place, answer in (
+        for import_path, answer in (
             ("footfall.train.api.begin", Path("made")), ("footfall.train.api.resume", None),
             ("footfall.train.api.cluster.join", None),
             ("footfall.train.api.cluster.is_main_process", lambda: state.main),
@@ -111,7 +111,7 @@ class TestOptions:
             ("footfall.verbs.train.start_device", None), ("footfall.pages.page.check_page", None),
             ("footfall.evaluate.api.evaluate_policy", {"scenarios": {}}),
         ):  # fmt: skip
-            called.replace(place, answer)
+            called.replace(import_path, answer)
         monkeypatch.setattr("footfall.pages.beside.watched", watched)
         return state
 

@@ -70,7 +70,7 @@ def test_without_a_terminal_plain_lines_appear(go1: Robot, monkeypatch: pytest.M
     assert all(" of 0.5 s, " in line and "\x1b" not in line for line in lines)
 
 
-def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Robot) -> None:
+def test_on_a_terminal_the_state_is_updated_in_place_and_erased_at_the_end(go1: Robot) -> None:
     out = io.StringIO()
     walk(go1, Console(file=out, force_terminal=True, width=200))
     assert "WALKING" in out.getvalue()

@@ -45,7 +45,7 @@ def receive(manager: socket.socket) -> bytes:
         return b""
 
 
-def test_without_one_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_service_manager_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
     with notifying_service_manager(run(0.0)):  # type: ignore[arg-type]
         pass

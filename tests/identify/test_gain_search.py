@@ -48,7 +48,7 @@ def test_a_joint_that_flies_away_rings() -> None:
     assert response_of(TIME_S, TIME_S, np.ones_like(TIME_S), 0.05, CONFIG).rings
 
 
-def test_a_joint_that_does_not_move_has_no_rise() -> None:
+def test_a_joint_that_does_not_move_has_no_rise_time() -> None:
     assert math.isnan(response_of(TIME_S, 0.0 * TIME_S, 0.0 * TIME_S, 0.05, CONFIG).rise_s)
 
 
@@ -63,7 +63,7 @@ def searched(rings: Callable[[Gains], bool]) -> tuple[Tuned, list[Gains]]:
             return end.value, tried
 
 
-def test_gains_are_raised_until_they_ring_and_taken_back() -> None:
+def test_gains_are_raised_until_the_joint_rings_and_then_lowered() -> None:
     tuned, tried = searched(lambda gains: gains.kp > 3.0 or gains.kd > 2.0)
     assert tuned.kp_rings == pytest.approx(1.25**5)
     assert tuned.kd_rings == pytest.approx(1.25**4)

@@ -88,13 +88,13 @@ def test_a_gain_may_be_a_number_for_all_joints(shell: Shell, pair: Pair, tmp_pat
         ({"gyro": ["t", "t", "t"]}, "acceleration"),
     ],
 )
-def test_commands_that_are_not_whole_are_refused(
+def test_incomplete_commands_are_refused(
     shell: Shell, pair: Pair, tmp_path: Path, changes: dict[str, Any], named: str
 ) -> None:
     assert named in shell.refuses(*typed(pair, tmp_path, **changes))
 
 
-def test_one_wrong_reading_is_no_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
+def test_one_wrong_reading_is_not_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
     """It would widen the noise, within which every error of the model is small."""
     lines = pair[1].read_text().splitlines()
     cells = lines[200].split(",")

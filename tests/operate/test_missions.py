@@ -142,7 +142,7 @@ def test_a_mission_gives_up_with_its_reason() -> None:
         assert last.note.startswith("the mission gave up")
 
 
-def test_low_battery_leads_home_or_lies_down() -> None:
+def test_at_low_battery_the_robot_walks_home_or_lies_down() -> None:
     for then, home in (("home", True), ("lie_down", False)):
         walker = Walker([{"go_to": [3.0, 0.0]}], on_low_charge=then, low_charge=0.3)
         while walker.time_s < 4.0:
@@ -206,6 +206,6 @@ def test_an_impossible_step_is_refused_with_its_number(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("goal", [Pose(0.0, 0.0, 1.0), Pose(0.0, 0.0, -1.0)])
-def test_a_turn_takes_as_long_to_either_side(goal: Pose) -> None:
+def test_a_turn_takes_the_same_time_to_either_side(goal: Pose) -> None:
     act = Reach(goal, LIMITS, Tracking()).act(Now(0.0, Pose(0.0, 0.0, 0.0), "trot"))
     assert act.remaining_s == pytest.approx(1.0 / LIMITS.yaw_rad_s)

@@ -57,7 +57,7 @@ PANEL = (
 )
 
 
-def place(page: Tab, element: str) -> list[int] | None:
+def rectangle(page: Tab, element: str) -> list[int] | None:
     """Position and size of an element, px: left, top, width, height; None if it is missing."""
     sides = "['left', 'top', 'width', 'height'].map(side => Math.round(box[side]))"
     return page.value(f"(box => box && {sides})({element}?.getBoundingClientRect())")
@@ -103,8 +103,8 @@ def test_it_waits_and_then_shows_the_policy_walking(page: Tab, run: Path, tmp_pa
 
     # On a telephone the robot is seen above the panel.
     page.ask("Emulation.setDeviceMetricsOverride", width=420, height=800, deviceScaleFactor=1, mobile=True)
-    page.wait_for(lambda page: place(page, VIEW) == [0, 0, 420, 440], limit_s=30.0)
-    assert place(page, PANEL) == [0, 440, 420, 360]
+    page.wait_for(lambda page: rectangle(page, VIEW) == [0, 0, 420, 440], limit_s=30.0)
+    assert rectangle(page, PANEL) == [0, 440, 420, 360]
 
     assert page.complaints == []
     elsewhere = [address for address in page.requested if "//localhost" not in address[:25]]

@@ -57,7 +57,7 @@ class TestGeometry:
     def _needs_trimesh(self) -> None:
         pytest.importorskip("trimesh")
 
-    def test_every_geom_that_is_to_be_seen_is_there_in_its_size_place_and_colour(self, go1: Robot) -> None:
+    def test_every_visible_geom_has_its_size_position_and_colour(self, go1: Robot) -> None:
         model = plant_model(go1)
         shapes = {shape.geom: shape for shape in visible_shapes(model)}
         planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE

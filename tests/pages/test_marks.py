@@ -29,7 +29,7 @@ class Drawing:
 
         return add
 
-    def place(self, name: str) -> np.ndarray:
+    def position(self, name: str) -> np.ndarray:
         """Position of an object in the world frame, including that of its layers."""
         layer = "/".join(name.split("/")[:2])
         return self.things[layer].position + self.things[name].position
@@ -63,11 +63,11 @@ def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, moment: Mo
     shown = drawing.things
     assert [shown[f"w/forces/contact_{k}"].visible for k in range(4)] == [True, False, False, True]
     assert [shown[f"w/feet/goal_{k}"].visible for k in range(4)] == [False, True, False, False]
-    np.testing.assert_allclose(drawing.place("w/feet/goal_1"), [2.9, -1.8, 0.0], atol=1e-9)
-    centre, capture = drawing.place("w/balance/centre"), drawing.place("w/balance/capture")
+    np.testing.assert_allclose(drawing.position("w/feet/goal_1"), [2.9, -1.8, 0.0], atol=1e-9)
+    centre, capture = drawing.position("w/balance/centre"), drawing.position("w/balance/capture")
     np.testing.assert_allclose(centre[:2], PLACE[:2], atol=0.02)
     assert capture[1] - centre[1] == pytest.approx(0.5 * np.sqrt(centre[2] / 9.81), abs=0.01)  # forward is +y
-    feet = np.array([drawing.place(f"w/forces/contact_{k}") for k in (0, 3)])
+    feet = np.array([drawing.position(f"w/forces/contact_{k}") for k in (0, 3)])
     ground = shown["w/balance/support"].vertices + shown["w/balance"].position
     np.testing.assert_allclose(np.sort(np.unique(ground[:, 0])), np.sort(feet[:, 0]), atol=1e-6)
     forces = shown["w/forces/arrows"].points

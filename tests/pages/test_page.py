@@ -98,7 +98,7 @@ def wait_until(condition, limit_s: float = 120.0) -> None:
 
 
 class TestCommand:
-    def test_a_port_that_was_just_let_go_is_free(self) -> None:
+    def test_a_port_that_was_just_closed_is_free(self) -> None:
         """The system holds it for a while after a connection that the server ended."""
         with socket.create_server(("127.0.0.1", 0)) as server:
             port = server.getsockname()[1]

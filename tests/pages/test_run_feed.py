@@ -80,6 +80,6 @@ def test_joints_have_load_temperature_and_error(seen: SimpleNamespace, go1: Robo
     assert np.isfinite([*joints["temperature_c"], *joints["error_rad"], seen.joints["yaw_rate"]]).all()
 
 
-def test_a_message_that_is_older_than_asked_for_is_left_out(seen: SimpleNamespace) -> None:
+def test_a_message_older_than_the_requested_time_is_left_out(seen: SimpleNamespace) -> None:
     assert seen.feed.newest("/footholds") is not None
     assert seen.feed.newest("/footholds", seen.feed.time_ns + 1) is None

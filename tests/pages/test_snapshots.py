@@ -50,12 +50,12 @@ class TestSnapshots:
         exporter.wake = lambda: setattr(exporter, "woken", exporter.woken + 1)
         return Snapshots(run, run.parent / "out", exporter), exporter  # type: ignore[arg-type]
 
-    def test_the_exporter_is_made_ready_while_there_is_nothing(self, run: Path) -> None:
+    def test_the_exporter_is_prepared_before_the_first_checkpoint(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         assert snapshots.poll() is None
         assert (exporter.woken, exporter.asked) == (1, [])
 
-    def test_a_checkpoint_is_exported_once_and_handed_out_when_it_is_ready(self, run: Path) -> None:
+    def test_a_checkpoint_is_exported_once_and_returned_when_ready(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         checkpoint = self.write(run / "checkpoints" / "00000012.ckpt", 100)
         out = run.parent / "out" / "00000012.onnx"
@@ -82,7 +82,7 @@ class TestSnapshots:
         assert snapshots.poll() == Snapshot(done, 12)
         assert snapshots.problem == ""
 
-    def test_an_export_that_is_no_longer_chosen_is_not_shown(self, run: Path) -> None:
+    def test_an_export_of_a_deselected_checkpoint_is_not_shown(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         assert snapshots.poll() is None

@@ -10,7 +10,7 @@ from footfall.robots.model import joint_addresses, plant_model
 
 
 class TestEnergy:
-    def test_power_is_a_mean_since_it_was_last_taken(self, go1: Robot) -> None:
+    def test_power_is_the_mean_since_the_last_call(self, go1: Robot) -> None:
         meter = EnergyMeter(go1)
         torque, velocity = np.zeros(12), np.zeros(12)
         torque[0], velocity[0] = 2.0, 3.0

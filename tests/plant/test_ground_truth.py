@@ -1,4 +1,4 @@
-"""The true state of the simulated robot: places, velocities, contacts, falls."""
+"""The true state of the simulated robot: positions, velocities, contacts, falls."""
 
 from pathlib import Path
 
@@ -30,17 +30,17 @@ class TestTruth:
             assert truth.joint_position[k] == data.joint(name).qpos[0]
             assert truth.joint_velocity[k] == data.joint(name).qvel[0]
         np.testing.assert_array_equal(truth.qpos, data.qpos)
-        places = []
+        positions = []
         for dt in (-1e-6, 0.0, 1e-6):
             moved = mujoco.MjData(model)
             moved.qpos[:] = data.qpos
             mujoco.mj_integratePos(model, moved.qpos, data.qvel, dt)
             mujoco.mj_kinematics(model, moved)
-            places.append(
+            positions.append(
                 [np.mean([moved.geom(g).xpos for g in foot.geoms], axis=0) for foot in odd.description.feet]
             )
-        np.testing.assert_allclose(truth.foot_position, places[1], atol=1e-12)
-        velocity = np.subtract(places[2], places[0]) / 2e-6
+        np.testing.assert_allclose(truth.foot_position, positions[1], atol=1e-12)
+        velocity = np.subtract(positions[2], positions[0]) / 2e-6
         np.testing.assert_allclose(truth.foot_velocity, velocity, atol=1e-6)
         assert np.abs(truth.foot_velocity).min() > 0.01
 

@@ -93,7 +93,7 @@ def test_check_reports_that_it_cannot_lie(tmp_path: Path, capsys: pytest.Capture
     assert "without lying_rad in robot.yaml" in capsys.readouterr().out
 
 
-def test_a_pose_is_as_hard_as_it_is_for_its_weakest_motor(go1: Robot) -> None:
+def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
     """With both front knees a hundredth as strong, it is no harder than with one of them."""
     pose = go1.lying_pose
     assert pose is not None

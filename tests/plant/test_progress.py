@@ -10,8 +10,8 @@ def test_progress_counts_the_chord_since_the_last_corner() -> None:
     """At 4 samples a second a chord is of two of them: a corner within one is cut."""
     progress = Progress(4.0)
     found = []
-    for place in ((0, 0), (3, 0), (3, 4), (3, 8), (3, 8), (0, 8)):
-        progress.add(np.array([*place, 99.0 * place[0]]), np.zeros(3))
+    for point in ((0, 0), (3, 0), (3, 4), (3, 8), (3, 8), (0, 8)):
+        progress.add(np.array([*point, 99.0 * point[0]]), np.zeros(3))
         found.append(progress.distance_m)
     assert found == pytest.approx([0.0, 3.0, 5.0, 9.0, 9.0, 12.0])
 

@@ -96,7 +96,7 @@ def test_a_robot_with_cut_wires_finally_lies_still(go1: Robot) -> None:
     assert wires.receive(Side.HOST, 1_500_000)  # the IMU reports all the same
 
 
-def test_a_shifted_centre_of_mass_takes_no_contact_away(go1: Robot, tmp_path: Path) -> None:
+def test_a_shifted_centre_of_mass_removes_no_contact(go1: Robot, tmp_path: Path) -> None:
     """Bounding volumes lie in a body's inertial frame, which moves. A block makes MuJoCo use them."""
     shapes = '<geom type="box" size=".2 .2 .05" pos="0 0 .1"/><geom type="box" size=".1 .1 .1" pos="9 0 0"/>'
     hull = '<geom size=".01" pos=".2 0 .1" mass="0"/>'
@@ -109,11 +109,11 @@ def test_a_shifted_centre_of_mass_takes_no_contact_away(go1: Robot, tmp_path: Pa
         for offset in ([0.0, 0.0, 0.0], [0.3, -0.2, 0.4])
     )
     for _ in range(50):
-        place = [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.1, 0.3)]
+        position = [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.1, 0.3)]
         turn = rng.normal(size=4)
         pairs = []
         for body in (nominal, shifted):
-            body.data.qpos[:7] = *place, *(turn / np.linalg.norm(turn))
+            body.data.qpos[:7] = *position, *(turn / np.linalg.norm(turn))
             mujoco.mj_forward(body.model, body.data)
             pairs.append(sorted(map(tuple, body.data.contact.geom.tolist())))
         assert pairs[0] == pairs[1]

@@ -316,7 +316,7 @@ class TestSensors:
             np.testing.assert_allclose(felt, down / np.linalg.norm(down), atol=1e-12)
             assert (biased * turn.inv()).magnitude() < 0.1  # the heading stays
 
-    def test_noise_has_its_half_width_on_each_reading_and_is_another_each_time(self) -> None:
+    def test_noise_has_its_half_width_and_differs_for_each_reading(self) -> None:
         widths = MoreNoise(gyro=0.4, gravity=0.01, joint_position=0.02, joint_velocity=3.0)
         past, again, other = Past(widths), Past(widths), Past(widths, seed=4)
         for each in (past, again, other):

@@ -141,7 +141,9 @@ def test_serving_carries_frames_both_ways_every_millisecond(monkeypatch: pytest.
     assert bus.sent == [(4000, [77])]
 
 
-def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_plant_has_the_given_settings_and_ends_with_the_context(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made = []
 
     class Bus(FakeBus):

@@ -114,7 +114,7 @@ def arrivals(wires: SimulatedWires, side: Side) -> list[tuple[int, float]]:
 
 
 class TestArbitration:
-    def test_of_two_with_equal_first_bits_the_one_with_11_goes_first(self) -> None:
+    def test_with_equal_first_bits_the_11_bit_identifier_wins(self) -> None:
         """Its next bit is dominant. 0x101 in 29 bits begins with 0x000, and so wins over 0x001."""
         wires = SimulatedWires(("a",))
         begins_alike = EXTENDED | 0x101 << 18
@@ -123,7 +123,7 @@ class TestArbitration:
         assert order == [EXTENDED | 0x101, 0x001, 0x101, begins_alike]
 
     @pytest.mark.parametrize("seed", range(5))
-    def test_random_traffic_goes_as_on_a_bus_that_arbitrates_bit_by_bit(self, seed: int) -> None:
+    def test_random_traffic_equals_that_of_a_bus_that_arbitrates_bit_by_bit(self, seed: int) -> None:
         """Compared with a model that arbitrates among the waiting frames whenever the wire is idle."""
         rng = np.random.default_rng(seed)
         wires = SimulatedWires(("a",), host_queue=1000)
@@ -251,7 +251,7 @@ class TestFaults:
             WireFaults(**{name: share})
 
 
-def test_a_robot_whose_cable_comes_off_is_stopped_with_the_reason(go1: Robot) -> None:
+def test_a_robot_with_a_loose_cable_is_stopped_with_the_reason(go1: Robot) -> None:
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         if loop.walking and 0.3 < loop.walking_s < 0.3021:
             body._connection._wires.set_faults(WireFaults(unplugged=(2,)))

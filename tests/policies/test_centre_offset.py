@@ -29,8 +29,8 @@ def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
 
 
 def test_it_is_above_the_centre_of_pressure() -> None:
-    place = standing(BODY, G1).centre[:2] + np.array([0.02, -0.01])
-    dynamics, torque = at_rest(place)
+    point = standing(BODY, G1).centre[:2] + np.array([0.02, -0.01])
+    dynamics, torque = at_rest(point)
     found = CentreOffset(BODY.weight_n, 3.9, 500.0)
     for _ in range(3):
         found.observe(dynamics, torque)

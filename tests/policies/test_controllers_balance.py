@@ -54,10 +54,10 @@ def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput
 class TestCentre:
     """The wanted acceleration of the centre of mass."""
 
-    def at(self, policy: Balance, place: Any, velocity: Any, height: float) -> np.ndarray:
+    def at(self, policy: Balance, offset: Any, velocity: Any, height: float) -> np.ndarray:
         """Feet 0.3 m apart, whose middle is not at the origin."""
         foot = np.array([[1.0, 0.15, 0.2], [1.0, -0.15, 0.2]])
-        centre = np.add(place, (1.0, 0.0, 0.2))
+        centre = np.add(offset, (1.0, 0.0, 0.2))
         dynamics = SimpleNamespace(
             centre=centre, middle=foot.mean(axis=0), centre_velocity=np.array(velocity)
         )
@@ -106,7 +106,7 @@ class TestAct:
         np.testing.assert_allclose(asked.momentum_rate, -2.0 * dynamics.angular_momentum)
         assert np.abs(dynamics.angular_momentum).min() > 0.01
 
-    def test_from_its_reset_it_goes_to_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_after_a_reset_it_reaches_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """After a fifth of the time the targets have moved by a fifth, in joints and height."""
         policy = Balance(G1, CONFIG)
         crouched = seen(0.0, crouch=1.0)

@@ -32,7 +32,7 @@ class TestSchedule:
         trust = contact_trust(np.array([0.0, 0.25, 0.5, 0.8]), duty=0.5, edge=0.2)
         np.testing.assert_allclose(trust, [0, 1, 0, 0])
 
-    def test_a_foot_lifts_off_at_its_duty_and_its_swing_takes_the_rest(self) -> None:
+    def test_a_foot_lifts_off_at_its_duty_and_swings_for_the_rest(self) -> None:
         phases = np.array([0.0, 0.599, 0.6, 0.7, 0.999])
         assert in_stance(phases, 0.6).tolist() == [True, True, False, False, False]
         np.testing.assert_allclose(swing_progress(phases, 0.6), [0.0, 0.0, 0.0, 0.25, 0.9975])
@@ -72,7 +72,7 @@ class TestSwingCurve:
             assert now.bend == pytest.approx((after.slope - before.slope) / (2 * step), abs=1e-4)
 
     @pytest.mark.parametrize(("s", "along", "height"), [(0.0, 0.0, 0.0), (0.5, 0.5, 1.0), (1.0, 1.0, 0.0)])
-    def test_it_goes_from_lift_off_to_touch_down(self, s: float, along: float, height: float) -> None:
+    def test_it_moves_from_lift_off_to_touch_down(self, s: float, along: float, height: float) -> None:
         curve = swing_curve(s)
         assert curve.along.value == pytest.approx(along, abs=1e-12)
         assert curve.height.value == pytest.approx(height, abs=1e-12)

@@ -98,11 +98,11 @@ class TestSwingBegins:
             now = standing(yaw, time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
             swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
         stance = CONFIG.stance
-        places = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
-        under = Rotation.from_euler("z", yaw).apply(places)
+        nominal = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
+        under = Rotation.from_euler("z", yaw).apply(nominal)
         np.testing.assert_allclose(policy.swing_feet.target[swinging, :2], under[swinging, :2], atol=0.005)
 
-    def test_a_foot_in_the_air_keeps_the_place_where_it_was_lifted(self) -> None:
+    def test_a_foot_in_the_air_keeps_the_position_of_its_lift_off(self) -> None:
         """Through later plans, while the base moves on over it."""
         policy = Mpc(ROBOT)
         policy.reset(standing())
@@ -243,10 +243,10 @@ class TestPlan:
         again = contacts[0] & ~contacts[3] & contacts[-1]
         assert again.sum() == 2
         stance = CONFIG.stance
-        places = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
+        nominal = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
         yaw = reference.pose[-1, 2]
         assert yaw > 0.2
-        turned = Rotation.from_euler("z", yaw).apply(places)
+        turned = Rotation.from_euler("z", yaw).apply(nominal)
         np.testing.assert_allclose(feet[-1, again, :2], turned[again, :2], atol=1e-9)
 
 
@@ -299,7 +299,7 @@ class TestLegs:
             dofs = model.jnt_dofadr[np.array(joints)[LEGS.joints[leg]]]
             np.testing.assert_allclose(torque[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
 
-    def test_friction_is_fed_forward_along_the_wanted_motion(self) -> None:
+    def test_friction_is_fed_forward_along_the_desired_motion(self) -> None:
         """At more than its friction speed a joint gets all of the share that is compensated."""
         fast = self.command(swing_velocity=(1.0, 0.5, 1.0))
         speed, torque = LEGS.gather(fast.velocity)[1], LEGS.gather(fast.torque)[1]

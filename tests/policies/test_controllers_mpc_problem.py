@@ -21,7 +21,7 @@ HORIZON = Horizon(steps=6, step_s=0.03, solve_hz=100.0)
 WEIGHTS = Weights((9.0, 8.0, 7.0), (2.0, 3.0, 50.0), (0.1, 0.2, 0.3), (1.0, 1.5, 0.4), 1e-4, 3e-4)
 CONTACT = Contact(friction=0.6, most_force_n=150.0)
 PROBLEMS = ForceProblems(BODY, HORIZON, WEIGHTS, CONTACT)
-PLACES = np.array([[0.19, -0.13, -0.25], [0.19, 0.13, -0.25], [-0.19, -0.13, -0.25], [-0.19, 0.13, -0.25]])
+FEET = np.array([[0.19, -0.13, -0.25], [0.19, 0.13, -0.25], [-0.19, -0.13, -0.25], [-0.19, 0.13, -0.25]])
 
 
 class Situation(NamedTuple):
@@ -42,7 +42,7 @@ def random_situation(seed: int, standing: bool = False) -> Situation:
     contacts[:, 0] = True
     if standing:
         contacts[:] = True
-    feet = PLACES + 0.05 * rng.standard_normal((HORIZON.steps, 4, 3))
+    feet = FEET + 0.05 * rng.standard_normal((HORIZON.steps, 4, 3))
     before = rng.uniform(-10.0, 60.0, (4, 3)) * [[1.0], [0.0], [1.0], [1.0]]
     return Situation(state, reference, contacts, feet, before)
 

@@ -55,9 +55,9 @@ def pendulum_walk(wanted: complex, velocity: complex, steps: int) -> tuple[list[
     """Places of the feet, and the mean velocity of the last two steps, of a pendulum caught by each foot."""
     timing, config = GaitTiming(0.8, 0.6), CatchConfig(0.2, (-1.0, 1.0), (0.05, 1.0))
     rate, dt_s, swing_s, both_s = math.sqrt(9.81 / HEIGHT), 0.002, 0.32, 0.08
-    place, feet, began = 0j, [0.1j, -0.1j], []
+    position, feet, began = 0j, [0.1j, -0.1j], []
     for step in range(steps):
-        began.append(place)
+        began.append(position)
         side, stand, old = (1.0, feet[-1], feet[-2]) if step % 2 == 0 else (-1.0, feet[-1], feet[-2])
         target = 0j
         for tick in range(round((swing_s + both_s) / dt_s)):
@@ -65,16 +65,16 @@ def pendulum_walk(wanted: complex, velocity: complex, steps: int) -> tuple[list[
             pressure = stand if time_s >= both_s else old + (stand - old) * time_s / both_s
             if time_s >= both_s:
                 motion = np.array([velocity.real, velocity.imag, 0.0])
-                base = Base(place, HEIGHT, motion, np.eye(3), np.zeros(3), 0.0, 0.0, 0.0)
-                away = np.array([(stand - place).real, (stand - place).imag, -HEIGHT])
+                base = Base(position, HEIGHT, motion, np.eye(3), np.zeros(3), 0.0, 0.0, 0.0)
+                away = np.array([(stand - position).real, (stand - position).imag, -HEIGHT])
                 left_s = both_s + swing_s - time_s
                 target = catching_foothold(
                     base, np.zeros(3), away, 0j, side, wanted, 0.0, left_s, timing, config
                 )
-            velocity += rate**2 * (place - pressure) * dt_s
-            place += velocity * dt_s
+            velocity += rate**2 * (position - pressure) * dt_s
+            position += velocity * dt_s
         feet.append(target)
-    return feet, (place - began[-2]) / (2 * (swing_s + both_s))
+    return feet, (position - began[-2]) / (2 * (swing_s + both_s))
 
 
 @pytest.mark.parametrize("velocity", [0j, 0.3 + 0.1j])

@@ -32,17 +32,17 @@ def in_plane(vector: np.ndarray) -> complex:
 @pytest.mark.parametrize("seed", range(6))
 def test_footholds_follow_bledts_formula_in_three_dimensions(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    place, base, velocity, wanted = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
+    point, base, velocity, wanted = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
     yaw, rate, left_s, stance_s, height = 2.3, -1.7, 0.11, 0.23, 0.31
     config = FootholdConfig(capture_gain_s=0.07, most_step_m=10.0 if seed % 2 else 0.03)
-    arm = Rotation.from_euler("z", yaw + rate * left_s).apply(place)
+    arm = Rotation.from_euler("z", yaw + rate * left_s).apply(point)
     spin = rate * UP
     step = stance_s / 2 * (velocity + np.cross(spin, arm)) + 0.07 * (velocity - wanted)
     step += height / (2 * 9.81) * np.cross(velocity, spin)
     if np.linalg.norm(step) > config.most_step_m:
         step *= config.most_step_m / np.linalg.norm(step)
     expected = base + velocity * left_s + arm + step
-    vectors = [in_plane(each) for each in (place, base)]
+    vectors = [in_plane(each) for each in (point, base)]
     found = foothold(
         *vectors, height, in_plane(velocity), in_plane(wanted), yaw, rate, left_s, stance_s, config
     )
@@ -54,9 +54,9 @@ def test_contact_points_follow_the_plan_step_by_step(seed: int) -> None:
     rng = np.random.default_rng(seed)
     steps, legs = 9, 4
     contacts = rng.random((steps, legs)) < 0.6
-    feet, targets, places = rng.normal(size=(3, legs, 3))
+    feet, targets, nominal = rng.normal(size=(3, legs, 3))
     centre, yaw = rng.normal(size=(steps, 3)), rng.normal(size=steps)
-    found = contact_points(contacts, feet, targets, places, centre, yaw)
+    found = contact_points(contacts, feet, targets, nominal, centre, yaw)
     for leg in range(legs):
         touchdowns = 0
         for step in range(steps):
@@ -69,13 +69,13 @@ def test_contact_points_follow_the_plan_step_by_step(seed: int) -> None:
             elif not contacts[0, leg] and touchdowns == 1:
                 expected = targets[leg] - centre[step]
             else:
-                expected = Rotation.from_euler("z", yaw[step]).apply(places[leg])
+                expected = Rotation.from_euler("z", yaw[step]).apply(nominal[leg])
                 expected[2] = -centre[step, 2]
             np.testing.assert_allclose(found[step, leg], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("progress", [0.0, 0.2, 0.5, 0.9, 1.0])
-def test_a_swing_leads_from_lift_off_to_landing_in_its_time(progress: float) -> None:
+def test_a_swing_moves_from_lift_off_to_landing_in_its_time(progress: float) -> None:
     start, end, swing_s = [0.1, -0.2, 0.03], [0.4, 0.1, -0.01], 0.3
 
     def at(share: float) -> np.ndarray:
@@ -97,10 +97,10 @@ def test_a_swing_leads_from_lift_off_to_landing_in_its_time(progress: float) -> 
         np.testing.assert_allclose(position, [0.25, -0.05, 0.01 + 0.08])
 
 
-def base_of(turn: Rotation = TILTED, place: complex = 0.3 - 0.2j, height: float = 0.28) -> Base:
+def base_of(turn: Rotation = TILTED, point: complex = 0.3 - 0.2j, height: float = 0.28) -> Base:
     yaw, pitch, roll = turn.as_euler("ZYX")
     velocity, gyro = np.array([0.4, -0.3, 0.1]), np.array([0.5, -0.7, 0.9])
-    return Base(place, height, velocity, turn.as_matrix(), gyro, roll, pitch, yaw)
+    return Base(point, height, velocity, turn.as_matrix(), gyro, roll, pitch, yaw)
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def mpc() -> Mpc:
 
 
 CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
-PLACES = (CONFIG.stance.height_m, CONFIG.stance.outward_m, CONFIG.stance.shift_m)
+STANCE = (CONFIG.stance.height_m, CONFIG.stance.outward_m, CONFIG.stance.shift_m)
 
 
 class TestMpc:
@@ -131,15 +131,15 @@ class TestMpc:
         mpc.reference.xy, mpc.reference.yaw, mpc.reference.height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
         reference = mpc.reference.over_horizon(base, mpc.command.value)
         to_heading = Rotation.from_euler("z", -base.yaw)
-        place = to_heading.apply([0.03, 0.05, 0.0])
+        point = to_heading.apply([0.03, 0.05, 0.0])
         dt = CONFIG.horizon.step_s
         assert len(reference.pose) == CONFIG.horizon.steps
         for k, (pose, rate) in enumerate(zip(reference.pose, reference.rate, strict=True)):
             yaw = 0.1 + 0.8 * dt * (k + 1)
             turn = Rotation.from_euler("z", yaw)
             velocity = turn.apply([0.6, -0.25, 0.0])
-            place = place + velocity * dt
-            centre = place + turn.apply(BODY.centre)
+            point = point + velocity * dt
+            centre = point + turn.apply(BODY.centre)
             np.testing.assert_allclose(pose, [0, 0, yaw, centre[0], centre[1], 0.27 + centre[2]], atol=1e-9)
             np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
 
@@ -174,7 +174,7 @@ class TestMpc:
         assert base.gyro.tolist() == [1.0, 2.0, 3.0]
         np.testing.assert_allclose(base.position, [base.xy.real, base.xy.imag, base.height])
 
-    def test_the_reference_leads_by_no_more_than_it_may(self, mpc: Mpc) -> None:
+    def test_the_reference_leads_by_at_most_its_limit(self, mpc: Mpc) -> None:
         stance = CONFIG.stance
         base = base_of()
         mpc.command.value = np.array([0.5, -0.2, 0.6])
@@ -230,7 +230,7 @@ class TestMpc:
         assert not Disturbance(restart).active(slow, True, offsets[1], 0.1)
 
     def test_swinging_feet_move_relative_to_the_moving_base(self, mpc: Mpc) -> None:
-        """Their velocity is the change of their place in the base's axes."""
+        """Their velocity is the change of their position in the base's axes."""
         base = base_of()
         spin = TILTED.apply(base.gyro)
         mpc.swing_feet.lift_off = RNG.uniform(-0.3, 0.3, (4, 3))
@@ -262,7 +262,7 @@ class TestMpc:
         pose = LEGS.pose(ROBOT.default_pose)
         mpc.swing_feet.aim(2, 0.3, base, pose, mpc.wrenches, 0.25 + 0.1j, -0.6, timing)
         expected = foothold(
-            in_plane(nominal_feet(LEGS, *PLACES)[2]),
+            in_plane(nominal_feet(LEGS, *STANCE)[2]),
             base.xy,
             base.height,
             in_plane(base.velocity),

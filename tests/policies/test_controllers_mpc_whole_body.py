@@ -92,9 +92,9 @@ class TestWanted:
             legs, policy.clock.swing().tolist(), base, policy.clock.timing.swing_s
         )
         config = policy._swing_feedback
-        for leg, (place, velocity, acceleration) in zip(legs, motion, strict=True):
+        for leg, (position, velocity, acceleration) in zip(legs, motion, strict=True):
             moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]
-            back = config.stiffness * (place - pose.foot[leg]) + config.damping * (velocity - moves)
+            back = config.stiffness * (position - pose.foot[leg]) + config.damping * (velocity - moves)
             np.testing.assert_allclose(wanted.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
 
 

@@ -55,12 +55,12 @@ def test_tilted_its_feet_lie_on_a_plane_turned_by_its_share() -> None:
 
 def test_feet_stand_outward_forward_and_below_as_configured() -> None:
     """A leg in the middle plane does not move outward; the feet's own positions stay unchanged."""
-    places = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
-    legs = SimpleNamespace(default_foot=places.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
+    foot_positions = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
+    legs = SimpleNamespace(default_foot=foot_positions.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
     feet = nominal_feet(legs, height_m=0.3, outward_m=0.04, shift_m=0.05)  # type: ignore[arg-type]
     expected = [[0.25, -0.14, -0.28], [-0.15, 0.19, -0.27], [0.05, 0.0, -0.29]]
     np.testing.assert_allclose(feet, expected, atol=1e-8)
-    np.testing.assert_array_equal(legs.default_foot, places)
+    np.testing.assert_array_equal(legs.default_foot, foot_positions)
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.05, 0.0), (0.0, 0.08), (-0.04, 0.06)])

@@ -194,7 +194,7 @@ class TestWanted:
         *_, wanted, _ = asked(policy, monkeypatch, seen(0.0), moment((0.0, 0.0, height)))
         assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
 
-    def test_the_pressure_is_no_farther_from_the_middle_than_allowed(self, policy: Step) -> None:
+    def test_the_pressure_stays_within_its_limit_from_the_middle(self, policy: Step) -> None:
         """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
         found = policy.footwork.both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
@@ -288,9 +288,9 @@ class TestLift:
         assert (footwork.phase, footwork.steps, footwork.swing) == (Phase.STEP, 1, None)
         assert (footwork.elapsed_s, footwork.lands_after_s) == (elapsed_s, 0.6)
         assert footwork.yaw == pytest.approx(HEADING)
-        place = nominal(LEFT, VELOCITY[:2]).foothold
-        np.testing.assert_allclose(place, [0.18, 0.06 + 0.2])
-        np.testing.assert_allclose(footwork.next_foothold, world(*place, heading=HEADING + 0.12))
+        foothold = nominal(LEFT, VELOCITY[:2]).foothold
+        np.testing.assert_allclose(foothold, [0.18, 0.06 + 0.2])
+        np.testing.assert_allclose(footwork.next_foothold, world(*foothold, heading=HEADING + 0.12))
 
 
 class TestLand:
@@ -451,7 +451,7 @@ class TestFly:
         np.testing.assert_allclose(goal, [0.2, -0.25, HEADING + 0.24])
         assert (remaining_s, dt_s) == (0.3, 1.0 / CONFIG.rate_hz)
 
-    def test_its_yaw_turns_the_short_way_round(self, footwork: Footwork) -> None:
+    def test_its_yaw_takes_the_shorter_rotation(self, footwork: Footwork) -> None:
         """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
         self.flying(footwork, turn=0.0).yaw = 3.1
         footwork.swing_acceleration(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)

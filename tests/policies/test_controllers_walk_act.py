@@ -23,8 +23,8 @@ ROBOT = load_robot("go1")
 LEGS = ROBOT.legs
 CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), heading=HeadingConfig(0.0, 0.0))
 FORWARD = (0.4, 0.0, 0.0)
-PLACES = LEGS.default_foot + [[0, side * CONFIG.stance.outward_m, 0] for side in (-1, 1, -1, 1)]
-PLACES[:, 2] = LEGS.foot_radius - CONFIG.step.body_height_m
+FEET = LEGS.default_foot + [[0, side * CONFIG.stance.outward_m, 0] for side in (-1, 1, -1, 1)]
+FEET[:, 2] = LEGS.foot_radius - CONFIG.step.body_height_m
 NOTHING = np.zeros(12)
 PERIOD = round(CONFIG.gait.period_s * CONFIG.rate_hz)  # ticks
 
@@ -59,7 +59,7 @@ def test_it_moves_to_its_stance_before_it_follows_a_command() -> None:
     policy.reset(seen(joint=bent))
     ticks = round(CONFIG.settle_s * CONFIG.rate_hz)
     at = [policy.act(seen(k / CONFIG.rate_hz, FORWARD)).position for k in range(ticks)]
-    np.testing.assert_allclose(feet_of(at[-1]), PLACES, atol=1e-3)
+    np.testing.assert_allclose(feet_of(at[-1]), FEET, atol=1e-3)
     whole = (at[-1] - bent) * ticks / (ticks - 1)
     np.testing.assert_allclose(at[ticks // 5], bent + whole / 5, atol=1e-9)
     assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
@@ -69,7 +69,9 @@ def test_it_moves_to_its_stance_before_it_follows_a_command() -> None:
 
 
 @pytest.mark.parametrize("command", [(0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.1, 0.1, 0.6)])
-def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[float, float, float]) -> None:
+def test_the_point_under_each_standing_foot_moves_with_the_ground(
+    command: tuple[float, float, float],
+) -> None:
     """Back under a base that moves by v + w x r. A foot is a sphere that rolls: as its shank turns, the point
     under it goes farther than its centre. By MuJoCo's own Jacobians, in mid-stance.
     """
@@ -80,7 +82,7 @@ def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[
     for result in targets[-PERIOD:]:
         pose = LEGS.pose(result.position)
         x, y, z = pose.foot.T
-        middle = (np.abs(pose.foot[:, :2] - PLACES[:, :2]).max(axis=1) < 0.003) & (z < PLACES[:, 2] + 1e-6)
+        middle = (np.abs(pose.foot[:, :2] - FEET[:, :2]).max(axis=1) < 0.003) & (z < FEET[:, 2] + 1e-6)
         contact = pose.jacobian + LEGS.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
         velocity = (contact @ LEGS.gather(result.velocity)[:, :, None])[middle, :2, 0]
         expected = np.stack([-(vx - yaw * y), -(vy + yaw * x)], axis=1)[middle]
@@ -99,13 +101,13 @@ def test_the_body_reaches_another_height_at_its_own_rate() -> None:
     np.testing.assert_allclose(np.array(risen)[:, :, 2], np.tile(expected, (4, 1)).T, atol=1e-6)
 
 
-def test_a_stopped_walk_returns_its_feet_to_their_places() -> None:
+def test_a_stopped_walk_returns_its_feet_to_their_positions() -> None:
     policy = make()
     walking(policy, (0.8, 0.2, -0.5), seconds=1.37)
     start = CONFIG.settle_s + 1.37
     for k in range(round(1.5 * CONFIG.rate_hz)):
         result = policy.act(seen(start + k / CONFIG.rate_hz))
-    np.testing.assert_allclose(feet_of(result.position), PLACES, atol=0.0101)
+    np.testing.assert_allclose(feet_of(result.position), FEET, atol=0.0101)
     assert not result.velocity.any()
     assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
 
@@ -181,12 +183,12 @@ class TestGround:
         return LEGS.scatter(holding, NOTHING)
 
     def heights(self, torque: np.ndarray, command: tuple[float, float, float], seconds: float) -> np.ndarray:
-        """Commanded feet above their places on the ground, (ticks, legs) m, once it has settled."""
+        """Height of the commanded feet above the ground, (ticks, legs) m, once it has settled."""
         policy = Walk(ROBOT, "trot", replace(CONFIG, touch_down=self.TOUCH_DOWN))
-        policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose), torque=torque))
+        policy.reset(seen(joint=LEGS.scatter(LEGS.solve(FEET), ROBOT.default_pose), torque=torque))
         times_s = CONFIG.settle_s + np.arange(round(seconds * CONFIG.rate_hz)) / CONFIG.rate_hz
         result = [policy.act(seen(time_s, command, torque=torque)).position for time_s in times_s.tolist()]
-        return np.array([feet_of(each)[:, 2] for each in result]) - PLACES[:, 2]
+        return np.array([feet_of(each)[:, 2] for each in result]) - FEET[:, 2]
 
     def test_unloaded_standing_feet_are_lowered_to_find_the_ground(self) -> None:
         down = self.heights(NOTHING, (0.0, 0.0, 0.0), 0.5)
@@ -263,12 +265,12 @@ def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
 def test_the_tilt_is_filtered() -> None:
     """The first of many readings moves the feet by dt / filter of the correction."""
     policy, levelling = make(), CONFIG.levelling
-    policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose)))
+    policy.reset(seen(joint=LEGS.scatter(LEGS.solve(FEET), ROBOT.default_pose)))
     feet = feet_of(policy.act(seen(CONFIG.settle_s, roll=0.1)).position)
     share = 1.0 / CONFIG.rate_hz / levelling.filter_s
     assert share < 1.0
     roll = share * min(levelling.gain * 0.1, levelling.most_rad)
-    np.testing.assert_allclose((feet - PLACES)[:, 2], roll * PLACES[:, 1], atol=2e-5)
+    np.testing.assert_allclose((feet - FEET)[:, 2], roll * FEET[:, 1], atol=2e-5)
     assert roll > 1e-3
 
 

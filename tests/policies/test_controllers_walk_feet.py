@@ -18,9 +18,9 @@ from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
-PLACES = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
+FEET = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
 OFFSETS = np.array([0.0, 0.5])
-FOOTING = Footing(PLACES, np.tile(np.eye(2), (2, 1, 1)))  # of points, which do not roll
+FOOTING = Footing(FEET, np.tile(np.eye(2), (2, 1, 1)))  # of points, which do not roll
 BOTH = (True, True)
 REST = [0.0, 0.0, 0.0]
 VELOCITY = np.array([0.1, -0.05, 0.2])
@@ -33,24 +33,24 @@ def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
     np.testing.assert_allclose(lifted, [0, 0.5, 1, 0.5, 0], atol=1e-15)
 
 
-def test_a_steady_swing_leads_from_behind_to_ahead_by_half_a_stance() -> None:
+def test_a_steady_swing_goes_from_half_a_stance_behind_to_half_a_stance_ahead() -> None:
     """Over ground that passes meanwhile, so as seen from the body it first continues backwards."""
     feet = steady_cycle(FOOTING, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
     half = 0.6 * PASSING
     up = np.array([0.0, 0.0, 0.04])
-    np.testing.assert_allclose(feet[0], PLACES - half, atol=1e-12)
-    np.testing.assert_allclose(feet[2], PLACES + up, atol=1e-12)
-    np.testing.assert_allclose(feet[3], PLACES + half, atol=1e-12)
-    fifth = PLACES - half + (0.05792 * 2.0 - 0.2 * 0.8) * PASSING + 0.5 * (1 - np.cos(0.4 * np.pi)) * up
+    np.testing.assert_allclose(feet[0], FEET - half, atol=1e-12)
+    np.testing.assert_allclose(feet[2], FEET + up, atol=1e-12)
+    np.testing.assert_allclose(feet[3], FEET + half, atol=1e-12)
+    fifth = FEET - half + (0.05792 * 2.0 - 0.2 * 0.8) * PASSING + 0.5 * (1 - np.cos(0.4 * np.pi)) * up
     np.testing.assert_allclose(feet[1], fifth, atol=1e-12)
 
 
-def test_a_steady_stance_goes_back_with_the_ground() -> None:
+def test_a_steady_stance_moves_backward_with_the_ground() -> None:
     """At clock 0.15 the first foot has done a quarter of its stance, the other is in the air."""
     (first, second) = stances(FOOTING, TIMING, OFFSETS, VELOCITY, np.array([0.15, 0.55]))
-    np.testing.assert_allclose(first, (PLACES + 0.25 * 1.2 * PASSING)[:1, :2])
+    np.testing.assert_allclose(first, (FEET + 0.25 * 1.2 * PASSING)[:1, :2])
     through = (0.55 / 0.6, 0.05 / 0.6)
-    expected = [PLACES[k] + (0.5 - through[k]) * 1.2 * PASSING[k] for k in range(2)]
+    expected = [FEET[k] + (0.5 - through[k]) * 1.2 * PASSING[k] for k in range(2)]
     np.testing.assert_allclose(second, np.array(expected)[:, :2])
 
 
@@ -60,7 +60,7 @@ def lift_feet(cycle: FootCycle, *feet: int) -> None:
 
 
 class TestRolling:
-    def test_the_body_goes_faster_than_the_tips_of_spheres_that_roll(self) -> None:
+    def test_the_body_moves_faster_than_the_centres_of_rolling_feet(self) -> None:
         """Links rotate while their tips move with the ground.
 
         The points under them move farther by r times the angle.
@@ -80,23 +80,23 @@ class TestRolling:
             back = (rolling @ under[:, :2, None])[:, :, 0]
             np.testing.assert_allclose(back, np.tile(axis[:2], (4, 1)), atol=1e-3)
 
-    def test_a_foot_stands_symmetrically_about_its_place_whatever_its_rolling(self) -> None:
-        askew = Footing(PLACES, np.tile(np.array([[0.9, 0.1], [0.2, 0.8]]), (2, 1, 1)))
+    def test_a_stance_is_symmetric_about_the_foots_position_for_any_rolling(self) -> None:
+        askew = Footing(FEET, np.tile(np.array([[0.9, 0.1], [0.2, 0.8]]), (2, 1, 1)))
         forward = np.array([0.1, 0.0, 0.0])
         ends = steady_cycle(askew, TIMING, forward, 0.0, np.array([0.0, 1.0]))
-        np.testing.assert_allclose(ends.mean(axis=0), PLACES, atol=1e-12)
+        np.testing.assert_allclose(ends.mean(axis=0), FEET, atol=1e-12)
         np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
 
     def test_a_rolling_foot_passes_at_its_share_of_v_plus_w_x_r(self) -> None:
-        half = Footing(PLACES, np.tile(0.5 * np.eye(2), (2, 1, 1)))
-        np.testing.assert_allclose(half.passing(VELOCITY, PLACES[:, :2]), 0.5 * PASSING[:, :2])
+        half = Footing(FEET, np.tile(0.5 * np.eye(2), (2, 1, 1)))
+        np.testing.assert_allclose(half.passing(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
 
     def test_foot_and_footing_agree_on_the_motion(self) -> None:
         """Foot and Footing have the same formula, one in plain numbers."""
-        askew = Footing(PLACES, np.array([[[0.9, 0.1], [0.2, 0.8]], [[1.0, -0.1], [0.0, 0.7]]]))
+        askew = Footing(FEET, np.array([[[0.9, 0.1], [0.2, 0.8]], [[1.0, -0.1], [0.0, 0.7]]]))
         cycle = FootCycle(askew, TIMING, OFFSETS)
         cycle.advance(VELOCITY.tolist(), 0.01, 0.04, (False, False))
-        moved = PLACES[:, :2] - 0.01 * askew.passing(VELOCITY, PLACES[:, :2])
+        moved = FEET[:, :2] - 0.01 * askew.passing(VELOCITY, FEET[:, :2])
         np.testing.assert_allclose(cycle.feet[:, :2], moved, atol=1e-12)
 
 
@@ -115,13 +115,13 @@ class TestFoot:
     def passing(self, point: np.ndarray) -> np.ndarray:
         return np.array(self.ROLLING) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
 
-    def test_in_the_air_it_is_between_two_points_that_go_with_the_ground(self, foot: Foot) -> None:
+    def test_in_the_air_it_is_between_two_points_that_move_with_the_ground(self, foot: Foot) -> None:
         """Three quarters of its way: a blend of 459 / 512, half of the lift, 0.2 s of the swing are left."""
         foot.lift_off(0.04)
         foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
         left = self.HERE - 0.5 * self.passing(self.HERE)
-        place = np.array([0.3, 0.2])
-        stance = place + 0.6 * self.passing(place)
+        nominal = np.array([0.3, 0.2])
+        stance = nominal + 0.6 * self.passing(nominal)
         share = 459 / 512
         way = stance + 0.2 * self.passing(stance) - left
         assert (foot.x, foot.y) == pytest.approx(tuple(left + share * way))
@@ -142,23 +142,23 @@ class TestCycle:
         cycle.advance(REST, 0.41, 0.04, BOTH)
         assert cycle.swings.tolist() == [True, False]
         np.testing.assert_allclose(cycle.progress, [0.5, 0.0])
-        np.testing.assert_allclose(cycle.feet, PLACES + np.outer([1.0, 0.0], [0.0, 0.0, 0.04]), atol=1e-9)
+        np.testing.assert_allclose(cycle.feet, FEET + np.outer([1.0, 0.0], [0.0, 0.0, 0.04]), atol=1e-9)
         cycle.advance(REST, 0.41, 0.04, BOTH)
         assert cycle.swings.tolist() == [False, False]
         assert cycle.progress.tolist() == [0.0, 0.0]
-        np.testing.assert_allclose(cycle.feet, PLACES, atol=1e-12)
+        np.testing.assert_allclose(cycle.feet, FEET, atol=1e-12)
 
-    def test_a_reset_puts_all_feet_in_their_places(self, cycle: FootCycle) -> None:
+    def test_a_reset_puts_all_feet_in_their_positions(self, cycle: FootCycle) -> None:
         for _ in range(14):
             cycle.advance(VELOCITY.tolist(), 0.1, 0.04, BOTH)
         assert cycle.swings.any()
         cycle.reset()
         assert (cycle.clock, cycle.swings.any(), cycle.progress.any()) == (0.0, False, False)
-        np.testing.assert_array_equal(cycle.feet, PLACES)
+        np.testing.assert_array_equal(cycle.feet, FEET)
 
     @pytest.mark.parametrize("seed", range(20))
-    def test_the_time_until_lift_off_is_of_speed_and_period(self, cycle: FootCycle, seed: int) -> None:
-        """By trying all 24 clocks. A rotation of the body counts in the past, not in the future."""
+    def test_a_new_gait_begins_with_the_smallest_travel(self, cycle: FootCycle, seed: int) -> None:
+        """All 24 clocks are tried. The body's rotation counts in the past, not in the future."""
         rng = np.random.default_rng(seed)
         timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
         velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
@@ -259,8 +259,8 @@ class TestLimits:
 
     def steady(self, velocity: tuple[float, float, float], height_m: float = 0.2) -> SteadyWalk:
         legs = self.ROBOT.legs
-        places = legs.default_foot * [1.0, 1.0, 0.0]
-        footing = Footing(places, np.tile(np.diag([0.9, 0.8]), (6, 1, 1)))
+        nominal_feet = legs.default_foot * [1.0, 1.0, 0.0]
+        footing = Footing(nominal_feet, np.tile(np.diag([0.9, 0.8]), (6, 1, 1)))
         offsets, below = np.arange(6) / 6, height_m - legs.foot_radius
         return SteadyWalk(footing, self.TIMING, offsets, np.array(velocity), 0.03, self.SWAY, below)
 

@@ -24,8 +24,8 @@ ROBOT = load_robot("hexapod")
 LEGS = ROBOT.legs
 GAITS = ("tripod", "ripple", "wave")
 FASTEST = 3.0  # rad/s, the robot's limit
-PLACES = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
-STILL = Footing(PLACES, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
+FEET = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
+STILL = Footing(FEET, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
 MOVING = [0.08, -0.05, 0.2]
 ALL = [True] * 6
 
@@ -37,25 +37,25 @@ def cycle(gait: str, period_s: float = 1.3) -> FootCycle:
 
 def course(feet: FootCycle, seconds: float, dt_s: float = 0.001) -> tuple[np.ndarray, np.ndarray]:
     """Feet (ticks, feet, 3) and whether they swing (ticks, feet)."""
-    places, swings = [], []
+    positions, swings = [], []
     for _ in range(round(seconds / dt_s)):
         feet.advance(MOVING, dt_s, 0.03, ALL)
-        places.append(feet.feet.copy())
+        positions.append(feet.feet.copy())
         swings.append(feet.swings.copy())
-    return np.array(places), np.array(swings)
+    return np.array(positions), np.array(swings)
 
 
 @pytest.mark.parametrize("gait", GAITS)
 class TestFeet:
-    def test_place_and_velocity_are_continuous(self, gait: str) -> None:
+    def test_position_and_velocity_are_continuous(self, gait: str) -> None:
         """A swing of this length and height has 5 m/s^2 at most: 0.005 m/s in a millisecond."""
         feet = cycle(gait)
-        places, _ = course(feet, 4.0)
-        velocity = np.diff(places, axis=0) / 0.001
+        positions, _ = course(feet, 4.0)
+        velocity = np.diff(positions, axis=0) / 0.001
         swing_s = feet.timing.swing_s
         most = 0.03 * 2 * np.pi**2 / swing_s**2 + 5.8 * 0.12 / swing_s**2
         assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
-        assert np.abs(np.diff(places, axis=0)).max() < 0.002
+        assert np.abs(np.diff(positions, axis=0)).max() < 0.002
 
     def test_a_stopped_cycle_lands_its_feet_and_lifts_none(self, gait: str) -> None:
         feet = cycle(gait)
@@ -173,7 +173,7 @@ def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(name: str, changes
     """Gait, period, duty, step's height and length, body's height and command, at any moment.
 
     A target may wait briefly for a joint whose rate is at its limit. Feet stay within a step's
-    length of their places: the longest step that there was.
+    length of their nominal positions: that of the longest step so far.
     """
     robot = load_robot(name)
     policy = Walk(robot, ANY_GAIT[name][0])

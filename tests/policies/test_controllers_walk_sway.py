@@ -10,7 +10,7 @@ from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway, s
 from footfall.robots.support import support_margin
 
 AHEAD, ASIDE = 0.2, 0.15
-PLACES = np.array([[AHEAD, ASIDE], [AHEAD, -ASIDE], [-AHEAD, ASIDE], [-AHEAD, -ASIDE]])  # FL FR HL HR
+FEET = np.array([[AHEAD, ASIDE], [AHEAD, -ASIDE], [-AHEAD, ASIDE], [-AHEAD, -ASIDE]])  # FL FR HL HR
 OFFSETS = np.array(
     [0.5, 0.0, 0.75, 0.25]
 )  # hind left in the air until 1/4, then front left, hind right, front right
@@ -25,7 +25,7 @@ def timing(period_s: float, duty: float = DUTY) -> GaitTiming:
 
 def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
     """The middle of three corners is a third of its half away: a square wave. Its sine is 4 / pi of it."""
-    pressure = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
+    pressure = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
     most = 4 / math.pi * ASIDE / 3
     np.testing.assert_allclose(sine_at(pressure, 0.25), [0.0, -most], atol=1e-3)
     np.testing.assert_allclose(sine_at(pressure, 0.75), [0.0, most], atol=1e-3)
@@ -36,20 +36,20 @@ def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
     ("period_s", "part"), [(100.0, 1.0), (1.0, 1 / (1 + ONE_HZ)), (0.5, 1 / (1 + 4 * ONE_HZ))]
 )
 def test_the_faster_the_gait_the_less_the_body_has_to_move(period_s: float, part: float) -> None:
-    plan = plan_sway(PLACES, timing(period_s), OFFSETS, HEIGHT_M, 1.0)
+    plan = plan_sway(FEET, timing(period_s), OFFSETS, HEIGHT_M, 1.0)
     np.testing.assert_allclose(plan.body, part * plan.pressure, rtol=2e-4)
     for share in (0.0, 0.5, 1.25):
-        some = plan_sway(PLACES, timing(period_s), OFFSETS, HEIGHT_M, share)
+        some = plan_sway(FEET, timing(period_s), OFFSETS, HEIGHT_M, share)
         np.testing.assert_allclose(some.body, share * plan.body, atol=1e-12)
     trot = np.array([0.5, 0.0, 0.0, 0.5])  # feet that alternate about the middle need no sway
-    none = plan_sway(PLACES, timing(period_s, 0.5), trot, HEIGHT_M, 1.0)
+    none = plan_sway(FEET, timing(period_s, 0.5), trot, HEIGHT_M, 1.0)
     np.testing.assert_allclose(none.body, 0.0, atol=1e-12)
 
 
 def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> None:
     """Hind left in the air at 1/8: 0.0637 sin 45 degrees = 0.045 m to the right, 0.8 of that inside."""
-    pressure = plan_sway(PLACES, timing(2.0), OFFSETS, HEIGHT_M, 1.0).pressure
-    three = [(x, y) for x, y in PLACES[[0, 1, 3]].tolist()]
+    pressure = plan_sway(FEET, timing(2.0), OFFSETS, HEIGHT_M, 1.0).pressure
+    three = [(x, y) for x, y in FEET[[0, 1, 3]].tolist()]
     assert support_margin(three, (0.0, 0.0)) == pytest.approx(0.0)
     x, y = sine_at(pressure, 0.125).tolist()
     assert support_margin(three, (x, y)) == pytest.approx(0.8 * 0.045, abs=1e-3)
@@ -57,9 +57,9 @@ def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> 
 
 def test_a_walk_begins_where_the_body_turns_back() -> None:
     """To the right at 1/4, or to the left at 3/4; front left, or front right, lifts off then."""
-    plan = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
+    plan = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
     assert (plan.start(0.4) + 0.02) % 0.5 == pytest.approx(0.25, abs=3e-3)
-    none = plan_sway(PLACES, timing(1.0), OFFSETS, HEIGHT_M, 0.0)
+    none = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 0.0)
     assert none.start(0.4) == 0.4
 
 
@@ -74,7 +74,7 @@ def test_a_walk_begins_a_little_before_the_body_is_farthest_out(phase: float) ->
     assert max(before, after) < at
 
 
-def test_while_no_foot_stands_the_pressure_is_wanted_in_the_middle() -> None:
+def test_in_flight_the_target_pressure_is_in_the_middle() -> None:
     """One foot at 0.1 m for a quarter of the cycle: its first sine is 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
     plan = plan_sway(np.array([[0.1, 0.0]]), timing(1.0, 0.25), np.zeros(1), HEIGHT_M, 1.0)
     most = 0.2 * math.sin(math.pi / 4) / math.pi

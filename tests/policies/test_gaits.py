@@ -14,11 +14,11 @@ from footfall.robots.description import Robot
 FOUR = ("trot", "walk", "pace", "bound", "gallop", "pronk")
 
 
-def standing_at(go1: Robot, places: dict[str, tuple[float, float]]) -> Robot:
+def standing_at(go1: Robot, feet_xy: dict[str, tuple[float, float]]) -> Robot:
     """A robot with other feet: their names, and where they stand."""
     foot = go1.description.feet[0]
-    feet = tuple(replace(foot, name=name) for name in places)
-    height = {name: (*place, -0.2) for name, place in places.items()}
+    feet = tuple(replace(foot, name=name) for name in feet_xy)
+    height = {name: (*phase, -0.2) for name, phase in feet_xy.items()}
     return replace(
         go1, description=replace(go1.description, feet=feet), foot_positions=np.array(list(height.values()))
     )
@@ -106,7 +106,7 @@ class TestSixFeet:
 class TestFeetInTheMiddle:
     """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
 
-    PLACES: ClassVar = {
+    FEET: ClassVar = {
         "b": (-0.3, -5e-4),
         "r": (0.0, -0.001),
         "f": (0.3, 1e-7),
@@ -122,14 +122,14 @@ class TestFeetInTheMiddle:
 
     def test_they_have_phases_of_their_own_from_front_to_back(self, go1: Robot) -> None:
         """A foot a millimetre beside the plane belongs to a side."""
-        found = find_gait("hop", standing_at(go1, self.PLACES))
+        found = find_gait("hop", standing_at(go1, self.FEET))
         assert found.duty == 0.6
         np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
 
     def test_a_gait_for_another_number_of_feet_is_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match=r"'limp' .*2 .*left.* 1"):
-            find_gait("limp", standing_at(go1, self.PLACES))
-        beside = self.PLACES | {"m": (0.2, -0.1)}
+            find_gait("limp", standing_at(go1, self.FEET))
+        beside = self.FEET | {"m": (0.2, -0.1)}
         with pytest.raises(UserError, match=r"'hop' .*1 .*right.* 2"):
             find_gait("hop", standing_at(go1, beside))
 
@@ -155,9 +155,9 @@ def test_duties_and_phases_are_shares_of_a_cycle() -> None:
     require_duty(None)
     require_duty(0.01)
     for side in ("left", "right", "middle"):
-        for place in (-0.1, 1.1):
+        for phase in (-0.1, 1.1):
             with pytest.raises(ValueError, match=side):
-                GaitEntry(0.5, **{side: (0.2, place)})
+                GaitEntry(0.5, **{side: (0.2, phase)})
 
 
 class TestPlannedLift:

@@ -34,11 +34,11 @@ def test_points_lie_from_back_to_front_and_from_right_to_left() -> None:
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.1, 3.1))
-def test_places_turn_with_the_heading(x: float, y: float, yaw: float) -> None:
-    places = SCAN.positions(np.array([x, y, 0.3]), np.float64(yaw))
-    ahead = places[-3] - places[-8]  # the middle of the first row, less that of the second
+def test_positions_rotate_with_the_heading(x: float, y: float, yaw: float) -> None:
+    points = SCAN.positions(np.array([x, y, 0.3]), np.float64(yaw))
+    ahead = points[-3] - points[-8]  # the middle of the first row, less that of the second
     np.testing.assert_allclose(ahead, 0.1 * np.array([np.cos(yaw), np.sin(yaw)]), atol=1e-9)
-    leftward = places[-1] - places[-2]
+    leftward = points[-1] - points[-2]
     np.testing.assert_allclose(leftward, 0.1 * np.array([-np.sin(yaw), np.cos(yaw)]), atol=1e-9)
 
 
@@ -70,8 +70,8 @@ def test_numpy_and_jax_agree(seeing: Contract) -> None:
 
 
 def test_mirrored_ground_reads_as_the_mirror_image(seeing: Contract) -> None:
-    def ground(places: np.ndarray) -> np.ndarray:
-        return 0.1 * places[:, 0] + 0.3 * places[:, 1] + places[:, 1] ** 3
+    def ground(points: np.ndarray) -> np.ndarray:
+        return 0.1 * points[:, 0] + 0.3 * points[:, 1] + points[:, 1] ** 3
 
     mirror = term_kind(seeing.observation[0]).mirror(None)  # type: ignore[arg-type]
     plain, other = (seen(seeing, ground(SCAN.points * [1.0, side])) for side in (1.0, -1.0))

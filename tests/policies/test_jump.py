@@ -54,8 +54,8 @@ def test_the_plans_velocity_is_the_derivative_of_its_position() -> None:
     plan, stance_m, step_s = LeapPlan(config), config.plan.stance.height_m, 1e-4
     for begin, end in ((0.0, config.leap.crouch_s), (config.leap.crouch_s, plan.take_off_s)):
         aims = [plan.base(time_s, stance_m) for time_s in np.arange(begin, end - step_s, step_s)]
-        place, velocity, acceleration = (np.array(each) for each in zip(*aims, strict=True))
-        np.testing.assert_allclose(np.diff(place, axis=0) / step_s, velocity[:-1], atol=0.01)
+        position, velocity, acceleration = (np.array(each) for each in zip(*aims, strict=True))
+        np.testing.assert_allclose(np.diff(position, axis=0) / step_s, velocity[:-1], atol=0.01)
         np.testing.assert_allclose(np.diff(velocity, axis=0) / step_s, acceleration[:-1], rtol=0.02, atol=0.5)
     leaving, later = (plan.base(plan.take_off_s + late_s, stance_m) for late_s in (0.0, 0.1))
     np.testing.assert_array_equal(later.position, leaving.position)

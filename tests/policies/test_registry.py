@@ -36,7 +36,7 @@ class TestControllers:
         assert policy.name == name
         assert policy.contract is None
 
-    def test_those_with_base_velocity_need_an_estimate(self) -> None:
+    def test_policies_that_read_base_velocity_need_an_estimate(self) -> None:
         for robot, names, needs in (
             ("go1", ("stand", "trot"), False),
             ("hexapod", ("wave",), False),
@@ -56,7 +56,7 @@ class TestControllers:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == "[]"
 
-    def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path, refusal: Refusal) -> None:
+    def test_a_robot_has_the_controllers_with_settings(self, own_folder: Path, refusal: Refusal) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
         sections = {name: sections[name] for name in ("stand", "trot")}
@@ -102,14 +102,14 @@ class TestOwn:
         ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
         assert ended.status == 0, ended.err
 
-    def test_no_file_beside_it_takes_a_librarys_place(self, go1: Robot, tmp_path: Path) -> None:
+    def test_no_file_beside_it_replaces_a_library(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "this.py").write_text("")  # as one that nothing has imported yet
         load_policy("mine:Sway", go1)
         found = PathFinder.find_spec("this")
         assert found is not None
         assert found.origin != str(tmp_path / "this.py")
 
-    def test_a_class_that_is_no_policy_is_refused_in_one_line(
+    def test_a_class_without_a_policys_methods_is_refused_in_one_line(
         self, go1: Robot, tmp_path: Path, refusal: Refusal
     ) -> None:
         for spec, found in (
@@ -135,7 +135,7 @@ class TestLearned:
         write_policy(onnx, folder / "policy.onnx", go1.folder)
         return folder
 
-    def test_a_run_goes_by_its_name_and_a_file_by_its_stem(
+    def test_a_run_has_its_folders_name_and_a_file_its_stem(
         self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         assert load_policy(str(run), go1).name == "tuesday"
@@ -161,7 +161,7 @@ def test_a_folder_without_a_policy_is_refused_with_the_command_that_makes_one(
     assert f"'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
 
 
-def test_a_robots_whole_name_counts(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robots_complete_name_counts(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("go1-rough", "go1-flat", "go10-flat", "go1x", "go1-stairs", "go1-b", "go1-a", "go1-z"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "policy.onnx").write_text("")

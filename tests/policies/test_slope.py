@@ -51,9 +51,9 @@ def standing(heading: float, time_s: float = 9.0, forward_m_s: float = 0.0) -> P
 
 
 def on_plane(gradient: np.ndarray, seed: int) -> np.ndarray:
-    places = LEGS.default_foot + np.random.default_rng(seed).uniform(-0.05, 0.05, (4, 3))
-    places[:, 2] = 0.7 + places[:, :2] @ gradient
-    return places
+    positions = LEGS.default_foot + np.random.default_rng(seed).uniform(-0.05, 0.05, (4, 3))
+    positions[:, 2] = 0.7 + positions[:, :2] @ gradient
+    return positions
 
 
 def settled(policy: Mpc | Walk, heading: float, forward_m_s: float = 0.0) -> PolicyInput:
@@ -146,8 +146,8 @@ class TestMpc:
         """Up the slope the foothold ahead is higher than that behind by the gradient."""
         policy = Mpc(ROBOT, self.CONFIG)
         settled(policy, 0.0, forward_m_s=0.3)
-        places = policy.footholds()
-        x, _, z = places[~np.isnan(places[:, 0])].T
+        positions = policy.footholds()
+        x, _, z = positions[~np.isnan(positions[:, 0])].T
         assert len(x) == 2
         assert (z[0] - z[1]) / (x[0] - x[1]) == pytest.approx(STEEP, abs=0.02)
 
@@ -160,7 +160,7 @@ class TestMpc:
         assert grip.friction(0.0) == contact.slipping_friction < level
         assert grip.friction(STEEP) >= STEEP + contact.slipping_friction
 
-    def test_whole_body_control_feels_the_same_gravity(self) -> None:
+    def test_whole_body_control_uses_the_same_gravity(self) -> None:
         """Where no foot presses, the body accelerates along the tilted gravity."""
         policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
         policy.slope = Slope(CONFIG)

@@ -112,7 +112,7 @@ class TestNextStep:
         assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
 
     @pytest.mark.parametrize(("push", "left"), [(-0.3, -0.35), (0.3, -0.14)])
-    def test_the_right_foot_lands_as_far_out_or_in_as_it_can(self, push: float, left: float) -> None:
+    def test_the_right_foot_lands_at_its_sideways_limits(self, push: float, left: float) -> None:
         assert self.decide(self.steady(0.2) + np.array([0.0, push])).foothold[1] == pytest.approx(left)
 
     def test_a_foot_far_from_its_foothold_takes_longer(self) -> None:
@@ -145,7 +145,7 @@ class TestSwing:
         assert flight[-1, 0, 2] == pytest.approx(-0.005, abs=1e-4)
         assert flight[:, 0, 2].max() == pytest.approx(0.06, abs=0.005)
 
-    def test_rates_are_those_of_the_places(self) -> None:
+    def test_rates_are_derivatives_of_the_positions(self) -> None:
         flight = self.fly([np.array([0.25, 0.15, -0.2])])[20:200]
         slope = (flight[2:, 0] - flight[:-2, 0]) / 0.004
         np.testing.assert_allclose(slope, flight[1:-1, 1], atol=0.02)

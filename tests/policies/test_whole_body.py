@@ -134,15 +134,17 @@ class TestDynamics:
         turn = data.xmat[links].reshape(-1, 3, 3)
         own = ((dynamics.point - data.xpos[links])[:, None] @ turn)[:, 0]
         start, speed, h = data.qpos.copy(), dynamics.velocity, 1e-4
-        places = []
+        positions = []
         for t in (-h, 0.0, h):
             data.qpos[:] = start
             step = np.zeros(model.nv)
             step[order] = speed * t + acceleration * t * t / 2
             mujoco.mj_integratePos(model, data.qpos, step, 1.0)
             mujoco.mj_kinematics(model, data)
-            places.append(data.xpos[links] + (data.xmat[links].reshape(-1, 3, 3) @ own[:, :, None])[:, :, 0])
-        before, now, after = places
+            positions.append(
+                data.xpos[links] + (data.xmat[links].reshape(-1, 3, 3) @ own[:, :, None])[:, :, 0]
+            )
+        before, now, after = positions
         velocity = dynamics.point_jacobian @ speed
         np.testing.assert_allclose((after - before) / (2 * h), velocity, atol=1e-5)
         wanted = dynamics.point_jacobian @ acceleration + dynamics.point_drift

@@ -131,7 +131,7 @@ def test_no_circles_inside_a_room(room: str) -> None:
 
 
 @pytest.mark.parametrize("package", ["envs", "train"])
-def test_learning_knows_policies_by_their_contract(package: str) -> None:
+def test_learning_imports_only_the_contract_of_policies(package: str) -> None:
     wrong = [
         f"{module} imports {name}"
         for module, path in modules(package)

@@ -91,7 +91,7 @@ def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> 
     assert content(wheel) == expected
 
 
-def test_the_wheel_is_alike_from_clone_and_sdist(built: Path, wheel: Path, tmp_path: Path) -> None:
+def test_the_wheel_is_the_same_from_clone_and_sdist(built: Path, wheel: Path, tmp_path: Path) -> None:
     [sdist] = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         assert [member.name for member in archive if member.issym() or member.islnk()] == []
@@ -145,7 +145,7 @@ class TestBesideAUsersOwn:
 
 class TestOnARobotsComputer:
     @pytest.mark.parametrize("library", ["jax", "torch", "onnx", "matplotlib", "imageio_ffmpeg", "gymnasium"])
-    def test_it_goes_without(self, robots_computer: FreshEnvironment, library: str) -> None:
+    def test_optional_libraries_are_absent(self, robots_computer: FreshEnvironment, library: str) -> None:
         assert (
             "No module named"
             in robots_computer.try_to_run([robots_computer.python, "-c", f"import {library}"]).stderr

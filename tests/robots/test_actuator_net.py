@@ -53,7 +53,7 @@ def test_a_command_without_stiffness_has_no_position_error() -> None:
     assert (inputs[:, 0] != 0.0).tolist() == [False, True, False]
 
 
-def test_a_file_holds_it_and_is_not_written_over(tmp_path: Path) -> None:
+def test_a_file_holds_the_net_and_is_not_overwritten(tmp_path: Path) -> None:
     names = ("a", "b", "c")
     save_net(tmp_path / "net.npz", NET, names)
     read = load_net(tmp_path / "net.npz", names)

@@ -24,10 +24,10 @@ def limb(default_knee: float = -1.1, first: tuple[float, ...] = SLANTING) -> Lim
 
 def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
     """Position of the tip: each hinge, the last one first, rotates everything after it."""
-    place = chain.tip
+    position = chain.tip
     for anchor, axis, angle in zip(chain.anchor[::-1], chain.axis[::-1], angles[::-1], strict=True):
-        place = anchor + Rotation.from_rotvec(angle * axis).apply(place - anchor)
-    return place
+        position = anchor + Rotation.from_rotvec(angle * axis).apply(position - anchor)
+    return position
 
 
 @pytest.mark.parametrize("first", [SLANTING, (-0.8, 0.36, -0.48), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
@@ -67,12 +67,12 @@ def test_out_of_reach_it_stretches_towards_the_position_within_the_limits() -> N
     assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
     # A knee that would have to bend further than it can: the foot is on the line to the position, too far
     # out.
-    place = tip_at(chain, np.array([0.1, 0.4, -2.0]))
-    stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(place.tolist())
+    position = tip_at(chain, np.array([0.1, 0.4, -2.0]))
+    stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(position.tolist())
     assert stiff[2] == pytest.approx(-1.5)
     turn = Rotation.from_rotvec([stiff[0], 0, 0])
     hip = chain.anchor[0] + turn.apply(chain.anchor[1] - chain.anchor[0])
-    aim, arm = (turn.inv().apply(end - hip)[[0, 2]] for end in (place, tip_at(chain, np.array(stiff))))
+    aim, arm = (turn.inv().apply(end - hip)[[0, 2]] for end in (position, tip_at(chain, np.array(stiff))))
     assert arm @ aim == pytest.approx(np.linalg.norm(arm) * np.linalg.norm(aim), rel=1e-6)
     folded = np.array(form.angles((chain.anchor[1] + [0.0, 0.055, 0.0]).tolist()))
     assert np.all((chain.lower <= folded) & (folded <= chain.upper))

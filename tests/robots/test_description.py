@@ -203,7 +203,7 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
     assert [joints.tolist() for joints in robot.foot_joints] == [[11, 10, 9], [8, 7, 6], [5, 4, 3], [2, 1, 0]]
 
 
-def test_a_folder_is_known_by_its_full_path(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_keeps_the_full_path_of_its_folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its files are found even if the working folder changes later."""
     monkeypatch.chdir(own_folder.parent)
     assert load_robot(own_folder.name).folder == own_folder.resolve()

@@ -90,7 +90,7 @@ COUNTED = (
 )
 
 
-def test_the_digest_counts_physics_and_ignores_names_and_looks(own_folder: Path) -> None:
+def test_the_digest_depends_on_physics_not_on_names_and_looks(own_folder: Path) -> None:
     assert [row for row in NOT_COUNTED if changes(own_folder, *row)] == []
     assert [row for row in COUNTED if not changes(own_folder, *row)] == []
 

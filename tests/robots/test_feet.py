@@ -80,8 +80,8 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> N
     assert len(corners) == 4
     spec = load_spec(robot.xml_path)
     spheres = [spec.geom(name) for name in corners]
-    places = np.array([sphere.pos for sphere in spheres])
-    middle, half = places.mean(axis=0), np.ptp(places, axis=0) / 2 + spheres[0].size[0]
+    centres = np.array([sphere.pos for sphere in spheres])
+    middle, half = centres.mean(axis=0), np.ptp(centres, axis=0) / 2 + spheres[0].size[0]
     link = spheres[0].parent
     for sphere in spheres:
         spec.delete(sphere)

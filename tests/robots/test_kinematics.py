@@ -37,8 +37,8 @@ class TestForward:
         pose = LEGS.pose(data.qpos[q])
         for leg, foot in enumerate(ROBOT.description.feet):
             geom = model.geom(foot.geoms[0]).id
-            place = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
-            np.testing.assert_allclose(pose.foot[leg], place, atol=1e-9)
+            position = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
+            np.testing.assert_allclose(pose.foot[leg], position, atol=1e-9)
             jacobian, turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))
             mujoco.mj_jacGeom(model, data, jacobian, turning, geom)
             dofs = v[LEGS.joints[leg]]
@@ -144,9 +144,9 @@ class TestOtherRobots:
         assert knee in text
         (tmp_path / "robot.xml").write_text(text.replace(knee, knee.replace("0 1 0", "0 1 1")))
         robot = load_robot(tmp_path)
-        places = robot.legs.default_foot + np.array([[0.03, 0.01, -0.02]])
-        joint = robot.legs.scatter(robot.legs.solve(places), robot.default_pose)
-        np.testing.assert_allclose(robot.legs.pose(joint).foot, places, atol=1e-6)
+        feet = robot.legs.default_foot + np.array([[0.03, 0.01, -0.02]])
+        joint = robot.legs.scatter(robot.legs.solve(feet), robot.default_pose)
+        np.testing.assert_allclose(robot.legs.pose(joint).foot, feet, atol=1e-6)
 
 
 def test_joint_values_are_gathered_by_leg_and_scattered_into_an_array_of_their_own() -> None:

@@ -83,8 +83,8 @@ class TestAnyLimb:
         self, robots: dict[str, Robot], kind: str, data: st.DataObject
     ) -> None:
         robot = robots[kind]
-        places = data.draw(arrays(float, (robot.legs.count, 3), elements=st.floats(-2.0, 2.0)))
-        angles = robot.legs.scatter(robot.legs.solve(places), robot.default_pose)
+        feet = data.draw(arrays(float, (robot.legs.count, 3), elements=st.floats(-2.0, 2.0)))
+        angles = robot.legs.scatter(robot.legs.solve(feet), robot.default_pose)
         assert np.all(np.isfinite(angles))
         assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
 
@@ -152,11 +152,11 @@ class TestSoles:
         np.testing.assert_allclose(robot.legs.default_foot[1], data.geom("r_foot0").xpos, atol=1e-12)
         np.testing.assert_allclose(robot.legs.foot_radius, [0.012, 0.010], atol=1e-9)
 
-    def test_a_sole_on_six_hinges_stays_level_wherever_it_is_put(self, robots: dict[str, Robot]) -> None:
+    def test_a_sole_on_six_hinges_stays_level_at_any_position(self, robots: dict[str, Robot]) -> None:
         robot = robots[SOLES]
         legs = robot.legs
-        places = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
-        turn = legs.tip_rotation(legs.scatter(legs.solve(places), robot.default_pose))
+        feet = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
+        turn = legs.tip_rotation(legs.scatter(legs.solve(feet), robot.default_pose))
         np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
 
     def test_the_geoms_of_a_foot_belong_to_one_body(self, tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ class TestSoles:
 @pytest.mark.parametrize(
     "away", [(0.25, -0.1, -0.15), (-0.3, 0.2, -0.1), (-0.2, -0.35, 0.2), (0.1, 0.3, -0.3)]
 )
-def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
+def test_out_of_reach_it_is_as_near_as_a_bounded_optimiser(
     robots: dict[str, Robot], away: tuple[float, float, float]
 ) -> None:
     """scipy's, from the same start."""
@@ -209,5 +209,5 @@ def test_a_limb_has_the_same_solution_with_and_without_other_limbs(tmp_path: Pat
     alone: list[Leg] = [four_hinge_leg("e", -0.02, 0.14)]
     one = write_robot(tmp_path / "one", alone).legs
     two = write_robot(tmp_path / "two", [quadruped_leg("a", 0.2, 0.1), *alone]).legs
-    place = one.default_foot + np.array([0.02, -0.01, 0.03])
-    np.testing.assert_allclose(two.solve(place, [1]), one.solve(place), atol=1e-9)
+    feet = one.default_foot + np.array([0.02, -0.01, 0.03])
+    np.testing.assert_allclose(two.solve(feet, [1]), one.solve(feet), atol=1e-9)

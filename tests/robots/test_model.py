@@ -269,7 +269,7 @@ def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path, ground: str, plane
     assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes
 
 
-def test_a_plants_imu_is_placed_and_turned_as_the_robots(own_folder: Path, tmp_path: Path) -> None:
+def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp_path: Path) -> None:
     """Thrown, tilted and spinning, it feels a + dw/dt x r + w x (w x r)."""
     xml = own_folder / "robot.xml"
     xml.write_text(xml.read_text().replace('"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"'))

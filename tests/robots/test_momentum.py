@@ -29,7 +29,7 @@ def test_both_parts_are_filtered_alike(ticks: int) -> None:
     assert sum(after(ticks, outside=-3.0, acceleration=1.5)) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_constant_velocity_is_no_acceleration() -> None:
+def test_a_constant_velocity_has_no_acceleration() -> None:
     observer = MomentumObserver(INERTIA, FILTER_S)
     observer.reset(np.zeros((1, 1)), np.array([[7.0]]))
     assert observer.update(np.zeros((1, 1)), np.array([[7.0]]), DT_S).tolist() == [[[0.0, 0.0]]]

@@ -21,8 +21,8 @@ def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     touching = missed = invented = 0
     for _ in range(1000):
         pose = rng.uniform(*robot.soft_limits)
-        for model, data, places in ((plant, theirs, plant_joints), (trained, ours, joints)):
-            data.qpos[2], data.qpos[places] = 5.0, pose
+        for model, data, addresses in ((plant, theirs, plant_joints), (trained, ours, joints)):
+            data.qpos[2], data.qpos[addresses] = 5.0, pose
             mujoco.mj_fwdPosition(model, data)
         deep = theirs.ncon > 0 and theirs.contact.dist.min() < -DEEP_M
         touching += deep

@@ -59,8 +59,8 @@ class PageControls:
         return self._add(label)
 
     def add_panel(self) -> Any:
-        place = SimpleNamespace(dock_left=lambda: None, set_width=lambda _: None)
-        return SimpleNamespace(add_tab=self._add, **vars(place))
+        layout = SimpleNamespace(dock_left=lambda: None, set_width=lambda _: None)
+        return SimpleNamespace(add_tab=self._add, **vars(layout))
 
     def add_uplot(self, data: Any, *_: Any, title: str, **__: Any) -> Control:
         return self.charts.setdefault(title, Control(title=title, data=data))

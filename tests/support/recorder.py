@@ -12,14 +12,14 @@ class Recorder:
         self._patch = monkeypatch
         self.calls: list[tuple[str, tuple, dict]] = []
 
-    def replace(self, place: str, answer: Any = None) -> None:
-        name = place.rpartition(".")[2]
+    def replace(self, path: str, answer: Any = None) -> None:
+        name = path.rpartition(".")[2]
 
         def call(*arguments: Any, **named: Any) -> Any:
             self.calls.append((name, arguments, named))
             return answer(*arguments, **named) if callable(answer) else answer
 
-        self._patch.setattr(place, call)
+        self._patch.setattr(path, call)
 
     @property
     def names(self) -> list[str]:

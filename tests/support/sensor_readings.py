@@ -107,7 +107,7 @@ class BodyWindows:
         position: np.ndarray | None = None,
     ) -> float:
         """Value of the check after one more window of 40 ms."""
-        place = self._position if position is None else position
-        readings = BodyReadings(0.04, self.before, list(inertials), place, np.zeros(12), speed_rad_s)
+        joint_position = self._position if position is None else position
+        readings = BodyReadings(0.04, self.before, list(inertials), joint_position, np.zeros(12), speed_rad_s)
         self.before = inertials[-1]
         return self.check.measure(body_window(readings, on_legs))

@@ -126,7 +126,7 @@ print(lines - 1)
 """
 
 
-def test_a_checkpoint_is_whole_wherever_its_writer_is_killed(tmp_path: Path) -> None:
+def test_a_checkpoint_is_complete_if_its_writer_is_killed_at_any_line(tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILL_ANYWHERE, str(tmp_path / "checkpoints")]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -78,7 +78,7 @@ def test_single_settings_are_replaced_by_their_keys() -> None:
             with_settings(cpu, {key: 1}, "--set")
 
 
-def test_a_whole_configuration_is_taken_as_it_is(own_folder: Path, tmp_path: Path) -> None:
+def test_a_complete_configuration_is_used_unchanged(own_folder: Path, tmp_path: Path) -> None:
     """A run's config.yaml: its settings of the training count, even if the robot's file has changed."""
     robot = load_robot(own_training(own_folder, "env: {gait: {frequency_hz: 1.5}}"))
     (tmp_path / "config.yaml").write_text(dump(load_preset("cpu")))
@@ -155,7 +155,7 @@ def test_a_preset_decides_whether_the_robots_own_changes_act(own_folder: Path, t
         with_settings(load_preset("smoke", robot), {"training_yaml": False}, "--set")
 
 
-def test_a_robot_without_one_has_the_presets_as_they_are(own_folder: Path) -> None:
+def test_a_robot_without_training_yaml_has_the_presets_unchanged(own_folder: Path) -> None:
     assert load_preset("smoke", load_robot(own_folder)) == load_preset("smoke")
 
 

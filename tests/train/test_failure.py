@@ -173,7 +173,7 @@ class TestReplay:
             qvel[17, 6] = np.nan
             return state._replace(env=state.env._replace(qvel=qvel))
 
-        # Kept out of the checkpoint by its own check in training; here it is put there by hand.
+        # Training refuses to save such a checkpoint, so the test writes it directly.
         message = self.fail(sound, tmp_path, damage, limit=0.001)
         assert "0.39% of the control steps ended in a diverged simulation" in message
         found = self.replay(tmp_path)
@@ -199,7 +199,7 @@ class TestReplay:
             assert saved["environment"] == 9
             assert "state.sample.friction" in saved
 
-    def test_a_run_that_is_sound_has_nothing_to_replay(self, sound: Path, shell: Shell) -> None:
+    def test_a_run_without_a_failure_has_nothing_to_replay(self, sound: Path, shell: Shell) -> None:
         assert "holds no failed training" in shell.refuses("diagnose", sound)
 
 

@@ -37,7 +37,7 @@ def write(folder: Path, **changes: object) -> None:
     onnx.save(model, path)
 
 
-def test_the_digest_is_the_robots_and_all_else_is_as_it_was(folder: Path, go1: Robot) -> None:
+def test_only_the_digest_changes(folder: Path, go1: Robot) -> None:
     network, before = open_network(folder / "policy.onnx")
     assert restamp(folder) == ("0123456789abcdef", go1.digest)
     restamped, after = open_network(folder / "policy.onnx")
@@ -49,7 +49,7 @@ def test_the_digest_is_the_robots_and_all_else_is_as_it_was(folder: Path, go1: R
     assert (folder / "run.yaml").read_text() == f"robot: go1\nrobot_digest: {go1.digest}\n"
 
 
-def test_a_policy_that_differs_otherwise_is_refused_and_left_alone(folder: Path) -> None:
+def test_a_policy_with_other_differences_is_refused_and_left_unchanged(folder: Path) -> None:
     write(folder, kp=(1.0,) * 12)
     content = (folder / "policy.onnx").read_bytes()
     with pytest.raises(UserError, match="kp: policy has"):

@@ -134,7 +134,7 @@ def test_torch_sees_the_memory_of_jax(environment: TorchEnvironment) -> None:
         assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
 
 
-def test_computed_values_are_handed_over(environment: TorchEnvironment) -> None:
+def test_computed_values_reach_torch(environment: TorchEnvironment) -> None:
     for _ in range(3):
         copied = jax.device_put(some_actions().numpy(), jax.devices()[0])
         expected, step, _ = environment._step(environment.episodes, copied, 0.0)
@@ -161,7 +161,7 @@ def test_a_timeout_differs_from_a_fall(environment: TorchEnvironment) -> None:
     assert environment.take_metrics()["episode/length_s"] == pytest.approx(SMOKE.env.episode_s)
 
 
-def test_metrics_are_means_since_they_were_last_taken(environment: TorchEnvironment) -> None:
+def test_metrics_are_means_since_the_last_call(environment: TorchEnvironment) -> None:
     for _ in range(2):
         rewards = [environment.step(some_actions())[1].mean().item() for _ in range(4)]
         expected = np.mean(rewards) * SMOKE.env.control_rate_hz
@@ -216,7 +216,7 @@ def test_the_run_folder_is_like_any_other(run: Path) -> None:
     assert list((run / "events").glob("events.out.tfevents.*"))
 
 
-def test_the_artifact_is_the_one_that_brax_makes(run: Path, trainer: RslRlTrainer, tmp_path: Path) -> None:
+def test_the_artifact_equals_that_of_brax(run: Path, trainer: RslRlTrainer, tmp_path: Path) -> None:
     seen = trainer.environment.get_observations()
     sizes = {name: value.shape[1] for name, value in seen.items()}
     nets = networks.make_networks(sizes, 12, PPO)
@@ -447,7 +447,7 @@ def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: P
     assert policy.obs_normalizer.count == PPO.steps_per_iteration
 
 
-def test_a_file_that_is_no_network_is_refused(trainer: RslRlTrainer, tmp_path: Path) -> None:
+def test_a_file_without_a_network_is_refused(trainer: RslRlTrainer, tmp_path: Path) -> None:
     (tmp_path / "start.pt").write_bytes(b"nothing")
     with pytest.raises(UserError, match="cannot start from"):
         trainer.start_from(tmp_path / "start.pt")

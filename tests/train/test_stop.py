@@ -7,7 +7,7 @@ import pytest
 from footfall.train.runs.stop import StopRequest
 
 
-def test_of_two_signals_the_second_interrupts_and_handlers_are_put_back() -> None:
+def test_the_second_signal_interrupts_and_handlers_are_restored() -> None:
     before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     with StopRequest() as stop:
         assert not stop.requested

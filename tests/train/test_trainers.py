@@ -19,7 +19,7 @@ OWN = "own_trainer:StandingTrainer"
 LIBRARIES = ("brax", "rsl_rl", "torch", "footfall.train.brax", "footfall.train.rsl_rl")
 
 
-def test_a_trainer_of_ones_own_trains_resumes_and_exports(
+def test_a_users_trainer_trains_resumes_and_exports(
     tmp_path: Path, go1: Robot, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = api.train(api.TrainRequest(preset="smoke", trainer=OWN, out=tmp_path / "run"))
@@ -51,7 +51,7 @@ def test_a_trainer_of_ones_own_trains_resumes_and_exports(
         ("own_trainer:Incomplete", "implement restore, prepare, iterate, save, export"),
     ],
 )
-def test_a_class_that_is_no_trainer_is_refused(name: str, message: str, tmp_path: Path) -> None:
+def test_a_class_without_a_trainers_methods_is_refused(name: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(UserError) as error:
         api.begin(api.TrainRequest(preset="smoke", trainer=name, out=tmp_path / "run"))
     assert message in str(error.value)

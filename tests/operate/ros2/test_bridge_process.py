@@ -50,7 +50,7 @@ def test_a_failed_bridge_reports_one_line(tmp_path: Path) -> None:
         pass
 
 
-def test_a_bridge_that_never_gets_ready_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bridge_that_never_gets_ready_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("footfall.operate.ros2.bridge_process.START_S", 0.1)
     hanging = Ros2Config(arguments=("hang",))
     with pytest.raises(UserError, match="does not start"), bridge(FAKE, tmp_path, None, hanging):

@@ -40,6 +40,6 @@ def test_numbers_before_the_offset_and_without_dimensions() -> None:
 
 @pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER, NUMBERS])
 @pytest.mark.parametrize("message", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff", b"\0\1\0\0" + b"\xff" * 7])
-def test_bytes_that_are_no_message_are_refused(kind: str, message: bytes) -> None:
+def test_bytes_without_a_message_are_refused(kind: str, message: bytes) -> None:
     with pytest.raises(ValueError, match=r"not a message|decode"):
         decode(kind, message)

@@ -44,7 +44,7 @@ def walk(source: PathSource, begin: Pose) -> Status:
     return status
 
 
-def test_a_path_in_odom_is_walked_from_wherever_the_robot_is(source: PathSource) -> None:
+def test_a_path_in_odom_is_walked_from_the_robots_position(source: PathSource) -> None:
     assert source.follow([[2.0, 1.0], [2.0, 2.0], [1.0, 2.0]], math.pi / 2) == ""
     status = walk(source, Pose(1.0, 1.0, 2.5))
     assert source.state is not None

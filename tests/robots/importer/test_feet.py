@@ -93,11 +93,11 @@ class TestFeet:
         quarter = turned(0.0, 0.0, np.pi / 2)
         box = geom("sole", Kind.mjGEOM_BOX, [0.12, 0.05, half_height], [0.3, 0.2, 0.1], turn=quarter)
         feet, others = foot_of(box, up=sign * UP)
-        places = np.array([g.shape.position for g in feet])
+        positions = np.array([g.shape.position for g in feet])
         assert [g.shape.size[0] for g in feet] == [radius] * 4
-        assert sorted(set(places[:, 0].round(9))) == pytest.approx([0.25 + radius, 0.35 - radius])
-        assert sorted(set(places[:, 1].round(9))) == pytest.approx([0.08 + radius, 0.32 - radius])
-        assert places[:, 2] == pytest.approx(np.full(4, 0.1 - sign * (half_height - radius)))
+        assert sorted(set(positions[:, 0].round(9))) == pytest.approx([0.25 + radius, 0.35 - radius])
+        assert sorted(set(positions[:, 1].round(9))) == pytest.approx([0.08 + radius, 0.32 - radius])
+        assert positions[:, 2] == pytest.approx(np.full(4, 0.1 - sign * (half_height - radius)))
         shape = others[0].shape
         ends = shape.position[2] + np.array([-1.0, 1.0]) * sign * shape.size[2]
         assert ends == pytest.approx([0.1 - sign * (half_height - radius), 0.1 + sign * half_height])

@@ -44,8 +44,8 @@ def walker(*hips: Hip, roll: str = "-0.8 0.8") -> str:
 
 
 def square(length: float, width: float) -> str:
-    places = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
-    return walker(*(Hip(name, x * length / 2, y * width / 2) for name, x, y in places))
+    corners = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
+    return walker(*(Hip(name, x * length / 2, y * width / 2) for name, x, y in corners))
 
 
 def paired(tmp_path: Path, text: str, seed: int = 0) -> LegPairs:
@@ -74,7 +74,7 @@ def test_only_legs_that_reach_each_other_are_paired(tmp_path: Path) -> None:
     assert names(found) == {frozenset({"fl_shank", "fr_shank"}), frozenset({"rl_shank", "rr_shank"})}
 
 
-def test_an_imported_robot_trains_with_its_pairs_and_they_touch_nothing_else(tmp_path: Path) -> None:
+def test_an_imported_robot_trains_with_its_pairs_which_touch_only_each_other(tmp_path: Path) -> None:
     robot, result = made(tmp_path, square(0.9, 0.15))
     model = training_model(robot)
     assert model.npair == 2
@@ -137,7 +137,7 @@ def test_a_foot_behind_an_ankle_has_a_capsule_of_its_own(tmp_path: Path) -> None
     assert np.abs(rotation_of(sole.shape.quaternion)[:, 2]) == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
 
 
-def test_parts_of_one_leg_are_no_pair(tmp_path: Path) -> None:
+def test_parts_of_one_leg_form_no_pair(tmp_path: Path) -> None:
     """Narrow feet on ankles that turn them up against their shanks, and hips far apart."""
     text = BIPED_MJCF.replace("0.12 0.05 0.015", "0.12 0.01 0.008").replace("-0.9 0.8", "-1.6 1.6")
     wide = text.replace('pos="0 0.1 -0.05"', 'pos="0 0.6 -0.05"').replace(

@@ -40,7 +40,7 @@ class TestMachine:
                     each.joint(hinge.name).qpos = angle
             data[0].joint("arm").qpos = 0.4
             bases = theirs.body("pelvis").id, 1
-            places, matrices = [], []
+            positions, matrices = [], []
             for model, each, base in zip((theirs, ours), data, bases, strict=True):
                 mujoco.mj_forward(model, each)
                 turn = each.xmat[base].reshape(3, 3)
@@ -50,12 +50,12 @@ class TestMachine:
                 )
                 seen = [(each.geom_xpos[kind] - each.xpos[base]) @ turn for kind in kinds]
                 axes = np.abs(turn.T @ each.geom_xmat[kinds[0]].reshape(-1, 3, 3))
-                places.append(np.concatenate([*seen, *axes]))
+                positions.append(np.concatenate([*seen, *axes]))
                 full = np.zeros((model.nv, model.nv))
                 mujoco.mj_fullM(model, each, full)
                 dofs = [int(model.joint(hinge.name).dofadr[0]) for hinge in machine.hinges]
                 matrices.append(full[np.ix_(dofs, dofs)])
-            np.testing.assert_allclose(places[1], places[0], atol=2e-5)
+            np.testing.assert_allclose(positions[1], positions[0], atol=2e-5)
             np.testing.assert_allclose(matrices[1], matrices[0], atol=2e-5)
 
     def test_a_joint_that_legs_share_is_driven_and_of_no_leg(self, machine: Machine) -> None:

@@ -92,7 +92,7 @@ class TestPose:
         assert data.subtree_com[1][0] - data.xpos[1][0] > 0.05
         assert data.subtree_com[1][1] - data.xpos[1][1] > 0.02
 
-    def test_joints_of_no_leg_are_as_near_to_zero_as_they_go(self, tmp_path: Path) -> None:
+    def test_joints_outside_legs_are_as_near_to_zero_as_possible(self, tmp_path: Path) -> None:
         """A waist that both legs of a biped hang on."""
         pose = self.pose(tmp_path, ODD)
         assert pose.joints["waist"] == pytest.approx(0.2)

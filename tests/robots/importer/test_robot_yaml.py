@@ -50,8 +50,8 @@ class TestRobotYaml:
 
     def test_each_leg_has_buses_of_its_own_of_three_motors_each(self) -> None:
         joints = [line for line in self.text() if "default_rad" in line]
-        places = [line.partition("bus: ")[2].rstrip("}") for line in joints]
-        assert places == [
+        addresses = [line.partition("bus: ")[2].rstrip("}") for line in joints]
+        assert addresses == [
             "can0, id: 1",
             *("can1, id: 1", "can1, id: 2", "can1, id: 3", "can2, id: 1"),
             *("can3, id: 1", "can3, id: 2", "can3, id: 3", "can4, id: 1"),

@@ -47,11 +47,11 @@ class TestUrdf:
         sizes = [points[:, 0].max() for points in read_source(tmp_path / "m.urdf").meshes.values()]
         assert sizes == pytest.approx([0.1, 0.1, 0.1, 0.3])
 
-    def test_packages_are_looked_for(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_packages_are_searched(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         asked, ros = tmp_path / "asked", tmp_path / "ros/elsewhere"
         monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{ros}")
-        places = (ros / "maker", tmp_path / "maker", asked / "maker")
-        for size, folder in enumerate(places, start=1):
+        folders = (ros / "maker", tmp_path / "maker", asked / "maker")
+        for size, folder in enumerate(folders, start=1):
             folder.mkdir(parents=True)
             (folder / "c.obj").write_text(self.CUBE.replace("v 0.1", f"v {size}"))
             source = self.source(tmp_path, 'filename="package://maker/c.obj"', packages=(asked,))
