@@ -13,7 +13,7 @@ from footfall.identify.leg import FixedLeg
 from footfall.identify.null_space import Direction, Profile
 from footfall.identify.parameters import Parameter, parameters_of
 from footfall.identify.problem import MIN_TORQUE_SIGMA_NM, Problem
-from footfall.identify.recording import Recording
+from footfall.identify.recording import Recording, reading_noise
 from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.solver import solve
 from footfall.identify.windows import Windows, cut, joined
@@ -215,8 +215,7 @@ def _windows(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) 
 
 def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:
     """Standard deviation of torque readings, (n,); infinite without readings."""
-    third = np.concatenate([np.diff(each.torque[:, leg.joints], 3, axis=0) for each in recordings])
-    noise = np.sqrt((third**2).mean(axis=0) / 20.0)
+    noise = np.mean([reading_noise(each.torque[:, leg.joints]) for each in recordings], axis=0)
     reported = np.isfinite(noise) & (noise > 0.0)
     result: np.ndarray = np.where(reported, np.maximum(noise, MIN_TORQUE_SIGMA_NM), np.inf)
     return result

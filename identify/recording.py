@@ -13,6 +13,7 @@ from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
 
 MIN_TICKS = 100
+MIN_STEP = 1e-7  # between readings; a smaller difference is an error of floating-point numbers
 JUMP_RAD, SPEED_FACTOR = (
     0.1,
     2.0,
@@ -39,9 +40,32 @@ class Recording:
 
     @property
     def position_noise_rad(self) -> np.ndarray:
-        """Standard deviation of the position readings' noise, (n,), from their third differences."""
-        third = np.diff(self.position, 3, axis=0)
-        return np.maximum(np.sqrt((third**2).mean(axis=0) / 20.0), 1e-5)
+        """Standard deviation of the position readings' noise, (n,).
+
+        A joint that never moved is taken to be rounded like the coarsest of the others.
+        """
+        rounding = max(_rounding_error(each) for each in self.position.T)
+        moved = np.ptp(self.position, axis=0) > 0.0
+        return np.maximum(np.where(moved, reading_noise(self.position), rounding), 1e-5)
+
+
+def reading_noise(readings: np.ndarray) -> np.ndarray:
+    """Standard deviation of the noise of readings (T, n), (n,), from their third differences.
+
+    It is at least their rounding error: a joint that rests repeats one reading, and its third differences are
+    zero.
+    """
+    third = np.diff(readings, 3, axis=0)
+    rounding = np.array([_rounding_error(each) for each in readings.T])
+    result: np.ndarray = np.maximum(np.sqrt((third**2).mean(axis=0) / 20.0), rounding)
+    return result
+
+
+def _rounding_error(readings: np.ndarray) -> float:
+    """Standard deviation of readings, (T,), rounded to their smallest difference; 0 if all are equal."""
+    steps = np.diff(np.unique(readings))
+    steps = steps[steps > MIN_STEP]
+    return float(steps.min()) / np.sqrt(12.0) if len(steps) else 0.0
 
 
 def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float = np.inf) -> Recording:

@@ -1,4 +1,6 @@
-"""Recordings are cut into windows."""
+"""Recordings, their noise, and the windows they are cut into."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,3 +46,12 @@ def test_a_window_with_a_gap_is_left_out() -> None:
 def test_windows_without_readings_are_refused() -> None:
     with pytest.raises(UserError, match="hardly any"):
         cut(recording(np.arange(0.0, 400.0, 1.0)), np.array([0]), 0.5, 0.002)
+
+
+@pytest.mark.parametrize("moving", [1.0, 0.1, 0.0])
+def test_a_joint_that_rests_has_the_rounding_error_of_its_readings(moving: float) -> None:
+    """Too little noise makes any model a misfit."""
+    time_s, step_rad = np.arange(0.0, 7.0, 0.002), 4e-4
+    angles = np.sin(5.0 * np.stack([time_s, np.minimum(time_s, 7.0 * moving)], axis=1))
+    noise = replace(recording(time_s), position=step_rad * np.round(angles / step_rad)).position_noise_rad
+    np.testing.assert_allclose(noise, step_rad / np.sqrt(12.0), rtol=0.1)
