@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Driver, Replies
-from footfall.deploy.frames import Frames, joined, takes_fd
+from footfall.deploy.frames import Frames, joined, no_frames, takes_fd
 
 Joints = np.ndarray  # indices
 
@@ -46,7 +46,8 @@ class MixedDriver:
         return self._by_joint((2,), lambda driver: driver.gain_rounding)
 
     def query_settings(self) -> Frames:
-        return joined([driver.query_settings() for driver, _ in self._parts if driver.not_ready()])
+        queries = [driver.query_settings() for driver, _ in self._parts if driver.not_ready()]
+        return joined(queries) if queries else no_frames()
 
     def not_ready(self) -> str:
         return next(filter(None, (driver.not_ready() for driver, _ in self._parts)), "")
