@@ -243,7 +243,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
         "calibration_ms": round(calibration, 2),
         "calibrations_per_tick": round(thread_s * 1e3 / calibration, 4),
         "ticks": ticks[0],
-        "ticks_wanted": round(seconds * rate_hz),
+        "ticks_planned": round(seconds * rate_hz),
         "faults": list(outcome.faults),
         "processors": os.cpu_count(),
     }

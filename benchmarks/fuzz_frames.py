@@ -123,9 +123,9 @@ class Wires:
         good = self._good[from_motors]
         rows = rng.integers(len(good.id), size=BATCH)
         channel, identifier, data, length = (np.array(part[rows]) for part in good[:4])
-        any_at_all = rng.random(BATCH) < 0.5
-        data[any_at_all] = rng.integers(256, size=(int(any_at_all.sum()), 8), dtype=np.uint8)
-        data[~any_at_all] = flipped(data[~any_at_all], 0.1, rng)
+        random = rng.random(BATCH) < 0.5
+        data[random] = rng.integers(256, size=(int(random.sum()), 8), dtype=np.uint8)
+        data[~random] = flipped(data[~random], 0.1, rng)
         foreign = rng.random(BATCH) < 0.1
         identifier[foreign] = rng.integers(1 << 11, size=int(foreign.sum()))
         far = rng.random(BATCH) < 0.02
@@ -156,8 +156,8 @@ def command_after(
     """Let the joint layer absorb frames, then send a random command; raise if its frames are unsafe."""
     joints.absorb(batches, int(rng.integers(10**9)))
     before, (position, velocity, _) = joints.target.copy(), joints.joints.copy()
-    wanted = rng.normal(size=(5, len(before))) * 10.0 ** rng.uniform(-2, 3, size=(5, 1))
-    motor, values, kind = decoder.requests(joints.command(JointCommand(*wanted)))
+    command = rng.normal(size=(5, len(before))) * 10.0 ** rng.uniform(-2, 3, size=(5, 1))
+    motor, values, kind = decoder.requests(joints.command(JointCommand(*command)))
     sent = np.full((5, len(before)), np.nan)
     sent[:, motor] = values
     target = np.where(sent[2] > 0.0, sent[0], joints.target)  # a frame without stiffness has no target

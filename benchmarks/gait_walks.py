@@ -107,12 +107,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="walks of each gait")
     add_options(parser)
     options = parser.parse_args()
-    wanted = [name for name in options.gaits.split(",") if name]
+    chosen = [name for name in options.gaits.split(",") if name]
     trials = [
         Trial(robot, gait, seed)
         for robot in options.robots.split(",")
         for gait in _gaits(robot)
-        if not wanted or gait in wanted
+        if not chosen or gait in chosen
         for seed in range(options.seeds)
     ]
     walks, errors = run_resumable(walk, trials, options.out, options.workers, options.time_limit)

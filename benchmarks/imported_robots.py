@@ -169,8 +169,8 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folders = unpacked(options.wheels, options.models or Path(scratch))
-        wanted = [name for name in options.robots.split(",") if name] or list(_entries())
-        trials = [Trial(name, options.seconds, options.seeds) for name in wanted]
+        names = [name for name in options.robots.split(",") if name] or list(_entries())
+        trials = [Trial(name, options.seconds, options.seeds) for name in names]
         done, errors = run_resumable(
             partial(trial, folders), trials, options.out, options.workers, options.time_limit
         )

@@ -255,14 +255,14 @@ def main() -> None:
 
 def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
     """All requested walks, and a line for each that failed."""
-    wanted = [name for name in options.policies.split(",") if name]
+    chosen = [name for name in options.policies.split(",") if name]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
         Walk(name, policy, path, plant, seed, options.duration, options.scale_error)
         for seed in seeds  # outermost, so that a run that is stopped has some of each kind
         for name in options.robots.split(",")
         for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
-        if not wanted or policy in wanted
+        if not chosen or policy in chosen
         for path in options.paths.split(",")
         for plant in options.plants.split(",")
     ]

@@ -71,8 +71,8 @@ def plot(walks: Sequence[Walk], goal_percent: float, path: Path) -> None:
         plt.close(figure)
 
 
-def _of(walks: Sequence[Walk], **wanted: str) -> list[Walk]:
-    return [walk for walk in walks if all(walk[key] == value for key, value in wanted.items())]
+def _of(walks: Sequence[Walk], **conditions: str) -> list[Walk]:
+    return [walk for walk in walks if all(walk[key] == value for key, value in conditions.items())]
 
 
 def _draw_drift(axes: Axes, walks: dict[str, list[Walk]], goal_percent: float) -> None:

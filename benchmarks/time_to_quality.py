@@ -195,11 +195,11 @@ def first_as_good(entries: list[dict[str, Any]], goal: dict[str, Any]) -> dict[s
 
 def as_good(entry: dict[str, Any], goal: dict[str, Any]) -> bool:
     """Whether falls and velocity error are at most the goal's, and half survive at least the same push."""
-    walk, wanted = entry["walk"], goal["walk"]
+    walk, target = entry["walk"], goal["walk"]
     return (
-        walk["falls"] <= wanted["falls"]
+        walk["falls"] <= target["falls"]
         and walk["lin_vel_rmse"] is not None
-        and walk["lin_vel_rmse"] <= wanted["lin_vel_rmse"]
+        and walk["lin_vel_rmse"] <= target["lin_vel_rmse"]
         and push_of(entry) >= push_of(goal)
     )
 

@@ -21,7 +21,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path | str | None] = ())
     """Check that files can be written, without leaving a trace.
 
     Args:
-        paths: the outputs; None for one that is not wanted.
+        paths: the outputs; None for one that is not requested.
         inputs: files that the command reads. Texts that are no file, such as a policy's name, do not matter.
 
     Raises:

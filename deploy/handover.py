@@ -87,8 +87,8 @@ class Handover:
             self.current.begin(now_us)
             return
         if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
-            wanted = self._turns[change.policy]
-            self._next, self._requested_us = (None if wanted is self.current else wanted), now_us
+            requested = self._turns[change.policy]
+            self._next, self._requested_us = (None if requested is self.current else requested), now_us
         if change.gait and isinstance(policy, Steerable):
             policy.take_up(change.gait)
         if change.settings and isinstance(policy, Steerable):

@@ -47,7 +47,7 @@ class JointLayer:
         self._step = robot.description.target_rate_rad_s * tick_s  # largest change of a target per tick, rad
         self._lower, self._upper = robot.soft_limits
         self._target = robot.default_pose.copy()
-        self._wanted = b""  # bytes of the last wanted command, from which these are computed:
+        self._requested = b""  # bytes of the last requested command, from which these are computed:
         self._goal = self._target  # its position target within the soft limits
         self._arrived = False  # whether the target has reached the goal
         self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
@@ -63,7 +63,7 @@ class JointLayer:
         lowest, highest = self._driver.lowest[0], self._driver.highest[0]
         self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
         self._target = position.clip(self._lower, self._upper)
-        self._wanted = b""
+        self._requested = b""
 
     @property
     def target(self) -> np.ndarray:
@@ -75,8 +75,8 @@ class JointLayer:
         """Stiffness of the last command, N m/rad, (n,)."""
         return self.sent[2]
 
-    def command(self, wanted: JointCommand | np.ndarray) -> Frames:
-        """Frames of one tick for a wanted command with finite numbers.
+    def command(self, requested: JointCommand | np.ndarray) -> Frames:
+        """Frames of one tick for a requested command with finite numbers.
 
         An array (5, n) has the command's parts as rows, which saves joining them.
 
@@ -84,10 +84,10 @@ class JointLayer:
         If the PD law would exceed a motor's limits at the measured position and speed, stiffness, damping and
         feed-forward torque are reduced together.
         """
-        values = np.asarray(wanted, dtype=float)
+        values = np.asarray(requested, dtype=float)
         key = values.tobytes()
-        if key != self._wanted:  # a policy's command is repeated for several ticks
-            self._wanted, self._encodable = key, self._within_frames(values)
+        if key != self._requested:  # a policy's command is repeated for several ticks
+            self._requested, self._encodable = key, self._within_frames(values)
             if self._scale != 1.0:
                 self._encodable[2:] *= self._scale
             self._goal = within(values[0], self._lower, self._upper)

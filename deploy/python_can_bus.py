@@ -67,11 +67,11 @@ class PythonCanBus:
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()
         self._statistics = [BusStatistics(name) for name in names]
-        wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
+        accepted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
 
         @lru_cache(maxsize=MAX_FRAMES_PER_TICK)
         def passes(identifier: int) -> bool:
-            return any((identifier & ~FD ^ each) & mask == 0 for each, mask in wanted)
+            return any((identifier & ~FD ^ each) & mask == 0 for each, mask in accepted)
 
         self._passes = passes
         self._faults = [""] * len(names)

@@ -80,12 +80,12 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     def is_free(channel: int, identifier: int) -> bool:
         return (channel, identifier) not in taken
 
-    wanted = {motor for motor in expected(wiring) if motor.maker not in identifiers}
+    needed = {motor for motor in expected(wiring) if motor.maker not in identifiers}
     fd_channels, channels = _fd_channels(wiring), range(len(wiring.buses))
     batches = _probes(channels, [each for each in answering if not takes_fd(each.filters)], is_free)
     batches += _probes(sorted(fd_channels), [each for each in answering if takes_fd(each.filters)], is_free)
     for done in range(MAX_ROUNDS):
-        if done >= ROUNDS and wanted <= found:
+        if done >= ROUNDS and needed <= found:
             break
         for frames in [*batches, *[no_frames()] * LATE_TICKS]:
             bus.send(frames, now_us)

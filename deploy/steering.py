@@ -86,7 +86,7 @@ class Steering:
 
     def serve(self, policy: str) -> None:
         """Switch to a policy, with its own gait and settings until the next `poll`."""
-        self._policy = self._wanted = policy
+        self._policy = self._requested = policy
         self.offer, self._limits = self._offers[policy], self._all_limits[policy]
         self._gait, self._settings = "", dict[str, float]()  # requested values
         self._checked = False
@@ -181,14 +181,14 @@ class Steering:
 
     def _check(self, request: Request) -> None:
         """Find what a request changes; refuse what is unavailable in this run."""
-        wanted = request.policy or self._wanted
-        if wanted not in self._offers:
-            self.note(f"there is no policy '{wanted}' in this run: it has {', '.join(self._offers)}")
-            wanted = self._wanted
-        if wanted != self._wanted:
-            self._wanted = wanted
-            self._changes.append(Change(policy=wanted, by=request.owner))
-        if wanted != self._policy:
+        requested = request.policy or self._requested
+        if requested not in self._offers:
+            self.note(f"there is no policy '{requested}' in this run: it has {', '.join(self._offers)}")
+            requested = self._requested
+        if requested != self._requested:
+            self._requested = requested
+            self._changes.append(Change(policy=requested, by=request.owner))
+        if requested != self._policy:
             return  # gait and settings are for the next policy
         if request.gait and request.gait != self._gait:
             self._gait = request.gait

@@ -118,7 +118,7 @@ def _law(
         return demand, np.zeros_like(demand)
     lag, now = lag_over(leg.motor.lag_s, step_s), demand[0]
     torque, before = np.empty_like(demand), np.empty_like(demand)
-    for row, wanted in enumerate(demand):
+    for row, demanded in enumerate(demand):
         before[row] = now
-        torque[row], now = lagged(wanted, now, lag)
+        torque[row], now = lagged(demanded, now, lag)
     return torque, before

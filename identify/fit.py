@@ -88,8 +88,8 @@ class LegFit:
 
     def value(self, quantity: str, owner: str) -> float | None:
         """The estimate of a parameter; None if it was frozen."""
-        wanted = Parameter(quantity, owner)
-        return next((each.value for each in self.estimates if each.parameter == wanted), None)
+        parameter = Parameter(quantity, owner)
+        return next((each.value for each in self.estimates if each.parameter == parameter), None)
 
 
 def fit_leg(

@@ -169,7 +169,7 @@ class FootTest:
 
 
 def largest_error(held: Sequence[Held]) -> float:
-    """Largest distance between a wanted and a measured position of the foot, m."""
+    """Largest distance between a commanded and a measured position of the foot, m."""
     return max(float(np.linalg.norm(each.offset - each.hold.offset)) for each in held)
 
 
@@ -180,7 +180,7 @@ def press_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
     """
     scale = [each.scale_n for each in held]
     pairs = (
-        ("wanted force", [each.hold.force_n for each in held]),
+        ("commanded force", [each.hold.force_n for each in held]),
         ("force that the motors report", [each.force_n for each in held]),
     )
     shares = {name: float(np.polyfit(force, scale, 1)[0]) for name, force in pairs}

@@ -58,14 +58,14 @@ class LeastSquares:
         position takes precedence over the orientation.
         """
         target = self._tip.copy()
-        wanted = np.isfinite(tips).all(axis=1)
-        target[limbs] = np.where(wanted[:, None], tips, target[limbs])
+        given = np.isfinite(tips).all(axis=1)
+        target[limbs] = np.where(given[:, None], tips, target[limbs])
         angles, missing = self._descend(target, self._default, self._weight)
         if self._weight.any() and missing.max() > _CLOSE_M:
             nearest, _ = self._descend(target, angles, 0.0 * self._weight)
             angles = np.where((missing > _CLOSE_M)[:, None], nearest, angles)
         result = angles[limbs]
-        result[~wanted] = np.nan
+        result[~given] = np.nan
         return result
 
     def _descend(

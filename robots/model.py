@@ -162,13 +162,13 @@ def _notes_on_feet(
     model: mujoco.MjModel, feet: tuple[np.ndarray, ...], robot: Robot, source: str
 ) -> list[str]:
     """Notes on feet that were found by position or not at all."""
-    wanted = robot.description.feet
+    given = robot.description.feet
     notes = []
-    absent = [", ".join(foot.geoms) for foot, geoms in zip(wanted, feet, strict=True) if not len(geoms)]
+    absent = [", ".join(foot.geoms) for foot, geoms in zip(given, feet, strict=True) if not len(geoms)]
     if absent:
         notes.append(f"{source} has no geom {', '.join(absent)}: these feet are not recorded")
     found = []
-    for foot, geoms in zip(wanted, feet, strict=True):
+    for foot, geoms in zip(given, feet, strict=True):
         strange = [geom for geom in geoms.tolist() if model.geom(geom).name not in foot.geoms]
         if strange:
             names = ", ".join(model.geom(geom).name or f"geom {geom}" for geom in strange)

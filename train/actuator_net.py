@@ -122,9 +122,9 @@ def _first_linear(net: ActuatorNet, motion: DrivenMotion) -> np.ndarray:
     """The missing torque as a linear function of the inputs, by least squares, (n, inputs, 1)."""
     inputs, memory = _along(net, motion)
     read = np.concatenate([inputs[:, :, None], memory], axis=2).reshape(*inputs.shape[:2], -1)
-    wanted = np.arctanh((motion.missing / net.limit).clip(-MAX_LIMIT_SHARE, MAX_LIMIT_SHARE))
+    target = np.arctanh((motion.missing / net.limit).clip(-MAX_LIMIT_SHARE, MAX_LIMIT_SHARE))
     normal = np.einsum("tni,tnj->nij", read, read) + RIDGE * len(read) * np.eye(read.shape[2])
-    found: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", read, wanted)[..., None])
+    found: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", read, target)[..., None])
     return found
 
 

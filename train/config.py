@@ -250,8 +250,8 @@ def _adapted(name: str, robot: Robot | None, file: Mapping[str, Any] | None = No
         return preset, str(path)
     own = robot.folder / TRAINING_FILE
     preset = _with_own_ranges(preset, robot)
-    wanted = (preset | dict(file or {})).get("training_yaml", True)
-    changes = read_yaml(own) if own.is_file() and wanted else None
+    uses_file = (preset | dict(file or {})).get("training_yaml", True)
+    changes = read_yaml(own) if own.is_file() and uses_file else None
     if changes is None:
         return preset, str(path)
     return _merged(preset, changes, str(own)), f"{own} over {path}"

@@ -70,13 +70,13 @@ def must_check(robot: Robot, bus: str, choice: Choice) -> bool:
     Raises:
         UserError: it has to, but this robot cannot be checked.
     """
-    wanted = choice == "check" or (choice == "auto" and bus not in SIMULATED and not is_proven(robot, bus))
-    if wanted and robot.description.held_start:
+    needed = choice == "check" or (choice == "auto" and bus not in SIMULATED and not is_proven(robot, bus))
+    if needed and robot.description.held_start:
         raise UserError(
             f"{robot.name} cannot stand still, so its wiring cannot be checked:"
             " add --wiring trust to run it with unproven wiring"
         )
-    return wanted
+    return needed
 
 
 def unproven_note(robot: Robot, bus: str) -> str:

@@ -132,9 +132,9 @@ def paths(found: LogFindings) -> Plot:
     for foot, name in enumerate(feet):
         with Panel(f"paths-{foot}") as panel:
             ax = panel.axes
-            wanted = _window(sent_s[: len(found.decided_feet)], found.decided_feet[:, foot], start_s)
+            decided = _window(sent_s[: len(found.decided_feet)], found.decided_feet[:, foot], start_s)
             walked = _window(read_s, found.measured_feet[:, foot], start_s)
-            ax.plot(wanted[:, 0], wanted[:, 2], color=INK, lw=0.7)
+            ax.plot(decided[:, 0], decided[:, 2], color=INK, lw=0.7)
             ax.plot(walked[:, 0], walked[:, 2], color=colour(0), lw=1.2)
             ax.set(xlabel="forward of the base, m", ylabel="up, m", title=name)
             panels.append(panel.svg(f"Path of foot {name} from the side"))

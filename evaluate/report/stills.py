@@ -51,11 +51,11 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
 def stills(task: FilmTask) -> np.ndarray:
     """Stills of an episode side by side, (height, width, 3) uint8. Runs in a worker, as `films.film`."""
     last = len(task.trace.time_s) - 1
-    wanted = np.linspace(0, last, STILL_COUNT).astype(int)
+    chosen = np.linspace(0, last, STILL_COUNT).astype(int)
     with camera_shots(task) as shoot:
-        shots = {index: shoot(index) for index in range(last + 1) if index in wanted}
+        shots = {index: shoot(index) for index in range(last + 1) if index in chosen}
     return np.concatenate(
-        [shots[index][::SHRINK_FACTOR, ::SHRINK_FACTOR] for index in wanted.tolist()], axis=1
+        [shots[index][::SHRINK_FACTOR, ::SHRINK_FACTOR] for index in chosen.tolist()], axis=1
     )
 
 

@@ -26,7 +26,7 @@ from footfall.policies.controllers.whole_body.feedback import (
     pendulum_rate,
     standing,
 )
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -38,7 +38,7 @@ class BalanceConfig:
 
     rate_hz: float
     capture_gain: float  # shift of the centre of pressure per distance of the capture point
-    most_lead_m: float  # largest distance of the wanted centre of pressure from the middle of the support
+    most_lead_m: float  # largest distance of the desired centre of pressure from the middle of the support
     height: Feedback
     attitude: Feedback
     posture: Feedback
@@ -84,7 +84,7 @@ class Balance:
         share = min(1.0, inputs.time_s / config.settle_s)
         height = self._start_height + share * (self.com_height_m - self._start_height)
         pose = self._start_pose + share * (self._default - self._start_pose)
-        wanted = Wanted(
+        desired = Desired(
             centre=self._centre(dynamics, height),
             momentum_rate=-config.momentum_damping * dynamics.angular_momentum,
             attitude=config.attitude(base_tilt(sensed.quaternion, dynamics), sensed.gyro),
@@ -92,7 +92,7 @@ class Balance:
             joints=config.posture(sensed.joint_position - pose, sensed.joint_velocity),
         )
         position, velocity = sensed.joint_position, sensed.joint_velocity
-        return self.control.command(dynamics, position, velocity, wanted, self._most_force)
+        return self.control.command(dynamics, position, velocity, desired, self._most_force)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ class Balance:
         return self._stance
 
     def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
-        """Wanted acceleration of the centre of mass, (3,) m/s^2."""
+        """Desired acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
         centre = dynamics.centre - dynamics.middle
         rate = pendulum_rate(self.com_height_m)

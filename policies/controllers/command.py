@@ -45,12 +45,12 @@ class ShapedCommand:
             return
         self.value = np.array(
             [
-                now + min(max(wanted - now, -limit * dt_s), limit * dt_s)
-                for now, wanted, limit in zip(current, goal, self._max_acceleration, strict=True)
+                now + min(max(desired - now, -limit * dt_s), limit * dt_s)
+                for now, desired, limit in zip(current, goal, self._max_acceleration, strict=True)
             ]
         )
 
-    def wants_walk(self, command: np.ndarray) -> bool:
+    def requests_walk(self, command: np.ndarray) -> bool:
         """Whether a command (3,) asks the robot to move, or the shaped command is not yet zero."""
         return self._asks_to_move(command) or any(self.value.tolist())
 

@@ -28,16 +28,16 @@ def tilt_correction(
     gain: float,
     rate_gain_s: float,
     max_rad: float,
-    wanted: np.ndarray | None = None,
+    desired: np.ndarray | None = None,
 ) -> np.ndarray:
     """Roll and pitch (2,) in rad by which the feet turn with the base, so that it turns back.
 
     The tilt is the deviation of gravity from the body's z axis, its rate is the gyro's.
-    `wanted` is the goal's roll and pitch (2,); None for level.
+    `desired` is the goal's roll and pitch (2,); None for level.
     """
     up_x, up_y, _ = vertical_in_body(inputs.sensed.quaternion)
     rates = inputs.sensed.gyro[:2].tolist()
-    roll, pitch = (0.0, 0.0) if wanted is None else wanted.tolist()
+    roll, pitch = (0.0, 0.0) if desired is None else desired.tolist()
     errors = (up_y - roll, -up_x - pitch)
     corrections = [gain * error + rate_gain_s * rate for error, rate in zip(errors, rates, strict=True)]
     return np.array([min(max(correction, -max_rad), max_rad) for correction in corrections])

@@ -54,7 +54,7 @@ PIP = f"{shlex.quote(sys.executable)} -m pip install"
 
 
 @pytest.mark.parametrize(
-    ("name", "about", "wanted"),
+    ("name", "about", "expected"),
     [
         ("clone", '"dir_info": {"editable": true}', "--editable '{at}[gym,watch]'"),
         (".", '"dir_info": {"editable": true}', "--editable '.[gym,watch]'"),
@@ -63,14 +63,14 @@ PIP = f"{shlex.quote(sys.executable)} -m pip install"
     ],
 )
 def test_extras_are_installed_from_the_same_source(
-    installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, about: str, wanted: str
+    installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, about: str, expected: str
 ) -> None:
     at = tmp_path if name == "." else tmp_path / name
     if name == ".":
         monkeypatch.chdir(tmp_path)
     at.mkdir(exist_ok=True)
     installed(at.as_uri(), about)
-    assert extras_command("gym", "watch") == f"{PIP} {wanted.format(at=at)}"
+    assert extras_command("gym", "watch") == f"{PIP} {expected.format(at=at)}"
 
 
 @pytest.mark.parametrize("url", [None, "file:///nowhere/footfall-0.1.0-py3-none-any.whl", "https://x/y.whl"])
@@ -126,11 +126,11 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_pages_install_from_the_clone(page: Path) -> None:
     for line in re.findall(r"pip install (?:-q )?([^`\n]+)", page.read_text()):
-        for wanted in shlex.split(line, comments=True):
-            if wanted.startswith("-") or wanted.endswith(".whl"):
+        for expected in shlex.split(line, comments=True):
+            if expected.startswith("-") or expected.endswith(".whl"):
                 continue
-            found = re.fullmatch(r"\.\[([a-z,-]+)\]", wanted)
-            assert "footfall" not in wanted, line
+            found = re.fullmatch(r"\.\[([a-z,-]+)\]", expected)
+            assert "footfall" not in expected, line
             assert found is None or set(found[1].split(",")) <= set(EXTRAS), line
 
 

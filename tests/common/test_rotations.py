@@ -100,12 +100,12 @@ def test_gravity_is_shifted_by_the_shortest_turn(index: int) -> None:
     """Of the body about an axis across gravity: scipy's turn from one direction to the other."""
     before, offset = TURNS[index], np.array([0.2, -0.1, 0.15])
     down = before.inv().apply([0.0, 0.0, -1.0])
-    wanted = (down + offset) / np.linalg.norm(down + offset)
+    expected = (down + offset) / np.linalg.norm(down + offset)
     found = rotations.shift_gravity(QUATERNIONS[index].tolist(), offset.tolist())
     assert np.linalg.norm(found) == pytest.approx(1.0)
     after = Rotation.from_quat(found, scalar_first=True)
-    np.testing.assert_allclose(after.inv().apply([0.0, 0.0, -1.0]), wanted, atol=1e-12)
-    between = np.arccos(np.clip(down @ wanted, -1.0, 1.0))
+    np.testing.assert_allclose(after.inv().apply([0.0, 0.0, -1.0]), expected, atol=1e-12)
+    between = np.arccos(np.clip(down @ expected, -1.0, 1.0))
     assert (before.inv() * after).magnitude() == pytest.approx(between)
 
 

@@ -99,15 +99,15 @@ def test_a_file_sets_exactly_its_quantities(tmp_path: Path) -> None:
 
 
 def test_all_random_numbers_are_drawn_in_one_call() -> None:
-    asked: list[int] = []
+    counts: list[int] = []
 
     def uniform(count: int) -> np.ndarray:
-        asked.append(count)
+        counts.append(count)
         return np.full(count, 0.5)
 
     draw(Randomisation(), uniform, 3, 5)
     shapes = sample_shapes(3, 5)
-    assert asked == [sum(int(np.prod(shape)) for shape in shapes.values())]
+    assert counts == [sum(int(np.prod(shape)) for shape in shapes.values())]
     names = ("link_mass", "kp", "com_offset_m", "friction")
     assert [shapes[name] for name in names] == [(5,), (3,), (3,), ()]
 

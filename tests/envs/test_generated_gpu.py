@@ -118,9 +118,9 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(
     )
     pointers = (ctypes.c_void_p * len(beside))(*(a.ctypes.data for a in beside))
     ctypes.CDLL(str(library)).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
-    for each, found, wanted in zip(outputs, beside[len(arrays) :], expected, strict=True):
-        scale = np.abs(wanted).max()
-        assert np.abs(np.moveaxis(found, -1, 0) - wanted).max() < 1e-4 * scale, each.name
+    for each, found, alone in zip(outputs, beside[len(arrays) :], expected, strict=True):
+        scale = np.abs(alone).max()
+        assert np.abs(np.moveaxis(found, -1, 0) - alone).max() < 1e-4 * scale, each.name
 
 
 def test_limbs_that_differ_are_computed_by_one_thread(tmp_path: Path) -> None:

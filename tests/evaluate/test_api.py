@@ -165,12 +165,12 @@ class TestApi:
         outputs = {"json_path", "html_path"}
         specs = changes.pop("specs", ["stand"])
         config = replace(TWO, **{key: value for key, value in changes.items() if key not in outputs})
-        asked: Any = {key: value for key, value in changes.items() if key in outputs} | {"console": console}
+        options: Any = {key: value for key, value in changes.items() if key in outputs} | {"console": console}
         with pytest.raises(UserError, match=complaint):
-            api.compare_policies(specs, config, **asked)
+            api.compare_policies(specs, config, **options)
         if len(specs) == 1 and "html_path" not in changes:
             with pytest.raises(UserError, match=complaint):
-                api.evaluate_policy(*specs, config, **asked)
+                api.evaluate_policy(*specs, config, **options)
         assert ran.order == []
 
     def test_without_the_extra_no_report_is_begun(

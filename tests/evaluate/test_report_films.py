@@ -32,10 +32,10 @@ class TestFilms:
         return FilmTask("go1", None, trace, pushes, duration_s)
 
     def test_each_walked_policy_is_filmed_pushed(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-        asked: list[Any] = []
+        calls: list[Any] = []
 
         def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
-            asked.append((tasks, workers))
+            calls.append((tasks, workers))
             return [TaskResult(len(task.trace.time_s)) for task in tasks]
 
         monkeypatch.setattr(films, "render_films", render)
@@ -56,17 +56,17 @@ class TestFilms:
             "d": 300,
         }
         assert found["b"].error == found["c"].error == "the policy did not walk"
-        ((tasks, workers),) = asked
+        ((tasks, workers),) = calls
         assert workers == 3
         for task in tasks:
             assert (task.robot, task.plant, task.pushes) == ("go1", Path("other.xml"), COURSE.pushes)
             assert task.duration_s == COURSE.duration_s
 
     def test_a_walk_on_a_ground_is_filmed_on_it(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-        asked: list[FilmTask] = []
+        calls: list[FilmTask] = []
 
         def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
-            asked.extend(tasks)
+            calls.extend(tasks)
             return [TaskResult("film") for _ in tasks]
 
         monkeypatch.setattr(films, "render_films", render)
@@ -74,8 +74,8 @@ class TestFilms:
         steps = replace(policy.course.plan, ground=GroundConfig("stairs", settings={"step_m": 0.1}))
         policy = replace(policy, on_grounds={"stairs": replace(policy.course, plan=steps)})
         assert films.films_on_grounds(comparison(go1, policy)) == {"stairs": {"a": TaskResult("film")}}
-        assert asked[0].ground is not None
-        assert np.max(asked[0].ground.heights) >= 1.0
+        assert calls[0].ground is not None
+        assert np.max(calls[0].ground.heights) >= 1.0
 
     def test_another_renderer_is_tried_if_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tried: list[Any] = []

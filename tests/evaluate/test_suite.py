@@ -34,7 +34,7 @@ CONFIG = EvaluationConfig("go1", ("two", "one"), seed=7, plant=PLANT, ground_tru
 
 class TestSuite:
     @pytest.fixture
-    def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    def calls(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         """Tasks and workers of each call; a task's distance encodes its policy, index and scenario."""
         calls: list[Any] = []
 
@@ -63,10 +63,10 @@ class TestSuite:
             + plan.index
         )
 
-    def test_each_policy_runs_every_episode_and_has_its_own_figures(self, asked: list[Any]) -> None:
+    def test_each_policy_runs_every_episode_and_has_its_own_figures(self, calls: list[Any]) -> None:
         progress: list[tuple[int, int]] = []
         figures = suite.run_suite(["b", "a"], CONFIG, FILE, lambda *each: progress.append(each))
-        ((tasks, workers),) = asked
+        ((tasks, workers),) = calls
         assert (workers, progress) == (3, [(k, 10) for k in range(1, 11)])
         plans = {name: plan_episodes(name, FILE.scenarios[name], 7) for name in ("one", "two")}
         for policy in ("a", "b"):
@@ -81,9 +81,9 @@ class TestSuite:
             assert task.ground_truth
             assert not task.keep_trace
 
-    def test_the_course_is_walked_once_by_each_and_recorded(self, asked: list[Any]) -> None:
+    def test_the_course_is_walked_once_by_each_and_recorded(self, calls: list[Any]) -> None:
         walks = suite.run_course(["b", "a"], CONFIG, FILE)
-        ((tasks, workers),) = asked
+        ((tasks, workers),) = calls
         (plan,) = plan_episodes("course", FILE.scenarios["course"], 7, 1)
         assert workers == 1
         assert [(task.policy, task.plan, task.keep_trace) for task in tasks] == [
@@ -94,13 +94,13 @@ class TestSuite:
         compute = {"compute_ms": {"p50": 5.0, "p99": pytest.approx(8.92)}, "missed_deadlines": 0.5}
         assert walks == {name: CourseWalk(plan, f"trace of {name}", compute, "") for name in ("b", "a")}
 
-    def test_the_highest_level_of_each_ground_is_recorded(self, asked: list[Any]) -> None:
+    def test_the_highest_level_of_each_ground_is_recorded(self, calls: list[Any]) -> None:
         stairs = Scenario(
             "Stairs", 4, 1.0, ground=GroundConfig("stairs"), levels={"step_m": (0.05, 0.2, -0.3, 0.1)}
         )
         file = replace(FILE, scenarios={**FILE.scenarios, "stairs": stairs})
         walks = suite.run_grounds(["b", "a"], replace(CONFIG, scenarios=("two", "stairs")), file)
-        ((tasks, _),) = asked
+        ((tasks, _),) = calls
         assert [(task.policy, task.plan.levels, task.keep_trace) for task in tasks] == [
             ("b", {"step_m": 0.2}, True),
             ("a", {"step_m": 0.2}, True),

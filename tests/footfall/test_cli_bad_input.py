@@ -26,7 +26,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("tokens", "wanted"),
+    ("tokens", "named"),
     [
         (["depoly"], ["depoly", "deploy"]),
         (["--verbose"], ["--verbose"]),
@@ -89,9 +89,9 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["replay", "log.mcap"], ["log.mcap"]),
     ],
 )
-def test_unparsable_and_missing_files_are_refused(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
+def test_unparsable_and_missing_files_are_refused(shell: Shell, tokens: list[str], named: list[str]) -> None:
     complaint = shell.refuses(*tokens)
-    for words in wanted:
+    for words in named:
         assert words in complaint
 
 
@@ -118,7 +118,7 @@ def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str
 
 
 @pytest.mark.parametrize(
-    ("line", "instead", "wanted"),
+    ("line", "instead", "named"),
     [
         ("  substeps: 4", "  substeps: 0", ["substeps", "at least 2"]),
         ("  substeps: 4", "  control_rate_hz: 1.0e+9", ["control_rate_hz", "from 1 to 1000"]),
@@ -150,14 +150,14 @@ def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str
     ],
 )
 def test_presets_that_cannot_be_trained(
-    shell: Shell, tmp_path: Path, line: str, instead: str, wanted: list[str]
+    shell: Shell, tmp_path: Path, line: str, instead: str, named: list[str]
 ) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
     assert line in smoke
     path = tmp_path / "preset.yaml"
     path.write_text(smoke.replace(line, instead))
     complaint = shell.refuses("train", "--preset", path)
-    for words in ("preset.yaml", *wanted):
+    for words in ("preset.yaml", *named):
         assert words in complaint
 
 

@@ -120,12 +120,12 @@ def scored(*errors: str) -> dict[str, Any]:
 def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: Recorder) -> None:
     called.replace("footfall.evaluate.api.evaluate_policy", scored())
     called.replace("footfall.evaluate.api.compare_policies", {"a": scored(), "b": scored()})
-    asked = (
+    all_options = (
         "--robot", "rex", "--scenarios", "push, nominal", "--episodes", "3", "--seed", "5", "--plant", "null",
         "--ground-truth", "--workers", "2", "--scenario-file", "own.yaml",
     )  # fmt: skip
     config = EvaluationConfig("rex", ("push", "nominal"), 5, 3, Path("null"), True, 2, Path("own.yaml"))
-    for options, given in (((), EvaluationConfig()), (asked, config)):
+    for options, given in (((), EvaluationConfig()), (all_options, config)):
         expected = replace(given, mission_run=mission_run)
         called.calls.clear()
         assert shell("evaluate", "mine.onnx", *options).status == 0

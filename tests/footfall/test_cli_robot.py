@@ -91,7 +91,7 @@ def test_motors_without_known_frames_are_skipped_and_others_are_checked(
 
 class TestCheck:
     @pytest.fixture
-    def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    def recorded(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         """Recorded calls of inspections and tests; nothing is simulated and nothing is wrong."""
         calls: list[Any] = []
         looked = SimpleNamespace(
@@ -122,10 +122,10 @@ class TestCheck:
         calls.append(looked)
         return calls
 
-    def test_options_reach_the_tests(self, shell: Shell, asked: list[Any]) -> None:
+    def test_options_reach_the_tests(self, shell: Shell, recorded: list[Any]) -> None:
         outcome = shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9")
         assert outcome.status == 0, outcome.err
-        assert asked[1:] == [
+        assert recorded[1:] == [
             ("inspect", "go1", 9),
             ("stand", "go1", 2.5, 9),
             ("lie", "go1", 9),
@@ -133,15 +133,15 @@ class TestCheck:
         ]
         assert outcome.out.endswith("nothing wrong was found\n")
 
-    def test_anything_wrong_is_status_1(self, shell: Shell, asked: list[Any]) -> None:
-        asked[0].findings = lambda **_: iter(["a foot is missing"])
+    def test_anything_wrong_is_status_1(self, shell: Shell, recorded: list[Any]) -> None:
+        recorded[0].findings = lambda **_: iter(["a foot is missing"])
         outcome = shell("robot", "check", "go1")
         assert outcome.status == 1
         assert outcome.out.endswith("wrong: a foot is missing\n")
         assert "nothing wrong" not in outcome.out
 
     def test_a_robot_without_a_lying_pose_is_not_laid_down(
-        self, shell: Shell, asked: list[Any], go1: Robot, monkeypatch: pytest.MonkeyPatch
+        self, shell: Shell, recorded: list[Any], go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         robot = SimpleNamespace(
             name="mine", lying_pose=None, description=go1.description, joint_names=go1.joint_names,
@@ -149,11 +149,11 @@ class TestCheck:
         )  # fmt: skip
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
-        assert [each[0] for each in asked[1:]] == ["inspect", "stand", "walk"]
+        assert [each[0] for each in recorded[1:]] == ["inspect", "stand", "walk"]
         assert (outcome.status, "without lying_rad in robot.yaml" in outcome.out) == (0, True)
 
     def test_a_robot_that_cannot_lie_down_and_stand_up_fails(
-        self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
+        self, shell: Shell, recorded: list[Any], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(
             "footfall.plant.lying.lying_test", lambda *_: LyingResult("it fell over", 0.0, 1.5)
@@ -168,10 +168,10 @@ class TestNew:
     def test_options_reach_the_import(
         self, shell: Shell, tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        asked: list[Any] = []
+        recorded: list[Any] = []
         made = SimpleNamespace(folder="there", guesses=["a guess", "another"])
         monkeypatch.setattr(
-            "footfall.robots.importer.create.import_robot", lambda request: asked.append(request) or made
+            "footfall.robots.importer.create.import_robot", lambda request: recorded.append(request) or made
         )
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: go1)
         outcome = shell(
@@ -181,7 +181,7 @@ class TestNew:
             "--actuator", "hip=A, knee=B",
         )  # fmt: skip
         assert outcome.status == 0, outcome.err
-        (request,) = asked
+        (request,) = recorded
         assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
         assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
         assert (request.forward, request.up) == ("-y", "z")

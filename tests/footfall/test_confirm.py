@@ -7,8 +7,8 @@ from footfall.confirm import confirm
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Questions that were asked; there is no terminal."""
+def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Questions that were questions; there is no terminal."""
     questions: list[str] = []
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or "n")
@@ -16,27 +16,27 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("answer", ["y", "yes", "Y", "YES", " yes "])
-def test_yes_in_any_case_is_a_yes(asked: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+def test_yes_in_any_case_is_a_yes(questions: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or answer)
+    monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or answer)
     confirm("shall it move?", yes=False)
-    assert asked == ["shall it move? [y/N] "]
+    assert questions == ["shall it move? [y/N] "]
 
 
-def test_with_yes_no_question_is_asked(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_yes_no_question_is_asked(questions: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     for terminal in (False, True):
         monkeypatch.setattr("sys.stdin.isatty", lambda terminal=terminal: terminal, raising=False)
         confirm("shall it move?", yes=True)
-    assert asked == []
+    assert questions == []
 
 
-def test_without_a_terminal_it_is_refused(asked: list[str]) -> None:
+def test_without_a_terminal_it_is_refused(questions: list[str]) -> None:
     with pytest.raises(UserError, match="no terminal for the confirmation: add --yes"):
         confirm("shall it move?", yes=False)
-    assert asked == []
+    assert questions == []
 
 
-def test_the_end_of_the_input_means_no(asked: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_end_of_the_input_means_no(questions: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     def end_of_input(_: str) -> str:
         raise EOFError
 

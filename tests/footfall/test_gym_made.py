@@ -13,12 +13,12 @@ from footfall.train.config import load_preset
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Requested environments: kind, robot, settings and the rest."""
-    asked: list[Any] = []
+    calls: list[Any] = []
     for kind in ("GymnasiumEnv", "GymnasiumVectorEnv"):
         monkeypatch.setattr(
-            f"footfall.envs.gymnasium_env.{kind}", lambda *given, kind=kind: asked.append((kind, *given))
+            f"footfall.envs.gymnasium_env.{kind}", lambda *given, kind=kind: calls.append((kind, *given))
         )
-    return asked
+    return calls
 
 
 def test_there_is_one_for_each_robot_that_ships() -> None:

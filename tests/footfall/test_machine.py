@@ -24,11 +24,11 @@ def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def done(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The answer of another Python: set `code`, `out` and `err`; `asked` keeps its calls."""
-    answer = SimpleNamespace(code=0, out="", err="", asked=[], fails=lambda environment: False)
+    """The answer of another Python: set `code`, `out` and `err`; `calls` records how it was called."""
+    answer = SimpleNamespace(code=0, out="", err="", calls=[], fails=lambda environment: False)
 
     def run(command: list[str], **options: Any) -> Any:
-        answer.asked.append((command, options))
+        answer.calls.append((command, options))
         if answer.code == "late":
             raise subprocess.TimeoutExpired(command, options["timeout"])
         code = 1 if answer.fails(options["env"]) else answer.code
@@ -77,7 +77,7 @@ class TestDoctor:
         assert machine.check_rendering()[1:3] == (True, "works with MUJOCO_GL=osmesa")
         done.fails = lambda environment: True
         assert not machine.check_rendering().good
-        tried = [options["env"]["MUJOCO_GL"] for _, options in done.asked]
+        tried = [options["env"]["MUJOCO_GL"] for _, options in done.calls]
         assert tried == ["glfw", "egl", "egl", "osmesa", "egl", "osmesa"]
 
     def test_the_cache_is_counted_whole(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,9 +35,13 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
 
 def test_motors_that_report_twice_their_torque_are_found() -> None:
     config = FootTestConfig(presses=(0.1, 0.2))
-    held = [_held(wanted, wanted, 0.5 * wanted + 3.0) for wanted in (10.0, 20.0)]  # with a preload of 3 N
+    held = [
+        _held(commanded, commanded, 0.5 * commanded + 3.0) for commanded in (10.0, 20.0)
+    ]  # with a preload of 3 N
     assert len(press_findings(held, config)) == 2
-    assert not press_findings([_held(wanted, wanted, wanted + 3.0) for wanted in (10.0, 20.0)], config)
+    assert not press_findings(
+        [_held(commanded, commanded, commanded + 3.0) for commanded in (10.0, 20.0)], config
+    )
 
 
 def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> None:
@@ -45,9 +49,11 @@ def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> 
     motion.write_text("{settle_s: 0.3, move_s: 0.3, hold_s: 0.2, reach_m: 0.04}")
     assert main(["identify", "foot", "FL", "--motion", str(motion), "--json", str(found)]) == 0
     held = json.loads(found.read_text())["held"]
-    wanted, reached = (np.array([each[key] for each in held]) for key in ("wanted_offset_m", "offset_m"))
-    assert np.abs(wanted).sum() == pytest.approx(6 * 0.04)
-    assert reached == pytest.approx(wanted, abs=0.001)
+    commanded, reached = (
+        np.array([each[key] for each in held]) for key in ("commanded_offset_m", "offset_m")
+    )
+    assert np.abs(commanded).sum() == pytest.approx(6 * 0.04)
+    assert reached == pytest.approx(commanded, abs=0.001)
 
 
 def test_a_foot_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -55,5 +61,5 @@ def test_a_foot_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str])
     assert "FL" in capsys.readouterr().err
 
 
-def _held(wanted: float, reported: float, scale: float) -> Held:
-    return Held(Hold(np.zeros(3), wanted, 1.0), np.zeros(3), reported, scale)
+def _held(commanded: float, reported: float, scale: float) -> Held:
+    return Held(Hold(np.zeros(3), commanded, 1.0), np.zeros(3), reported, scale)

@@ -30,12 +30,12 @@ def free_port() -> int:
         return int(server.getsockname()[1])
 
 
-def topics_seen(viewer: ClientConnection, wanted: set[str], beat: Callable[[], None]) -> set[str]:
+def topics_seen(viewer: ClientConnection, expected: set[str], beat: Callable[[], None]) -> set[str]:
     """Subscribe to topics as they are advertised; returns those with a message. Calls `beat` meanwhile."""
     names: dict[int, str] = {}
     seen: set[str] = set()
     until = time.monotonic() + WAIT_S
-    while seen < wanted and time.monotonic() < until:
+    while seen < expected and time.monotonic() < until:
         beat()
         try:
             answer = viewer.recv(timeout=0.05)
@@ -44,11 +44,11 @@ def topics_seen(viewer: ClientConnection, wanted: set[str], beat: Callable[[], N
         if isinstance(answer, bytes):
             seen.add(names[struct.unpack_from("<BIQ", answer)[1]])
         elif (said := json.loads(answer))["op"] == "advertise":
-            for channel in (each for each in said["channels"] if each["topic"] in wanted):
+            for channel in (each for each in said["channels"] if each["topic"] in expected):
                 assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
                 names[channel["id"]] = channel["topic"]
-                asked = [{"id": channel["id"], "channelId": channel["id"]}]
-                viewer.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
+                subscriptions = [{"id": channel["id"], "channelId": channel["id"]}]
+                viewer.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
     return seen
 
 
@@ -73,6 +73,6 @@ def test_a_late_viewer_gets_the_robot_and_its_readings_and_cannot_steer(go1: Rob
             hello = json.loads(viewer.recv(timeout=WAIT_S))
             assert hello["op"] == "serverInfo"
             assert hello["capabilities"] == []  # nothing that a viewer could send
-            wanted = {"/robot_description", "/tf_static", "/joint_states"}
-            assert topics_seen(viewer, wanted, beat) == wanted
+            expected = {"/robot_description", "/tf_static", "/joint_states"}
+            assert topics_seen(viewer, expected, beat) == expected
     assert log.close() == ""

@@ -55,8 +55,8 @@ def test_a_gamepad_steers_with_its_dead_man_button_and_unplugged_it_is_silent(de
         time.sleep(0.05)
         assert not inbox.poll(WALKING).velocity.any()  # held while it was plugged in
         device.send((BUTTON, DEAD_MAN, 0), (BUTTON, DEAD_MAN, 1), (AXIS, 0, 32767), (AXIS, 3, 2000))
-        asked = polled_until(inbox, lambda r: r.velocity[1])
-        assert asked.velocity.tolist() == pytest.approx([1.0, -0.3, 0.0])
+        request = polled_until(inbox, lambda r: r.velocity[1])
+        assert request.velocity.tolist() == pytest.approx([1.0, -0.3, 0.0])
         device.send((BUTTON, GAIT, 1))
         polled_until(inbox, lambda r: r.gait == "wave")
         device.send((BUTTON, DEAD_MAN, 0))

@@ -68,9 +68,9 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
         os.write(person, b"s ")
         polled_until(inbox, lambda r: not r.velocity.any())
         os.write(person, b"\x00\xff\x1b[99~gr-e")
-        asked = polled_until(inbox, lambda r: r.velocity.any())
-        assert (asked.gait, asked.settings) == ("wave", {"body_height_m": pytest.approx(0.29)})
-        assert asked.velocity.tolist() == pytest.approx([0.4, 0.0, -0.32])
+        request = polled_until(inbox, lambda r: r.velocity.any())
+        assert (request.gait, request.settings) == ("wave", {"body_height_m": pytest.approx(0.29)})
+        assert request.velocity.tolist() == pytest.approx([0.4, 0.0, -0.32])
         assert inbox.stopped is None
         os.write(person, b"x")
         polled_until(inbox, lambda _: inbox.stopped)

@@ -130,20 +130,20 @@ class TestCommands:
         assert "take control" in visitor.refusal()
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
-        assert eventually(lambda: asked(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
         other = Visitor(served)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
         assert "take control" in other.refusal()
         other.take_control(served.inbox)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
-        assert eventually(lambda: asked(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
         other.socket.close()  # at once: the server has not learned yet who has control
-        assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
+        assert eventually(lambda: not requested_velocity(served.inbox).any(), PATIENCE_S)
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
-        assert eventually(lambda: asked(served.inbox)[0] == 0.2, PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox)[0] == 0.2, PATIENCE_S)
         for message in (
             {"number": 1, "answer": visitor.challenge},
             {"number": 99, "answer": visitor.challenge + 1},
@@ -164,7 +164,7 @@ class TestCommands:
             visitor.socket.send(content)
             if isinstance(content, str):
                 assert visitor.refusal()
-        assert asked(served.inbox).tolist() == [0.2, 0.0, 0.0]
+        assert requested_velocity(served.inbox).tolist() == [0.2, 0.0, 0.0]
 
     def test_a_flood_ends_the_connection(self, served: SimpleNamespace) -> None:
         flooding = Visitor(served)
@@ -199,7 +199,7 @@ def flood(visitor: Visitor) -> None:
         visitor.socket.recv(PATIENCE_S)
 
 
-def asked(inbox: Inbox) -> np.ndarray:
+def requested_velocity(inbox: Inbox) -> np.ndarray:
     """The owner's last requested velocity, of any age."""
     return inbox.poll(STANDING).velocity
 

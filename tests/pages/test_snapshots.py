@@ -44,8 +44,8 @@ class TestSnapshots:
 
     def found(self, run: Path) -> tuple[Snapshots, SimpleNamespace]:
         """With an exporter that answers on request."""
-        exporter = SimpleNamespace(asked=[], woken=0, answer=None)
-        exporter.start = lambda *given: exporter.asked.append(given)
+        exporter = SimpleNamespace(calls=[], woken=0, answer=None)
+        exporter.start = lambda *given: exporter.calls.append(given)
         exporter.poll = lambda: exporter.answer
         exporter.wake = lambda: setattr(exporter, "woken", exporter.woken + 1)
         return Snapshots(run, run.parent / "out", exporter), exporter  # type: ignore[arg-type]
@@ -53,21 +53,21 @@ class TestSnapshots:
     def test_the_exporter_is_prepared_before_the_first_checkpoint(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         assert snapshots.poll() is None
-        assert (exporter.woken, exporter.asked) == (1, [])
+        assert (exporter.woken, exporter.calls) == (1, [])
 
     def test_a_checkpoint_is_exported_once_and_returned_when_ready(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         checkpoint = self.write(run / "checkpoints" / "00000012.ckpt", 100)
         out = run.parent / "out" / "00000012.onnx"
         assert snapshots.poll() is None
-        assert exporter.asked == [(checkpoint, out)]
+        assert exporter.calls == [(checkpoint, out)]
         assert snapshots.exporting == 12
         assert snapshots.poll() is None  # not yet
         exporter.answer = Exported(out)
         assert snapshots.poll() == Snapshot(out, 12)
         assert snapshots.exporting is None
         assert snapshots.poll() is None
-        assert len(exporter.asked) == 1
+        assert len(exporter.calls) == 1
 
     def test_a_problem_is_reported_and_its_checkpoint_is_not_tried_again(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
@@ -77,7 +77,7 @@ class TestSnapshots:
         assert snapshots.poll() is None
         assert snapshots.problem == "it is damaged"
         assert snapshots.poll() is None
-        assert len(exporter.asked) == 1
+        assert len(exporter.calls) == 1
         done = self.write(run / FINISHED, 200)
         assert snapshots.poll() == Snapshot(done, 12)
         assert snapshots.problem == ""
@@ -111,11 +111,11 @@ class TestSnapshots:
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         exported = self.write(run.parent / "out" / "00000012.onnx", 99)
         assert snapshots.poll() is None
-        assert len(exporter.asked) == 1
+        assert len(exporter.calls) == 1
         other, exporter = self.found(run)
         self.write(exported, 100)
         assert other.poll() == Snapshot(exported, 12)
-        assert exporter.asked == []
+        assert exporter.calls == []
 
     def test_names_begin_with_the_newest_and_a_choice_is_found_by_name(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
@@ -133,7 +133,7 @@ class TestSnapshots:
         assert snapshots.poll() == Snapshot(done, 1200)
         snapshots.chosen = "iteration 1,200"
         assert snapshots.poll() is None
-        assert exporter.asked == [(kept, run.parent / "out" / "00001200.onnx")]
+        assert exporter.calls == [(kept, run.parent / "out" / "00001200.onnx")]
         snapshots.chosen = "iteration 5"
         exporter.answer = Exported(None)
         assert snapshots.poll() is None

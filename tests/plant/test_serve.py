@@ -99,11 +99,11 @@ class FakeBus:
     """Gives one batch at the second tick; keeps sent frames."""
 
     def __init__(self, frames: Frames) -> None:
-        self.frames, self.sent, self.asked = frames, [], []
+        self.frames, self.sent, self.called_us = frames, [], []
 
     def receive(self, now_us: int) -> list[Frames]:
-        self.asked.append(now_us)
-        return [self.frames] if len(self.asked) == 2 else []
+        self.called_us.append(now_us)
+        return [self.frames] if len(self.called_us) == 2 else []
 
     def send(self, frames: Frames, now_us: int) -> None:
         self.sent.append((now_us, frames.id.tolist()))
@@ -136,7 +136,7 @@ def test_serving_carries_frames_both_ways_every_millisecond(monkeypatch: pytest.
     monkeypatch.setattr(module, "WallClock", Clock)
     serve(Body(), wires, bus, stop)  # type: ignore[arg-type]
     assert periods == [1000]
-    assert bus.asked == [1000, 2000, 3000, 4000]
+    assert bus.called_us == [1000, 2000, 3000, 4000]
     assert heard == [(3000, [5])]  # a frame takes 0.135 ms
     assert bus.sent == [(4000, [77])]
 

@@ -32,14 +32,14 @@ def stood(
         "faults": (),
         "walked_s": 0.04,
     }  # fmt: skip
-    asked = []
+    calls = []
 
     def run_episode(robot: Robot, policy: Any, episode: Any) -> Any:
-        asked.append((policy, episode))
+        calls.append((policy, episode))
         return SimpleNamespace(**facts | changes)
 
     monkeypatch.setattr(standing, "run_episode", run_episode)
-    return standing_test(robot, duration_s=2.5, seed=9), asked[0]
+    return standing_test(robot, duration_s=2.5, seed=9), calls[0]
 
 
 @pytest.fixture

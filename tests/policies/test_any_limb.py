@@ -74,7 +74,7 @@ class TestAnyRobot:
     def test_the_estimator_finds_the_speed_of_the_legs(self, robots: dict[str, Robot], kind: str) -> None:
         """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
         robot = robots[kind]
-        legs, wanted, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
+        legs, desired, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
         moving, estimator = at_rest(robot), BaseEstimator(robot)
         estimator.reset(moving)
         for _ in range(100):
@@ -83,12 +83,12 @@ class TestAnyRobot:
             if kind == SOLES:  # which do not turn
                 contact = np.concatenate([pose.jacobian, pose.axes], axis=1)
             back = np.zeros(contact.shape[1])
-            back[:3] = -wanted
+            back[:3] = -desired
             rates = legs.scatter(np.linalg.pinv(contact) @ back, np.zeros_like(robot.kp))
             joint = moving.joint_position + dt_s * rates
             moving = moving._replace(joint_position=joint, joint_velocity=rates)
             velocity, _ = estimator.update(moving, None, dt_s)
-        np.testing.assert_allclose(velocity, wanted, atol=5e-3)
+        np.testing.assert_allclose(velocity, desired, atol=5e-3)
 
 
 @pytest.mark.parametrize("kind", [BIPED, SOLES])

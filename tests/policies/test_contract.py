@@ -64,7 +64,7 @@ def test_a_text_that_is_no_contract_is_refused_in_one_line() -> None:
 
 def test_a_wrong_field_is_named(contract: Contract) -> None:
     gait = {"frequency_hz": 2.0, "phase": [0.0] * 12, "amplitude_rad": [0.0] * 12}
-    for field, value, wanted in (
+    for field, value, expected in (
         ("control_rate_hz", 0.0, "control_rate_hz"),
         ("control_rate_hz", 1e-9, "control_rate_hz"),
         ("observation", [], "observation"),
@@ -81,7 +81,7 @@ def test_a_wrong_field_is_named(contract: Contract) -> None:
         ("commands", {"forward_m_s": [0.0]}, "commands"),
         ("mood", 1, "mood"),
     ):
-        assert wanted in refusal(json.dumps(json.loads(contract.to_json()) | {field: value})), field
+        assert expected in refusal(json.dumps(json.loads(contract.to_json()) | {field: value})), field
 
 
 def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot) -> None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from footfall.policies.controllers.balance import Balance, BalanceConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
@@ -43,7 +43,7 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
     return policy_input(G1, time_s, base_height=0.7, joint=joint, **more)
 
 
-def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
+def whole_body_arguments(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
     """Arguments of whole-body control: dynamics, position, velocity, desired accelerations, largest force."""
     result: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
@@ -52,7 +52,7 @@ def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput
 
 
 class TestCentre:
-    """The wanted acceleration of the centre of mass."""
+    """The desired acceleration of the centre of mass."""
 
     def at(self, policy: Balance, offset: Any, velocity: Any, height: float) -> np.ndarray:
         """Feet 0.3 m apart, whose middle is not at the origin."""
@@ -82,28 +82,30 @@ class TestCentre:
 
 class TestAct:
     def test_at_rest_it_only_balances(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
-        _, position, _, asked, _ = wanted(policy, monkeypatch, seen())
-        assert isinstance(asked, Wanted)
+        _, position, _, desired, _ = whole_body_arguments(policy, monkeypatch, seen())
+        assert isinstance(desired, Desired)
         np.testing.assert_array_equal(position, G1.default_pose)
-        for part in (asked.momentum_rate, asked.attitude, asked.feet, asked.joints):
+        for part in (desired.momentum_rate, desired.attitude, desired.feet, desired.joints):
             np.testing.assert_allclose(part, 0.0, atol=1e-9)
-        assert asked.centre[2] == pytest.approx(0.0, abs=1e-9)
-        assert asked.feet.shape == (2, 6)
+        assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
+        assert desired.feet.shape == (2, 6)
 
     def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         """A roll of 0.02 rad, a pitch of -0.03 rad, and a gyro: -100 tilt - 20 rate."""
         tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
-        *_, asked, _ = wanted(policy, monkeypatch, tilted)
-        np.testing.assert_allclose(asked.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
+        np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
 
     def test_it_brings_joints_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         velocity = np.linspace(-0.1, 0.3, N)
-        *_, asked, _ = wanted(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
-        np.testing.assert_allclose(asked.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
+        np.testing.assert_allclose(desired.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
 
     def test_it_damps_its_angular_momentum(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
-        dynamics, *_, asked, _ = wanted(policy, monkeypatch, seen(gyro=np.array([0.3, -0.2, 0.1])))
-        np.testing.assert_allclose(asked.momentum_rate, -2.0 * dynamics.angular_momentum)
+        dynamics, *_, desired, _ = whole_body_arguments(
+            policy, monkeypatch, seen(gyro=np.array([0.3, -0.2, 0.1]))
+        )
+        np.testing.assert_allclose(desired.momentum_rate, -2.0 * dynamics.angular_momentum)
         assert np.abs(dynamics.angular_momentum).min() > 0.01
 
     def test_after_a_reset_it_reaches_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,21 +116,21 @@ class TestAct:
         off = np.linspace(0.01, 0.2, N)
         crouched.sensed.joint_position[:] = 99.0
         for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
-            dynamics, *_, asked, _ = wanted(policy, monkeypatch, seen(time_s, crouch=1.0))
-            np.testing.assert_allclose(asked.joints, -40.0 * share * off, atol=1e-9)
+            dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(time_s, crouch=1.0))
+            np.testing.assert_allclose(desired.joints, -40.0 * share * off, atol=1e-9)
             low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy.com_height_m
-            assert asked.centre[2] == pytest.approx(-60.0 * share * low)
+            assert desired.centre[2] == pytest.approx(-60.0 * share * low)
             assert abs(low) > 1e-3
 
     def test_before_any_reset_it_begins_in_its_pose(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy = Balance(G1, CONFIG)
-        *_, asked, _ = wanted(policy, monkeypatch, seen(0.0))
-        np.testing.assert_allclose(asked.joints, 0.0, atol=1e-9)
-        assert asked.centre[2] == pytest.approx(0.0, abs=1e-9)
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(0.0))
+        np.testing.assert_allclose(desired.joints, 0.0, atol=1e-9)
+        assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
         assert policy.control._dt_s == pytest.approx(1.0 / CONFIG.rate_hz)
 
     def test_each_foot_may_press_by_its_share(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
-        *_, most = wanted(policy, monkeypatch, seen())
+        *_, most = whole_body_arguments(policy, monkeypatch, seen())
         body = policy.control.body
         for foot in range(2):
             assert most[body.foot_of_point == foot].sum() == pytest.approx(1.2 * 9.81 * body.total_mass)

@@ -33,7 +33,7 @@ def test_each_axis_has_its_own_acceleration_in_both_directions() -> None:
 )
 def test_small_commands_of_all_axes_together_mean_stand(command: Any, walks: bool) -> None:
     shaped = ShapedCommand(SHAPING)
-    assert shaped.wants_walk(np.array(command)) is walks
+    assert shaped.requests_walk(np.array(command)) is walks
     shaped.advance(np.array(command), 0.5)
     assert shaped.value.any() == walks
 
@@ -42,12 +42,12 @@ def test_it_walks_until_it_has_slowed_down_and_a_reset_stands() -> None:
     shaped = ShapedCommand(SHAPING)
     shaped.advance(np.array([0.0, 0.5, 0.0]), 0.1)
     still = np.zeros(3)
-    assert shaped.wants_walk(still)
+    assert shaped.requests_walk(still)
     shaped.advance(np.array([0.05, 0.0, 0.0]), 0.1)
     assert not shaped.value.any()
-    assert not shaped.wants_walk(still)
+    assert not shaped.requests_walk(still)
     shaped.advance(np.array([0.0, 0.0, -2.0]), 0.1)  # turning on the spot is walking, too
-    assert shaped.wants_walk(still)
+    assert shaped.requests_walk(still)
     shaped.advance(np.array([1.0, 1.0, 1.0]), 0.1)
     shaped.reset()
-    assert not shaped.wants_walk(still)
+    assert not shaped.requests_walk(still)

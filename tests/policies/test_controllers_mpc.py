@@ -314,7 +314,7 @@ class TestLegs:
         assert np.any(np.abs(speed) == most)
 
     def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
-        """M times the joint acceleration that moves the foot as wanted."""
+        """M times the joint acceleration that moves the foot as desired."""
         acceleration = np.array([5.0, 0.0, 8.0])
         torque = LEGS.gather(self.command(swing_acceleration=tuple(acceleration)).torque)[1]
         joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)

@@ -87,8 +87,8 @@ class TestProblem:
             forces[problem.step, problem.leg] = solution.reshape(3, n).T[:, [1, 2, 0]]
             total = 0.0
             for step, x in enumerate(step_by_step(state, forces, feet)):
-                wanted = np.concatenate([part[step] for part in reference])
-                total += 0.5 * float(weights @ (x - wanted) ** 2)
+                desired = np.concatenate([part[step] for part in reference])
+                total += 0.5 * float(weights @ (x - desired) ** 2)
                 share = np.where(contacts[step], even[step], 0.0)
                 total += (
                     0.5

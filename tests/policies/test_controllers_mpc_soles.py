@@ -51,7 +51,7 @@ class TestMoments:
         assert -firm.moment[0, 2] > 2 * most
 
 
-def pendulum_walk(wanted: complex, velocity: complex, steps: int) -> tuple[list[complex], complex]:
+def pendulum_walk(desired: complex, velocity: complex, steps: int) -> tuple[list[complex], complex]:
     """Places of the feet, and the mean velocity of the last two steps, of a pendulum caught by each foot."""
     timing, config = GaitTiming(0.8, 0.6), CatchConfig(0.2, (-1.0, 1.0), (0.05, 1.0))
     rate, dt_s, swing_s, both_s = math.sqrt(9.81 / HEIGHT), 0.002, 0.32, 0.08
@@ -69,7 +69,7 @@ def pendulum_walk(wanted: complex, velocity: complex, steps: int) -> tuple[list[
                 away = np.array([(stand - position).real, (stand - position).imag, -HEIGHT])
                 left_s = both_s + swing_s - time_s
                 target = catching_foothold(
-                    base, np.zeros(3), away, 0j, side, wanted, 0.0, left_s, timing, config
+                    base, np.zeros(3), away, 0j, side, desired, 0.0, left_s, timing, config
                 )
             velocity += rate**2 * (position - pressure) * dt_s
             position += velocity * dt_s

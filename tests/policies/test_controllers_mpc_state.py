@@ -32,19 +32,19 @@ def in_plane(vector: np.ndarray) -> complex:
 @pytest.mark.parametrize("seed", range(6))
 def test_footholds_follow_bledts_formula_in_three_dimensions(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    point, base, velocity, wanted = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
+    point, base, velocity, desired = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
     yaw, rate, left_s, stance_s, height = 2.3, -1.7, 0.11, 0.23, 0.31
     config = FootholdConfig(capture_gain_s=0.07, most_step_m=10.0 if seed % 2 else 0.03)
     arm = Rotation.from_euler("z", yaw + rate * left_s).apply(point)
     spin = rate * UP
-    step = stance_s / 2 * (velocity + np.cross(spin, arm)) + 0.07 * (velocity - wanted)
+    step = stance_s / 2 * (velocity + np.cross(spin, arm)) + 0.07 * (velocity - desired)
     step += height / (2 * 9.81) * np.cross(velocity, spin)
     if np.linalg.norm(step) > config.most_step_m:
         step *= config.most_step_m / np.linalg.norm(step)
     expected = base + velocity * left_s + arm + step
     vectors = [in_plane(each) for each in (point, base)]
     found = foothold(
-        *vectors, height, in_plane(velocity), in_plane(wanted), yaw, rate, left_s, stance_s, config
+        *vectors, height, in_plane(velocity), in_plane(desired), yaw, rate, left_s, stance_s, config
     )
     assert found == pytest.approx(in_plane(expected))
 
@@ -144,15 +144,15 @@ class TestMpc:
             np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
 
     def test_the_path_loses_its_surplus_speed(self, mpc: Mpc) -> None:
-        """Against an integration of v = wanted + (now - wanted) exp(-t / 0.2 s), at the steps' middles."""
+        """Against an integration of v = desired + (now - desired) exp(-t / 0.2 s), at the steps' middles."""
         steps = CONFIG.horizon.steps
         state = BodyState(np.array([0, 0, 0, 0.1, -0.2, 0.25]), np.array([0, 0, 0, 0.9, -0.5, 0.4]))
-        wanted = np.array([0.3, 0.2, 0.0])
-        reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *wanted], (steps, 1)))
+        desired = np.array([0.3, 0.2, 0.0])
+        reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *desired], (steps, 1)))
         reference.rate[1:] += 1.0  # the current target counts
         path = mpc.reference.path(state, reference)
         fine = np.linspace(0.0, 1.0, 200_001)
-        speed = wanted + (state.rate[3:] - wanted) * np.exp(-fine / 0.2)[:, None]
+        speed = desired + (state.rate[3:] - desired) * np.exp(-fine / 0.2)[:, None]
         travelled = np.cumsum(speed, axis=0) * fine[1]
         for k in range(steps):
             index = np.searchsorted(fine, CONFIG.horizon.step_s * (k + 0.5))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import load_policy
 from footfall.robots.actuator import JointCommand
@@ -41,18 +41,18 @@ def policy() -> MpcWholeBody:
     return policy
 
 
-Asked = tuple[Dynamics, Wanted, np.ndarray]
+Call = tuple[Dynamics, Desired, np.ndarray]
 
 
 @pytest.fixture
-def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
+def recorded(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Call]:
     """Arguments of whole-body control: dynamics, accelerations, and maximum forces at points."""
-    calls: list[Asked] = []
+    calls: list[Call] = []
     command = policy.control.command
 
     def seen(*arguments: Any) -> JointCommand:
-        dynamics, _, _, wanted, most = arguments
-        calls.append((dynamics, wanted, most))
+        dynamics, _, _, desired, max_force = arguments
+        calls.append((dynamics, desired, max_force))
         return command(*arguments)
 
     monkeypatch.setattr(policy.control, "command", seen)
@@ -60,31 +60,31 @@ def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
 
 
 class TestWanted:
-    def test_the_body_moves_as_forces_move_it(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
+    def test_the_body_moves_as_forces_move_it(self, policy: MpcWholeBody, recorded: list[Call]) -> None:
         """Newton's and Euler's equations of the rigid body that the plan is made for."""
         policy.reset(moving())
         policy.act(moving())
-        dynamics, wanted, most = asked[0]
-        np.testing.assert_array_equal(most, policy._config.contact.most_force_n)
+        dynamics, desired, max_force = recorded[0]
+        np.testing.assert_array_equal(max_force, policy._config.contact.most_force_n)
         force = policy.force
-        np.testing.assert_allclose(wanted.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
+        np.testing.assert_allclose(desired.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
         moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
         assert np.abs(moment).min() > 0.1
-        np.testing.assert_allclose(wanted.momentum_rate, moment)
+        np.testing.assert_allclose(desired.momentum_rate, moment)
         turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
-        np.testing.assert_allclose(TILTED.apply(wanted.attitude), np.linalg.solve(turned, moment))
+        np.testing.assert_allclose(TILTED.apply(desired.attitude), np.linalg.solve(turned, moment))
 
-    def test_swinging_feet_are_brought_back(self, policy: MpcWholeBody, asked: list[Asked]) -> None:
+    def test_swinging_feet_are_brought_back(self, policy: MpcWholeBody, recorded: list[Call]) -> None:
         """Acceleration in the world: that of the trajectory, and a spring and damper about it."""
         policy.reset(moving())
         for tick in range(9):
             policy.act(moving(1.0 + tick / policy.rate_hz, (0.5, 0.0, 0.0)))
-        _, wanted, most = asked[-1]
-        swinging = most == 0.0
+        _, desired, max_force = recorded[-1]
+        swinging = max_force == 0.0
         assert swinging.sum() == 2
         np.testing.assert_array_equal(policy.stands, ~swinging)
-        assert not wanted.feet[~swinging].any()
-        assert not wanted.feet[:, 3:].any()
+        assert not desired.feet[~swinging].any()
+        assert not desired.feet[:, 3:].any()
         pose = LEGS.pose(ROBOT.default_pose)
         base = policy.follower.follow(moving(), 0.0)
         legs = np.flatnonzero(swinging).tolist()
@@ -95,7 +95,7 @@ class TestWanted:
         for leg, (position, velocity, acceleration) in zip(legs, motion, strict=True):
             moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]
             back = config.stiffness * (position - pose.foot[leg]) + config.damping * (velocity - moves)
-            np.testing.assert_allclose(wanted.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
+            np.testing.assert_allclose(desired.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
 
 
 class TestWalking:

@@ -97,7 +97,9 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
     return policy_input(G1, time_s, command, base_height=0.7, **more)
 
 
-def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
+def whole_body_arguments(
+    policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any
+) -> tuple:
     """Arguments passed to the whole-body controller.
 
     Dynamics, position, velocity, desired accelerations, largest force.
@@ -125,9 +127,9 @@ class TestWanted:
             gyro=(0.1, 0.2, -0.3),
             turn=Rotation.from_euler("ZYX", [HEADING, -0.03, 0.02]),
         )
-        _, position, moved, wanted, _ = asked(policy, monkeypatch, tilted, moment())
-        np.testing.assert_allclose(wanted.joints, -40.0 * off - 12.0 * velocity)
-        np.testing.assert_allclose(wanted.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.1)
+        _, position, moved, desired, _ = whole_body_arguments(policy, monkeypatch, tilted, moment())
+        np.testing.assert_allclose(desired.joints, -40.0 * off - 12.0 * velocity)
+        np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.1)
         np.testing.assert_array_equal(position, G1.default_pose + off)
         np.testing.assert_array_equal(moved, velocity)
 
@@ -140,9 +142,9 @@ class TestWanted:
         policy.reset(seen(0.0))
         for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
             rising = moment((0.0, 0.0, 0.55), (0.0, 0.0, 0.1))
-            *_, wanted, _ = asked(policy, monkeypatch, seen(time_s), rising)
+            *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(time_s), rising)
             height = 0.5 + share * (policy.com_height_m - 0.5)
-            assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
+            assert desired.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
 
     def test_its_height_is_measured_from_the_bearing_foot(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
@@ -151,23 +153,23 @@ class TestWanted:
         policy.footwork.load = np.array([1.0, 0.0])
         lifted = moment((0.0, 0.0, policy.com_height_m))
         lifted.foot[RIGHT, 2] += 0.1
-        *_, wanted, _ = asked(policy, monkeypatch, seen(), lifted)
-        assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(), lifted)
+        assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
 
     def test_each_foot_presses_by_its_load(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         body = policy.control.body
         whole = 1.2 * 9.81 * body.total_mass
         for loads, shares in (((1.0, 1.0), (1.0, 1.0)), ((0.4, 1.0), (0.4, 1.0)), ((1.0, 0.02), (1.0, 0.0))):
             policy.footwork.load = np.array(loads)
-            *_, most = asked(policy, monkeypatch, seen(), moment())
+            *_, most = whole_body_arguments(policy, monkeypatch, seen(), moment())
             for foot, share in enumerate(shares):
                 np.testing.assert_allclose(most[body.foot_of_point == foot], share * whole / 4)
 
     def test_no_command_before_it_settled(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
-        asked(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
+        whole_body_arguments(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
         assert not policy.footwork.command.value.any()
         assert policy.footwork.phase is Phase.STAND
-        asked(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
+        whole_body_arguments(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
         assert policy.footwork.command.value[0] == pytest.approx(0.3 / 500)
         assert policy.footwork.phase is Phase.SHIFT
 
@@ -191,8 +193,8 @@ class TestWanted:
     def test_it_begins_in_its_pose(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         rest = standing(policy.control.body, G1)
         height = rest.centre[2] - rest.foot[:, 2].mean()
-        *_, wanted, _ = asked(policy, monkeypatch, seen(0.0), moment((0.0, 0.0, height)))
-        assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(0.0), moment((0.0, 0.0, height)))
+        assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
 
     def test_the_pressure_stays_within_its_limit_from_the_middle(self, policy: Step) -> None:
         """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
@@ -271,10 +273,10 @@ class TestShift:
             LEFT,
             RIGHT,
         )
-        *_, wanted, _ = asked(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
+        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
         goal = policy.footwork.shifted(moment()) - MIDDLE[:2]
         assert 0.03 < np.linalg.norm(goal) < 0.1
-        np.testing.assert_allclose(wanted.centre[:2], policy.footwork.fall_rate**2 * 2.0 * goal)
+        np.testing.assert_allclose(desired.centre[:2], policy.footwork.fall_rate**2 * 2.0 * goal)
 
 
 class TestLift:
@@ -334,7 +336,9 @@ class TestLand:
         policy.footwork.elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
         for landed in (False, True):
             policy.footwork.lands_after_s = 0.6
-            asked(policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics)
+            whole_body_arguments(
+                policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics
+            )
             assert (policy.footwork.stance_foot == RIGHT) == landed
         assert policy.footwork.phase is (Phase.STEP if walk else Phase.STAND)
 
@@ -376,14 +380,14 @@ class TestStep:
         np.testing.assert_allclose(pressure, dynamics.foot[LEFT, :2] + 0.7 * leaving)
         np.testing.assert_allclose(stepping.load, [0.3, 0.7])
         assert not foot.any()
-        ahead, until_landing, after_s, way_m, side, rate, wanted, limits, weights = decided[0]
+        ahead, until_landing, after_s, way_m, side, rate, desired, limits, weights = decided[0]
         back = Rotation.from_euler("z", -HEADING - 0.12).apply([*leaving, 0.0])[:2]
         there = capture_after(np.array([0.02, -0.05]), 0.7 * back, -back / 0.1, 0.07, rate)
         np.testing.assert_allclose(ahead, there)
         np.testing.assert_allclose(until_landing, [0.01, 0.02])
         assert (after_s, side, rate) == (0.1, -1.0, stepping.fall_rate)
-        np.testing.assert_allclose(wanted.foothold, nominal(RIGHT, VELOCITY[:2]).foothold)
-        assert way_m == pytest.approx(np.linalg.norm(wanted.foothold - back))
+        np.testing.assert_allclose(desired.foothold, nominal(RIGHT, VELOCITY[:2]).foothold)
+        assert way_m == pytest.approx(np.linalg.norm(desired.foothold - back))
         assert (limits, weights) == (CONFIG.gait.limits, CONFIG.gait.weights)
         np.testing.assert_allclose(stepping.next_foothold, world(0.1, -0.3, HEADING + 0.12))
         assert stepping.lands_after_s == pytest.approx(0.1 + 0.25)
@@ -391,7 +395,7 @@ class TestStep:
 
 class TestSteer:
     def test_a_pressure_held_until_landing_removes_the_error(self, footwork: Footwork) -> None:
-        """Within the sole; now it is (1 + 2) times what the capture point misses."""
+        """Within the sole; now it is (1 + 2) times the distance of the capture point."""
         step, rate = nominal(RIGHT), footwork.fall_rate
         end = step.foothold + step.offset
         capture = end * math.exp(-0.3 * rate) + np.array([0.004, -0.003])

@@ -92,14 +92,14 @@ class TestSway:
             way.append(float(sway.at(0.0)[1]))
         assert 0.045 < way[-1] < 0.05
         assert np.abs(np.diff(way, 2)).max() < 2e-5
-        assert sway.misses(self.GOAL) == pytest.approx(0.05 - way[-1])
+        assert sway.distance(self.GOAL) == pytest.approx(0.05 - way[-1])
 
     @pytest.mark.parametrize("cycles", [1 / 16, 1.0])
     def test_a_long_tick_does_not_overshoot_the_sway(self, cycles: float) -> None:
         """Afterwards it equals the plan's sine at any time of the clock."""
         sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
         sway.approach(goal, cycles)
-        assert sway.misses(goal) == pytest.approx(0.0, abs=1e-12)
+        assert sway.distance(goal) == pytest.approx(0.0, abs=1e-12)
         for clock in (0.0, 0.2, 0.7):
             np.testing.assert_allclose(sway.at(clock), sine_at(goal, clock), atol=1e-12)
         angle = 2 * math.pi * 0.2

@@ -22,7 +22,7 @@ from footfall.policies.controllers.whole_body.control import (
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, standing
-from footfall.policies.controllers.whole_body.problem import Contact, QuadraticPrograms, Wanted, Weights
+from footfall.policies.controllers.whole_body.problem import Contact, Desired, QuadraticPrograms, Weights
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
@@ -47,7 +47,7 @@ CONFIG = WholeBodyConfig(
     NoSolutionConfig(fade_s=0.05, kd=3.0, most_s=0.02),
 )
 STILL = {
-    name: Wanted(
+    name: Desired(
         np.zeros(3),
         np.zeros(3),
         np.zeros(3),
@@ -83,7 +83,7 @@ def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, 
     return model, data, np.concatenate([np.arange(6), dofs])
 
 
-def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> tuple[np.ndarray, ...]:
+def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -> tuple[np.ndarray, ...]:
     """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
     body = BODIES[robot.name]
     most = changes.get("most_force", np.full(body.points, 1e4))
@@ -96,7 +96,7 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
         weights,
         changes.get("contact", CONFIG.contact),
     )
-    program, meaning = programs.build(dynamics, wanted, most, -torque, torque)
+    program, meaning = programs.build(dynamics, desired, most, -torque, torque)
     x = BoundedSolver().solve(program)
     assert x is not None
     force = np.zeros((body.points, 3))
@@ -147,8 +147,8 @@ class TestDynamics:
         before, now, after = positions
         velocity = dynamics.point_jacobian @ speed
         np.testing.assert_allclose((after - before) / (2 * h), velocity, atol=1e-5)
-        wanted = dynamics.point_jacobian @ acceleration + dynamics.point_drift
-        np.testing.assert_allclose((after - 2 * now + before) / h**2, wanted, atol=2e-4)
+        desired = dynamics.point_jacobian @ acceleration + dynamics.point_drift
+        np.testing.assert_allclose((after - 2 * now + before) / h**2, desired, atol=2e-4)
 
     def test_the_centre_of_mass_moves_as_its_parts(self) -> None:
         motion = some_motion(G1, 7)
@@ -253,18 +253,18 @@ class TestMoving:
             rng.normal(size=12),
         )
         dynamics = body.update(spin)
-        wanted = np.zeros((2, 6))
-        wanted[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
+        desired = np.zeros((2, 6))
+        desired[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
         most = np.where(body.foot_of_point == 0, 1e4, 0.0)
         weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
         _, acceleration, _ = solved(
-            *(G1, dynamics, STILL["g1"]._replace(feet=wanted)),
+            *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
             most_force=most,
             weights=weights,
             contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
         )
         foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
-        np.testing.assert_allclose(foot, wanted[1], atol=0.05)
+        np.testing.assert_allclose(foot, desired[1], atol=0.05)
         left = body.foot_of_point == 0
         points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
         slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
@@ -372,8 +372,8 @@ class TestTicksWithoutSolution:
 
     def command(self, control: WholeBodyControl) -> JointCommand:
         """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""
-        wanted = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
-        return control.command(self.dynamics, G1.default_pose, np.zeros(12), wanted, np.full(8, 300.0))
+        desired = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
+        return control.command(self.dynamics, G1.default_pose, np.zeros(12), desired, np.full(8, 300.0))
 
     @pytest.mark.parametrize("why", SPOILED)
     def test_without_a_solution_the_torques_fade_into_damping_with_a_note(self, why: str) -> None:

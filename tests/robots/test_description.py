@@ -94,10 +94,10 @@ WRONG_XML = (
 @pytest.mark.parametrize(("file", "rows"), [("robot.yaml", WRONG_YAML), ("robot.xml", WRONG_XML)])
 def test_wrong_value_is_named(own_folder: Path, file: str, rows: tuple[tuple[str, str, str], ...]) -> None:
     text = (own_folder / file).read_text()
-    for old, new, wanted in rows:
+    for old, new, expected in rows:
         assert old in text
         (own_folder / file).write_text(text.replace(old, new, 1))
-        assert wanted in refusal(own_folder), (old, new)
+        assert expected in refusal(own_folder), (old, new)
 
 
 @pytest.mark.parametrize(
@@ -121,12 +121,12 @@ def test_values_that_contradict_each_other_are_refused(own_folder: Path) -> None
     content = yaml.safe_load(declaration.read_text())
     commands = content["commands"]
     ranges = [{"commands": commands | {axis: [0.2, 0.1]}} for axis in commands]
-    for change, wanted in (
+    for change, expected in (
         *(({part: []}, "at least one joint and one foot") for part in ("joints", "feet")),
         *((each, "must be a range from low to high") for each in ranges),
     ):
         declaration.write_text(yaml.safe_dump(content | change))
-        assert wanted in refusal(own_folder)
+        assert expected in refusal(own_folder)
 
 
 def test_imu_on_a_leg(own_folder: Path) -> None:
@@ -184,11 +184,13 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
     text = xml.read_text().replace(
         '<body name="RR_hip"', f'{tail}<geom size="0.01" mass="0.1"/></body><body name="RR_hip"'
     )
-    wanted = {}
+    expected = {}
     for k, name in enumerate(reversed(go1.joint_names)):
         low, high = (go1.lower_rad - 0.01 * k)[11 - k], (go1.upper_rad + 0.02 * k)[11 - k]
-        wanted[name] = low, high, 0.01 + 0.001 * k, 0.1 + 0.01 * k, 0.02 + 0.001 * k
-        figures = 'range="{:g} {:g}" armature="{:g}" frictionloss="{:g}" damping="{:g}"'.format(*wanted[name])
+        expected[name] = low, high, 0.01 + 0.001 * k, 0.1 + 0.01 * k, 0.02 + 0.001 * k
+        figures = 'range="{:g} {:g}" armature="{:g}" frictionloss="{:g}" damping="{:g}"'.format(
+            *expected[name]
+        )
         assert f'name="{name}"' in text
         text = text.replace(f'name="{name}"', f'name="{name}" {figures}')
     xml.write_text(text)
@@ -198,7 +200,7 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
     robot = load_robot(own_folder)
     motor = robot.motor
     found = robot.lower_rad, robot.upper_rad, robot.armature, motor.friction, motor.damping
-    np.testing.assert_allclose(np.transpose(found), list(wanted.values()), rtol=1e-5)
+    np.testing.assert_allclose(np.transpose(found), list(expected.values()), rtol=1e-5)
     assert robot.motor_figures("gear_ratio").tolist() == [9.0, 6.0, 6.0] * 4
     assert [joints.tolist() for joints in robot.foot_joints] == [[11, 10, 9], [8, 7, 6], [5, 4, 3], [2, 1, 0]]
 
@@ -213,8 +215,8 @@ def test_a_robot_keeps_the_full_path_of_its_folder(own_folder: Path, monkeypatch
 def test_action_1_stays_within_the_range(go1: Robot, own_folder: Path, share: float, refused: bool) -> None:
     widest = (go1.action_scale / (go1.upper_rad - go1.lower_rad)).max()
     declaration = own_folder / "robot.yaml"
-    wanted = share * go1.description.gains.torque_share / widest
-    declaration.write_text(declaration.read_text().replace("torque_share: 0.3", f"torque_share: {wanted}"))
+    expected = share * go1.description.gains.torque_share / widest
+    declaration.write_text(declaration.read_text().replace("torque_share: 0.3", f"torque_share: {expected}"))
     if refused:
         with pytest.raises(UserError, match="torque_share"):
             load_robot(own_folder)

@@ -50,10 +50,10 @@ class TestInverse:
     @pytest.mark.parametrize("limit", [ROBOT.lower_rad + 0.01, ROBOT.upper_rad - 0.01])
     def test_knees_next_to_their_limits_are_found(self, limit: np.ndarray) -> None:
         """Beyond the soft limits, which limit targets, not legs."""
-        wanted = LEGS.default_angles.copy()
-        wanted[:, 2] = limit[LEGS.joints[:, 2]]
-        foot = LEGS.pose(LEGS.scatter(wanted, ROBOT.default_pose)).foot
-        np.testing.assert_allclose(LEGS.solve(foot), wanted, atol=1e-6)
+        expected = LEGS.default_angles.copy()
+        expected[:, 2] = limit[LEGS.joints[:, 2]]
+        foot = LEGS.pose(LEGS.scatter(expected, ROBOT.default_pose)).foot
+        np.testing.assert_allclose(LEGS.solve(foot), expected, atol=1e-6)
 
     def test_a_tip_out_of_reach_stretches_the_leg_towards_it(self) -> None:
         far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])

@@ -70,7 +70,7 @@ def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:
 def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], names: tuple[str, str]) -> None:
     """Both start to touch at the distance of a shank's and a foot's radius, 12 mm and 23 mm."""
     model = training_model(go1)
-    wanted = {f"{name}_shank" for name in names}
+    expected = {f"{name}_shank" for name in names}
     met = []
     for hip_rad in np.arange(0.3, 0.6, 0.002):
         pose = crossed(go1, hip_rad, legs)
@@ -78,7 +78,7 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
             model, in_pose(model, go1, pose), *(model.geom(f"{name}_foot").id for name in names), 1.0, None
         )
         found = meeting(model, go1, pose)
-        assert [set(pair) for pair in found] in ([], [wanted])
+        assert [set(pair) for pair in found] in ([], [expected])
         met.append((apart_m + 2 * 0.023, bool(found)))
     first = next(distance for distance, touch in met if touch)
     assert first == pytest.approx(0.012 + 0.023, abs=1e-3)

@@ -72,9 +72,9 @@ class TestAnyLimb:
         robot = robots[kind]
         legs = robot.legs
         joint = near_default(robot, data.draw(fractions(robot)), 0.25 if kind == "go1" else 0.5)
-        wanted = legs.pose(joint).foot
-        angles = legs.scatter(legs.solve(wanted), robot.default_pose)
-        np.testing.assert_allclose(legs.pose(angles).foot, wanted, atol=1e-6)
+        expected = legs.pose(joint).foot
+        angles = legs.scatter(legs.solve(expected), robot.default_pose)
+        np.testing.assert_allclose(legs.pose(angles).foot, expected, atol=1e-6)
         assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
 
     @settings(max_examples=25)

@@ -80,9 +80,9 @@ def test_damping_beyond_a_plants_step_is_refused(go1: Robot, share: float, refus
     damping = go1.kd + motor.friction / motor.friction_speed + motor.damping
     rates, modes = np.linalg.eig(mobility_of(go1, model) * damping)
     rate, worst = rates.real.max(), np.abs(modes[:, rates.real.argmax()] * np.sqrt(damping)).argmax()
-    wanted = share * 1.5 / (0.001 * rate)
+    scale = share * 1.5 / (0.001 * rate)
     scaled = motor._replace(
-        damping=wanted * motor.damping + (wanted - 1) * go1.kd, friction=wanted * motor.friction
+        damping=scale * motor.damping + (scale - 1) * go1.kd, friction=scale * motor.friction
     )
     lines = list(instabilities(go1.description, model, go1.kp, go1.kd, scaled))
     assert any(f"joint {go1.joint_names[worst]}: kd, friction" in line for line in lines) is refused

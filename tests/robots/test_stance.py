@@ -114,12 +114,12 @@ def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
     base = slice(1, 7)
     mujoco.mj_forward(model, data)
     dofs = joint_addresses(model, odd)[1][np.array(odd.foot_joints)]
-    wanted = np.array([3.0, -5.0, 8.0])
+    expected = np.array([3.0, -5.0, 8.0])
     for leg, inertia in enumerate(nominal_body(odd).leg_inertia):
         data.qacc[:] = 0.0
-        data.qacc[dofs[leg]] = wanted
+        data.qacc[dofs[leg]] = expected
         mujoco.mj_inverse(model, data)
-        np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ wanted, atol=1e-9)
+        np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ expected, atol=1e-9)
         assert np.abs(data.qfrc_inverse[base]).max() > 0.1
 
 

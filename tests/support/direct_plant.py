@@ -126,9 +126,9 @@ def walk(
         if estimator is not None:
             planned = policy.stance() if tick else None
             velocity, height = estimator.update(sensed, planned, 1 / JOINT_RATE_HZ)  # type: ignore[attr-defined]
-        wanted = command(time_s)
+        commanded = command(time_s)
         if tick % every == 0:
-            inputs = PolicyInput(time_s, sensed, wanted, velocity, height)
+            inputs = PolicyInput(time_s, sensed, commanded, velocity, height)
             if tick == 0:
                 policy.reset(inputs)
             joint_command = policy.act(inputs)
@@ -140,7 +140,7 @@ def walk(
         result.velocity.append(plant.velocity())
         result.estimate.append(velocity)
         result.yaw_rate.append(float(plant.data.qvel[5]))
-        result.command.append(wanted)
+        result.command.append(commanded)
         result.height.append(float(plant.data.qpos[2]))
         result.position.append(plant.data.qpos[:2].copy())
         if frame is not None:

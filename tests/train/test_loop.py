@@ -33,7 +33,7 @@ class FakeTrainer(Trainer):
     def __init__(self, run: Run, before_iteration: Callable[[int], None] = lambda _: None) -> None:
         self.run, self.before_iteration = run, before_iteration
         self.iteration = 0
-        self.asked: list[str] = []
+        self.calls: list[str] = []
 
     def prepare(self, say: Any) -> None: ...
 
@@ -43,11 +43,11 @@ class FakeTrainer(Trainer):
     def iterate(self) -> dict[str, Any]:
         self.before_iteration(self.iteration + 1)
         self.iteration += 1
-        self.asked.append(f"iterate {self.iteration}")
+        self.calls.append(f"iterate {self.iteration}")
         return {name: jnp.float32(value) for name, value in METRICS.items()}
 
     def save(self) -> None:
-        self.asked.append(f"save {self.iteration}")
+        self.calls.append(f"save {self.iteration}")
         checkpoint.write(self.run.checkpoints, self.iteration, b"state")
 
     def export(self, path: Path) -> float:
@@ -74,7 +74,7 @@ def logged(run: Run) -> list[dict[str, float]]:
 def test_it_iterates_to_the_end_logs_each_iteration_and_saves_the_last(run: Run) -> None:
     trainer = FakeTrainer(run)
     learn(run, trainer, quiet())
-    assert trainer.asked == ["iterate 1", "iterate 2", "iterate 3", "iterate 4", "save 4"]
+    assert trainer.calls == ["iterate 1", "iterate 2", "iterate 3", "iterate 4", "save 4"]
     assert [line["step"] for line in logged(run)] == [STEPS * k for k in range(1, ITERATIONS + 1)]
 
 
@@ -89,7 +89,7 @@ def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) ->
     often = replace(run, config=replace(run.config, checkpoint_interval_s=0.0))
     trainer = FakeTrainer(often)
     learn(often, trainer, quiet())
-    assert trainer.asked == [f"{what} {k}" for k in range(1, ITERATIONS + 1) for what in ("iterate", "save")]
+    assert trainer.calls == [f"{what} {k}" for k in range(1, ITERATIONS + 1) for what in ("iterate", "save")]
 
 
 def test_a_first_signal_ends_it_after_the_iteration_with_a_checkpoint(run: Run) -> None:
@@ -100,7 +100,7 @@ def test_a_first_signal_ends_it_after_the_iteration_with_a_checkpoint(run: Run) 
     trainer = FakeTrainer(run, stop)
     with pytest.raises(KeyboardInterrupt):
         learn(run, trainer, quiet())
-    assert trainer.asked == ["iterate 1", "iterate 2", "save 2"]
+    assert trainer.calls == ["iterate 1", "iterate 2", "save 2"]
     assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
 
 
@@ -114,15 +114,15 @@ def test_a_signal_in_the_last_iteration_interrupts_nothing(run: Run) -> None:
         learn(run, trainer, quiet())  # and what follows exports its policy
     except KeyboardInterrupt:
         pytest.fail("a training that is complete counts as interrupted")
-    assert trainer.asked[-2:] == ["iterate 4", "save 4"]
+    assert trainer.calls[-2:] == ["iterate 4", "save 4"]
 
 
 def test_a_saved_checkpoint_is_not_saved_again(run: Run) -> None:
     trainer = FakeTrainer(run)
     learn(run, trainer, quiet())
-    trainer.asked.clear()
+    trainer.calls.clear()
     learn(run, trainer, quiet())
-    assert trainer.asked == []
+    assert trainer.calls == []
 
 
 def test_a_second_signal_interrupts_at_once(run: Run) -> None:
@@ -134,7 +134,7 @@ def test_a_second_signal_interrupts_at_once(run: Run) -> None:
     trainer = FakeTrainer(run, stop)
     with pytest.raises(KeyboardInterrupt):
         learn(run, trainer, quiet())
-    assert trainer.asked == ["iterate 1"]
+    assert trainer.calls == ["iterate 1"]
 
 
 def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,7 @@ def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: 
     trainer = FakeTrainer(run)
     with pytest.raises(KeyboardInterrupt):
         learn(run, trainer, quiet())
-    assert trainer.asked == ["iterate 1", "iterate 2", "save 2", "iterate 3", "save 3"]
+    assert trainer.calls == ["iterate 1", "iterate 2", "save 2", "iterate 3", "save 3"]
     assert not (run.folder / "metrics.jsonl").exists()
 
 
@@ -159,7 +159,7 @@ def test_a_failure_is_logged_first(run: Run, main: bool, monkeypatch: pytest.Mon
     trainer = Failing(run)
     with pytest.raises(UserError, match="iteration 2: reward/alive is not finite"):
         learn(run, trainer, quiet())
-    assert trainer.asked == ["iterate 1", "iterate 2", "iterate 3"]
+    assert trainer.calls == ["iterate 1", "iterate 2", "iterate 3"]
     if main:
         assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
     assert (run.folder / "failure").exists() == main

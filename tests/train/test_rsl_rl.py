@@ -180,8 +180,8 @@ def test_an_adaptive_rate_stays_below(trainer: RslRlTrainer, monkeypatch: pytest
     algorithm = trainer.runner.alg
     monkeypatch.setattr(algorithm, "schedule", "adaptive")
     algorithm.optimizer.zero_grad()  # nothing to learn: the step only sets the rate
-    for wanted, used in ((1e-2, 5e-4), (1e-4, 1e-4)):
-        algorithm.limit, algorithm.learning_rate = 5e-4, wanted
+    for requested, used in ((1e-2, 5e-4), (1e-4, 1e-4)):
+        algorithm.limit, algorithm.learning_rate = 5e-4, requested
         algorithm.optimizer.step()
         assert algorithm.optimizer.param_groups[0]["lr"] == algorithm.learning_rate == used
 

@@ -103,8 +103,8 @@ def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
     """The settings go through the run folder's file between the two."""
     robot = load_robot("go1")
     folder = api.begin(api.TrainRequest(preset="gpu-quick", out=tmp_path / "run"))
-    asked, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
-    assert fingerprint(asked) == fingerprint(opened)
+    requested, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
+    assert fingerprint(requested) == fingerprint(opened)
 
 
 def test_environment_and_learning_settings_distinguish_programs() -> None:
@@ -128,11 +128,11 @@ def test_environment_and_learning_settings_distinguish_programs() -> None:
 def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All programs are requested as they were read ahead; a resumed run has its state."""
     run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
-    robot, asked, read = load_robot("go1"), [], []
+    robot, requested, read = load_robot("go1"), [], []
     programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "act": "act", "learn": "learn"}
 
     def ready(lower: object, beside: object, say: Callable[[str], None], *made: object) -> Future:
-        asked.append(fingerprint(made))
+        requested.append(fingerprint(made))
         say("a warning")
         there: Future = Future()
         there.set_result(programs[made[0]])
@@ -144,11 +144,11 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     prefetch_programs(robot, run.config)
     assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
     assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
-    assert asked == read
+    assert requested == read
     assert said == ["a warning"]
     restored = TrainState(*np.arange(7.0)[:, None])
     state, iteration = assembled.prepare(mesh, restored, print)
-    assert (float(state.iteration[0]), iteration, asked[3:]) == (6.0, Iteration("act", "learn"), read[:2])
+    assert (float(state.iteration[0]), iteration, requested[3:]) == (6.0, Iteration("act", "learn"), read[:2])
 
 
 def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:

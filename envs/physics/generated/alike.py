@@ -50,7 +50,7 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
     programs = list(outputs)
     if len({len(program) for program in programs}) > 1:
         raise NotAlikeError("limbs are not alike")
-    wanted = list(zip(*programs, strict=True))
+    results = list(zip(*programs, strict=True))
     graph, made = Graph(), dict[Each, Scalar]()
 
     def operand(values: tuple[Operand, ...], operation: str = "") -> Operand:
@@ -61,16 +61,16 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
             return values[0]
         return values if operation == "input" else graph.node("lanes", *values)
 
-    for values in _operands_first(wanted):
+    for values in _operands_first(results):
         operation = values[0].operation
         operands = [operand(each, operation) for each in zip(*(v.operands for v in values), strict=True)]
         made[values] = operands[0] if operation == "constant" else graph.node(operation, *operands)
-    return [operand(values) for values in wanted]
+    return [operand(values) for values in results]
 
 
-def _operands_first(wanted: list[Each]) -> list[Each]:
+def _operands_first(results: list[Each]) -> list[Each]:
     """All nodes that these need, those of each limb side by side."""
-    found, waiting = set[Each](), list(wanted)
+    found, waiting = set[Each](), list(results)
     while waiting:
         values = waiting.pop()
         if values in found or not any(isinstance(value, Expression) for value in values):

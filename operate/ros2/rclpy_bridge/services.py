@@ -31,15 +31,15 @@ class Services:
     def offer(self, gaits: Sequence[str], policies: Sequence[str]) -> None:
         """Provide services for these gaits and policies from now on."""
         self._gaits = gaits
-        wanted = {
+        offered = {
             service.name.format(in_name(name)): {key: name}
             for (key, service), names in zip(CHOICES.items(), (gaits, policies), strict=True)
             for name in names
         }
-        for name in self._chosen.keys() - wanted.keys():
+        for name in self._chosen.keys() - offered.keys():
             self._node.destroy_service(self._chosen.pop(name))
-        for name in wanted.keys() - self._chosen.keys():
-            self._chosen[name] = self._trigger(name, wanted[name])
+        for name in offered.keys() - self._chosen.keys():
+            self._chosen[name] = self._trigger(name, offered[name])
 
     def _trigger(self, name: str, request: Mapping[str, Any]) -> Any:
         def answer(_: Any, response: Any) -> Any:

@@ -16,7 +16,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
 from footfall.policies.controllers.whole_body.feedback import observed
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -113,14 +113,14 @@ class Jump:
         deviation, rate = base.copy(), velocity.copy()
         deviation[[0, 2]] -= aim.position
         rate[[0, 2]] -= aim.velocity
-        wanted = config.centre(deviation, rate)
-        wanted[[0, 2]] += aim.acceleration
+        desired = config.centre(deviation, rate)
+        desired[[0, 2]] += aim.acceleration
         roll, pitch, yaw = roll_pitch_yaw(rotation)
         turn = np.array([roll, pitch, wrap_angle(yaw - self._yaw)])
         turning = config.attitude(turn, sensed.gyro)
         still = np.zeros_like(sensed.joint_position)
-        goal = Wanted(
-            centre=ahead.dot(wanted),
+        goal = Desired(
+            centre=ahead.dot(desired),
             momentum_rate=rotation.dot(self._inertia.dot(turning)),
             attitude=turning,
             feet=np.zeros((body.feet, 6)),

@@ -19,7 +19,7 @@ def catching_foothold(
     stand: np.ndarray,
     pressure: complex,
     side: float,
-    wanted: complex,
+    desired: complex,
     yaw_rate: float,
     left_s: float,
     gait: GaitTiming,
@@ -36,7 +36,7 @@ def catching_foothold(
         stand: (3,) m, middle of the stance foot, base frame.
         pressure: m, centre of pressure relative to the middle of the stance foot, world, x + i y.
         side: +1.0 if the left foot swings, -1.0 if the right foot swings.
-        wanted: wanted velocity, m/s, world, x + i y.
+        desired: desired velocity, m/s, world, x + i y.
         yaw_rate: commanded yaw rate, rad/s.
         left_s: time until touch-down.
         gait: timing of the gait.
@@ -51,7 +51,7 @@ def catching_foothold(
     pressed = pressure / heading
     away = complex(*(capture - foot).tolist()) / heading - pressed
     step_s, double_support_s = gait.period_s / 2, gait.period_s * (gait.duty - 0.5)
-    speed = wanted / heading
+    speed = desired / heading
     nominal = nominal_step(
         np.array([speed.real, speed.imag]), side, config.apart_m, step_s, max(double_support_s, 1e-3), rate
     )

@@ -144,7 +144,7 @@ class Mpc:
 
     def set_live(self, values: Mapping[str, float]) -> None:
         """See `Steerable`."""
-        self._live.want(values)
+        self._live.request(values)
 
     def take_up(self, gait: str) -> None:
         """See `Steerable`. Feet in the air land first."""
@@ -213,8 +213,8 @@ class Mpc:
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands for the planned forces and the motion of the swing feet (`SwingFeet.motion`)."""
         up = base.rotation[2]
-        wanted = self.reference.velocity
-        velocity = np.array([wanted.real, wanted.imag, 0.0])
+        desired = self.reference.velocity
+        velocity = np.array([desired.real, desired.imag, 0.0])
         return self._leg_control.command(
             inputs.sensed.joint_position,
             pose,
@@ -245,7 +245,7 @@ class Mpc:
         walking = self.clock.walking
         off_m = 0.0 if walking else capture_offset_m(base, self._body.centre, pose.foot)
         disturbed = self._disturbance.active(base, walking, off_m, dt_s)
-        walk = self.command.wants_walk(inputs.command) or disturbed
+        walk = self.command.requests_walk(inputs.command) or disturbed
         self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
         if self._live.gait and not self.clock.walking:
             self._live.take_up(self.clock)

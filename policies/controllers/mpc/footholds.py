@@ -14,7 +14,7 @@ def foothold(
     base: complex,
     height_m: float,
     velocity: complex,
-    wanted_velocity: complex,
+    desired_velocity: complex,
     yaw: float,
     yaw_rate: float,
     swing_left_s: float,
@@ -25,7 +25,7 @@ def foothold(
 
     Raibert's symmetric step with a capture-point and a centrifugal term (Bledt et al. 2018, eq. 11):
 
-        position under the body at touch-down + v T_stance / 2 + k (v - v_wanted) + (z/g) v x w / 2
+        position under the body at touch-down + v T_stance / 2 + k (v - v_desired) + (z/g) v x w / 2
 
     The feedback gain k is the same for both axes. It is a time and does not depend on the control period.
 
@@ -34,7 +34,7 @@ def foothold(
         base: m, position of the base's origin, world.
         height_m: z, height of the base above the ground.
         velocity: v, m/s, velocity of the base, world.
-        wanted_velocity: m/s, commanded velocity, world.
+        desired_velocity: m/s, commanded velocity, world.
         yaw: heading, rad.
         yaw_rate: w, commanded yaw rate, rad/s.
         swing_left_s: time until touch-down.
@@ -43,7 +43,7 @@ def foothold(
     """
     arm = position * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
-    step += config.capture_gain_s * (velocity - wanted_velocity)
+    step += config.capture_gain_s * (velocity - desired_velocity)
     step += 0.5 * (height_m / GRAVITY_M_S2) * (-1j * yaw_rate * velocity)
     step *= min(1.0, config.most_step_m / max(abs(step), 1e-9))
     return base + velocity * swing_left_s + arm + step

@@ -31,7 +31,7 @@ class LegControl:
     A stance leg is a force source: its motors' stiffness is zero, and a small damping relative to the joint
     velocities of the commanded motion suppresses vibration. A swing leg is an impedance around its
     trajectory: the motors' PD, with the torque for the leg's inertia fed forward. For both, gearbox friction
-    at the wanted speed is fed forward.
+    at the desired speed is fed forward.
     """
 
     def __init__(self, robot: Robot, legs: Legs, body: RigidBody, config: MpcConfig) -> None:
@@ -74,10 +74,10 @@ class LegControl:
         legs, stance = self._legs, self._stance(swinging)
         # A stance foot rolls: the point on the ground stands still and carries the force.
         jacobian = pose.jacobian + stance.contact * legs.rolling_offset(pose.axes, up)
-        wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
-        wanted[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
-        wanted[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
-        rates = legs.joint_rates(jacobian, wanted)
+        desired = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
+        desired[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
+        desired[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
+        rates = legs.joint_rates(jacobian, desired)
         joint_velocity = within(rates[:, :, 0], *self._speeds)
         inertia_torque = (self._body.leg_inertia @ rates[:, :, 1:])[:, :, 0]
 

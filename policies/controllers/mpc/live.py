@@ -21,7 +21,7 @@ _MAX_RATES = {  # largest change of each setting per second, in its unit
 
 
 class LiveMpc:
-    """Values that approach the wanted ones, and the next gait."""
+    """Values that approach the requested ones, and the next gait."""
 
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
@@ -37,7 +37,7 @@ class LiveMpc:
     def reset(self) -> None:
         """Return to the controller's own settings and gait."""
         self._now = {name: span.default for name, span in self.spans.items()}
-        self._wanted = dict(self._now)
+        self._requested = dict(self._now)
         self._moves = False
         self.gait = ""  # gait to change to once all feet stand; empty for none
         self._present = self._config.gait.name
@@ -47,26 +47,26 @@ class LiveMpc:
         """Gait and values that act now."""
         return Applied(self._present, self._now)
 
-    def want(self, values: Mapping[str, float]) -> None:
+    def request(self, values: Mapping[str, float]) -> None:
         """Set the values to approach."""
-        self._wanted |= values
+        self._requested |= values
         self._moves = True
 
     def advance(self, clock: StepClock, reference: Reference, feet: SwingFeet, dt_s: float) -> None:
-        """Move the values towards the wanted ones, and apply them."""
+        """Move the values towards the requested ones, and apply them."""
         if not self._moves:
             return
         now = {
-            name: approached(value, self._wanted[name], _MAX_RATES[name] * dt_s)
+            name: approached(value, self._requested[name], _MAX_RATES[name] * dt_s)
             for name, value in self._now.items()
         }
-        self._moves, self._now = now != self._wanted, now
+        self._moves, self._now = now != self._requested, now
         clock.timing = GaitTiming(now["step_period_s"], clock.timing.duty)
-        reference.wanted_height, feet.height_m = now["body_height_m"], now["step_height_m"]
+        reference.requested_height, feet.height_m = now["body_height_m"], now["step_height_m"]
         reference.attitude = np.array([now["roll_rad"], now["pitch_rad"]])
 
     def take_up(self, clock: StepClock) -> None:
-        """Change to the wanted gait; all feet stand."""
+        """Change to the requested gait; all feet stand."""
         new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
         clock.take_up(new.timing, new.offsets)
         self._present, self.gait = self.gait, ""

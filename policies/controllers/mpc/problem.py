@@ -120,7 +120,7 @@ class ForceProblems:
 
         Args:
             state: current state.
-            reference: wanted state after each step.
+            reference: desired state after each step.
             contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, contact points relative to the centre of mass, heading frame.
             before: (legs, 3) N, forces applied last, heading frame; 0 for feet in swing.

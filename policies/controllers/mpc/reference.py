@@ -35,7 +35,7 @@ class Reference:
         """Start at the origin of the world, at rest."""
         self.xy = self.velocity = 0j  # m and m/s, world, x + i y
         self.yaw, self.height = yaw, height  # rad, m
-        self.wanted_height = self._stance.height_m
+        self.requested_height = self._stance.height_m
         self.attitude = np.zeros(2)  # roll and pitch, rad
 
     def advance(self, base: Base, command: np.ndarray, dt_s: float) -> None:
@@ -49,7 +49,7 @@ class Reference:
         turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
         limit = stance.most_yaw_lead_rad
         self.yaw = base.yaw + min(limit, max(-limit, turned))
-        climb = self.wanted_height - self.height
+        climb = self.requested_height - self.height
         self.height += min(1.0, dt_s / self._settle_s) * climb
 
     def over_horizon(self, base: Base, command: np.ndarray) -> BodyState:
@@ -75,6 +75,6 @@ class Reference:
         """Centre of mass (steps, 3), m, in the middle of each step; its velocity decays to the
         reference's."""
         (x, y, z), (forward, leftward, _) = state.pose[3:].tolist(), state.rate[3:].tolist()
-        wanted_x, wanted_y, _ = reference.rate[0, 3:].tolist()
-        rows = [[x, y, z], [wanted_x, wanted_y, 0.0], [forward - wanted_x, leftward - wanted_y, 0.0]]
+        desired_x, desired_y, _ = reference.rate[0, 3:].tolist()
+        rows = [[x, y, z], [desired_x, desired_y, 0.0], [forward - desired_x, leftward - desired_y, 0.0]]
         return self._path_basis.dot(np.array(rows))

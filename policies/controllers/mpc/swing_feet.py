@@ -58,7 +58,7 @@ class SwingFeet:
         base: Base,
         pose: LegPose,
         wrenches: Wrenches,
-        wanted: complex,
+        desired: complex,
         yaw_rate: float,
         gait: GaitTiming,
     ) -> None:
@@ -70,7 +70,7 @@ class SwingFeet:
             base: state of the base.
             pose: kinematics of the legs.
             wrenches: planned wrenches of the feet, world.
-            wanted: velocity of the reference, m/s, world, x + i y.
+            desired: velocity of the reference, m/s, world, x + i y.
             yaw_rate: commanded yaw rate, rad/s.
             gait: timing of the gait.
         """
@@ -81,7 +81,7 @@ class SwingFeet:
                 base.xy,
                 base.height,
                 base.speed,
-                wanted,
+                desired,
                 base.yaw,
                 yaw_rate,
                 left_s,
@@ -95,7 +95,7 @@ class SwingFeet:
                 pose.foot[1 - leg],
                 wrenches.pressure(1 - leg),
                 math.copysign(1.0, self.positions[leg, 1]),
-                wanted,
+                desired,
                 yaw_rate,
                 left_s,
                 gait,

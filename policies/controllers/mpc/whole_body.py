@@ -1,6 +1,6 @@
 """The MPC's plan, executed by whole-body control.
 
-The planned forces define the linear and angular acceleration of the whole body. From these and the wanted
+The planned forces define the linear and angular acceleration of the whole body. From these and the desired
 accelerations of the swing feet, a quadratic program on the full dynamics computes the joint torques at each
 tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via whole-body impulse control and model
 predictive control", with weights instead of null spaces).
@@ -20,7 +20,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -65,7 +65,7 @@ class MpcWholeBody(Mpc):
         body, sensed = self.control.body, inputs.sensed
         dynamics = observed(body, inputs, self.slope.gravity)
         turning = self.wrenches.about(dynamics.foot - dynamics.centre)
-        wanted = Wanted(
+        desired = Desired(
             centre=self.force.sum(axis=0) / self._body.mass + dynamics.gravity,
             momentum_rate=turning,
             attitude=self._body.inverse_inertia @ (turning @ base.rotation),
@@ -73,12 +73,14 @@ class MpcWholeBody(Mpc):
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
         max_force = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
-        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, max_force)
+        return self.control.command(
+            dynamics, sensed.joint_position, sensed.joint_velocity, desired, max_force
+        )
 
     def _foot_accelerations(
         self, dynamics: Dynamics, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
     ) -> np.ndarray:
-        """Wanted accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet.
+        """Desired accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet.
         Soles stay level and keep the heading of the base.
         """
         feet, swinging = np.zeros((self._legs.count, 6)), self._swinging

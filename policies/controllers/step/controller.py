@@ -11,7 +11,7 @@ from footfall.policies.controllers.step.footwork import UNLOADED, Footwork
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, pendulum_rate, standing
-from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -82,7 +82,7 @@ class Step:
         acceleration[:2] = self.footwork.fall_rate**2 * (dynamics.centre[:2] - pressure)
         deviation = np.array([dynamics.centre[2] - ground - height])
         acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]
-        wanted = Wanted(
+        desired = Desired(
             centre=acceleration,
             momentum_rate=-config.momentum_damping * dynamics.angular_momentum,
             attitude=config.attitude(base_tilt(sensed.quaternion, dynamics), sensed.gyro),
@@ -90,7 +90,7 @@ class Step:
             joints=config.posture(sensed.joint_position - self._default, sensed.joint_velocity),
         )
         most = self._most_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
-        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
+        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, desired, most)
 
     def _corrected(self, dynamics: Dynamics, joint_torque: np.ndarray, settled: bool) -> Dynamics:
         """The dynamics with the centre of mass where it is found while the robot settles on both feet."""

@@ -79,11 +79,11 @@ class Footwork:
         self.elapsed_s += self.dt_s
         capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate  # its height has no meaning
         if self.phase is Phase.STAND and settled:
-            self.maybe_shift(dynamics, capture, self.command.wants_walk(command))
+            self.maybe_shift(dynamics, capture, self.command.requests_walk(command))
         if self.phase is Phase.SHIFT:
             self.maybe_lift(dynamics, capture)
         if self.phase is Phase.STEP and self.elapsed_s >= self.lands_after_s:
-            self.land(dynamics, self.command.wants_walk(command))
+            self.land(dynamics, self.command.requests_walk(command))
         feet = np.zeros((2, 6))
         self.foothold = None
         match self.phase:

@@ -62,7 +62,7 @@ class Walk:
             UserError: the robot has no such gait.
         """
         if gait is not None:
-            self._settings.want(gait)
+            self._settings.request(gait)
         if step is not None:
             self.stepping.change_step(step)
 
@@ -83,8 +83,8 @@ class Walk:
         self.change(step=changed_step(self._settings.step, values))
         if "step_period_s" in values:
             self._settings.want_period(values["step_period_s"])
-        named = zip(ATTITUDE, self._levelling.wanted.tolist(), strict=True)
-        self._levelling.wanted = np.array([values.get(name, now) for name, now in named])
+        named = zip(ATTITUDE, self._levelling.desired.tolist(), strict=True)
+        self._levelling.desired = np.array([values.get(name, now) for name, now in named])
 
     def take_up(self, gait: str) -> None:
         """See `Steerable`. The gait starts with its own period."""

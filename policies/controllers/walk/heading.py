@@ -13,7 +13,7 @@ class Heading:
 
     def reset(self) -> None:
         """Start with the heading of the next call."""
-        self._yaw: float | None = None  # rad, wanted heading after the last call
+        self._yaw: float | None = None  # rad, desired heading after the last call
 
     def correction(self, yaw: float, turned: float) -> float:
         """Yaw rate, rad/s, towards the heading.

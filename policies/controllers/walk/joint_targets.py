@@ -31,10 +31,10 @@ class JointTargets:
             torque: (legs, m) N m, feed-forward.
         """
         goal = self._legs.scatter(self._legs.solve(tips), self._default)
-        wanted = self._start + share * (goal - self._start)
+        desired = self._start + share * (goal - self._start)
         # The tempo of a steady walk keeps its targets within this limit; a change of gait may exceed it.
         before, limit = self._previous, self._most_step_rad
-        self._previous = position = np.minimum(np.maximum(wanted, before - limit), before + limit)
+        self._previous = position = np.minimum(np.maximum(desired, before - limit), before + limit)
         velocity = (position - before) / self._dt_s
         return JointCommand(
             position, velocity, self._kp, self._kd, self._legs.scatter(torque, self._no_torque)

@@ -32,7 +32,7 @@ class SteadyWalk(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How much a wanted walk has to be reduced."""
+    """How much a requested walk has to be reduced."""
 
     stride: float = 1.0  # share of the commanded velocity
     tempo: float = 1.0  # share of the normal speed of time
@@ -86,9 +86,9 @@ class WalkLimits:
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
         rate = _SAMPLED * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
-        for each, wanted in zip(angles, feet, strict=True):
+        for each, desired in zip(angles, feet, strict=True):
             reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
-            if np.abs(reached - wanted).max() > _MISSED_M:
+            if np.abs(reached - desired).max() > _MISSED_M:
                 return "feet would be out of the legs' reach", rate
         min_margin = self._limits.margin_m
         if min_margin is not None and walk.timing.swing_s > self._limits.dynamic_swing_s:

@@ -54,7 +54,7 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
 
 
 class WalkSettings:
-    """Present gait and step of a walk, and the wanted gait."""
+    """Present gait and step of a walk, and the requested gait."""
 
     def __init__(self, robot: Robot, config: WalkConfig) -> None:
         self._robot, self._config = robot, config
@@ -65,36 +65,36 @@ class WalkSettings:
     def reset(self) -> None:
         """Return to the configuration's values."""
         self.step, self.gait = self._config.step, self._config.gait
-        self.wanted_gait = self.gait
+        self.requested_gait = self.gait
 
     def find(self, name: str) -> GaitConfig:
         """Gait by name, with its own period."""
         return self._gaits[name]
 
-    def want(self, gait: GaitConfig) -> None:
-        """Set the wanted gait; raises UserError if the robot has no such gait."""
+    def request(self, gait: GaitConfig) -> None:
+        """Set the requested gait; raises UserError if the robot has no such gait."""
         gait.clock(self._robot)
-        self.wanted_gait = gait
+        self.requested_gait = gait
 
     def want_period(self, period_s: float) -> None:
-        """Set the period of the wanted gait, clamped to its span."""
-        same, span = self.wanted_gait == self.gait, self.spans["step_period_s"]
+        """Set the period of the requested gait, clamped to its span."""
+        same, span = self.requested_gait == self.gait, self.spans["step_period_s"]
         period_s = min(max(period_s, span.lowest), span.highest)
-        self.wanted_gait = replace(self.wanted_gait, period_s=period_s)
-        self.gait = self.wanted_gait if same else self.gait
+        self.requested_gait = replace(self.requested_gait, period_s=period_s)
+        self.gait = self.requested_gait if same else self.gait
 
     @property
     def spans(self) -> dict[str, Span]:
-        """Spans of the live settings, around the wanted gait's own period."""
-        wanted = self.wanted_gait
-        return live_settings(self._config, self._gaits.get(wanted.name, wanted).period_s)
+        """Spans of the live settings, around the requested gait's own period."""
+        requested = self.requested_gait
+        return live_settings(self._config, self._gaits.get(requested.name, requested).period_s)
 
     @property
     def changes_gait(self) -> bool:
-        """Whether the wanted gait differs from the current one."""
-        return self.wanted_gait != self.gait
+        """Whether the requested gait differs from the current one."""
+        return self.requested_gait != self.gait
 
     def change_gait(self) -> StepClock:
-        """Make the wanted gait the current one; returns its clock."""
-        self.gait = self.wanted_gait
+        """Make the requested gait the current one; returns its clock."""
+        self.gait = self.requested_gait
         return self.gait.clock(self._robot)

@@ -7,7 +7,7 @@ import numpy as np
 
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 
-_CHANGE = np.array([0.005, 0.005, 0.02])  # changes of the wanted velocity after which the pace is recomputed
+_CHANGE = np.array([0.005, 0.005, 0.02])  # changes of the desired velocity after which the pace is recomputed
 _TEMPO_RATE = 0.5  # 1/s, largest rise of the tempo; it falls immediately
 
 
@@ -48,7 +48,7 @@ class Pacing:
         No foot travels farther than a step's length in one stance.
 
         Args:
-            command: wanted velocity.
+            command: desired velocity.
             stance_s: duration of a stance.
             length_m: length of a step.
             walk: gives the steady walk at a velocity (3,).

@@ -72,7 +72,7 @@ class Stepping:
         return self.height_m - self._radius
 
     def tips(self, shift: complex) -> np.ndarray:
-        """Wanted positions of the tips, (feet, 3) m, relative to a level base; `shift` moves all, m, x + i
+        """Desired positions of the tips, (feet, 3) m, relative to a level base; `shift` moves all, m, x + i
         y."""
         (sway_x, sway_y), below = self._sway.at(self.cycle.clock), self.below().tolist()
         return np.array(
@@ -83,7 +83,7 @@ class Stepping:
         )
 
     def approach_height(self, dt_s: float) -> None:
-        """Move the body towards the wanted height."""
+        """Move the body towards the desired height."""
         limit = self._config.levelling.body_rate_m_s * dt_s
         self.height_m += min(max(self._settings.step.body_height_m - self.height_m, -limit), limit)
 
@@ -98,11 +98,11 @@ class Stepping:
             dt_s: duration of the tick.
         """
         cycle, settings, shaped = self.cycle, self._settings, self.command
-        wanted = self._within_limits(command)
+        desired = self._within_limits(command)
         plan = self._sway_plan
-        ready = self.active or self._sway.misses(plan.body) < _SHIFTED_M
-        shaped.advance(wanted if ready else np.zeros(3), self._calm(dt_s))
-        walk = shaped.wants_walk(wanted)
+        ready = self.active or self._sway.distance(plan.body) < _SHIFTED_M
+        shaped.advance(desired if ready else np.zeros(3), self._calm(dt_s))
+        walk = shaped.requests_walk(desired)
         if settings.changes_gait and not cycle.flies:
             self._change_gait()
         if cycle.timing.period_s != settings.gait.period_s:
@@ -110,11 +110,11 @@ class Stepping:
         changes = settings.changes_gait
         lift_off = [not changes and (walk or away) for away in cycle.far_from_mid_stance(_MAX_REST_ERROR_M)]
         if walk:
-            self._pacing.set_tempo(shaped.value.tolist() == wanted.tolist(), dt_s)
-        wants = walk or cycle.flies or any(lift_off)
+            self._pacing.set_tempo(shaped.value.tolist() == desired.tolist(), dt_s)
+        walks = walk or cycle.flies or any(lift_off)
         passed_s = self._pacing.tempo * dt_s
-        self._sway.approach(plan.body if wants else _NO_SWAY, passed_s / cycle.timing.period_s)
-        self.active = ready and (wants or self._sway.misses(_NO_SWAY) > _STILL_M)
+        self._sway.approach(plan.body if walks else _NO_SWAY, passed_s / cycle.timing.period_s)
+        self.active = ready and (walks or self._sway.distance(_NO_SWAY) > _STILL_M)
         if self.active:
             length_m = settings.step.length_m
             velocity = self._travel.reduced(cycle, shaped.value.tolist(), length_m, dt_s)
@@ -156,10 +156,10 @@ class Stepping:
 
     def _approach_period(self, dt_s: float) -> None:
         """Change the period gradually: the clock and the feet continue without a jump."""
-        timing, wanted_s = self.cycle.timing, self._settings.gait.period_s
-        period_s = approached(timing.period_s, wanted_s, _PERIOD_RATE * dt_s)
+        timing, requested_s = self.cycle.timing, self._settings.gait.period_s
+        period_s = approached(timing.period_s, requested_s, _PERIOD_RATE * dt_s)
         self.cycle.timing = GaitTiming(period_s, timing.duty)
-        if period_s == wanted_s:
+        if period_s == requested_s:
             self._sway_plan = self._plan_sway()
             self._pacing.invalidate()
 

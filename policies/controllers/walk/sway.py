@@ -74,9 +74,9 @@ class Sway:
         self._first = _nearer(self._first, goal.tolist(), share)
         self._now = _nearer(self._now, self._first, share)
 
-    def misses(self, goal: np.ndarray) -> float:
+    def distance(self, goal: np.ndarray) -> float:
         """Largest distance from a body's sine, m."""
-        return max(abs(now - wanted) for now, wanted in zip(self._now, goal.tolist(), strict=True))
+        return max(abs(now - desired) for now, desired in zip(self._now, goal.tolist(), strict=True))
 
     def at(self, clock: float) -> tuple[float, float]:
         """Sway of the body, forward and leftward, m."""
@@ -85,4 +85,4 @@ class Sway:
 
 
 def _nearer(now: list[complex], goal: list[complex], share: float) -> list[complex]:
-    return [part + share * (wanted - part) for part, wanted in zip(now, goal, strict=True)]
+    return [part + share * (desired - part) for part, desired in zip(now, goal, strict=True)]

@@ -1,1 +1,1 @@
-"""Whole-body control: joint torques from wanted accelerations, by a weighted quadratic program."""
+"""Whole-body control: joint torques from desired accelerations, by a weighted quadratic program."""

@@ -1,4 +1,4 @@
-"""Joint commands from wanted accelerations, and the fallback without a solution."""
+"""Joint commands from desired accelerations, and the fallback without a solution."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, WholeBody
-from footfall.policies.controllers.whole_body.problem import Contact, QuadraticPrograms, Wanted, Weights
+from footfall.policies.controllers.whole_body.problem import Contact, Desired, QuadraticPrograms, Weights
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
@@ -57,7 +57,7 @@ class NoSolutionError(RuntimeError):
 
 
 class WholeBodyControl:
-    """Turns wanted accelerations into joint commands, by one quadratic program per tick.
+    """Turns desired accelerations into joint commands, by one quadratic program per tick.
 
     A tick has no solution if the program has none, or if the solvers do not find it within their iterations.
     `unsolved_ticks` counts such ticks, and `notes` then has a line. `fallbacks` counts the ticks that used
@@ -98,7 +98,7 @@ class WholeBodyControl:
         dynamics: Dynamics,
         joint_position: np.ndarray,
         joint_velocity: np.ndarray,
-        wanted: Wanted,
+        desired: Desired,
         most_force: np.ndarray,
     ) -> JointCommand:
         """Joint commands for this tick.
@@ -107,14 +107,14 @@ class WholeBodyControl:
             dynamics: current dynamics of the robot.
             joint_position: (n,) rad, measured.
             joint_velocity: (n,) rad/s, measured.
-            wanted: wanted accelerations.
+            desired: desired accelerations.
             most_force: (points,) N, largest upward force of each contact point; 0: no contact.
 
         Raises:
             NoSolutionError: no solution for longer than the settings allow.
         """
         lower, upper = limit_torque(self._anything, joint_velocity, self._motor)
-        program, meaning = self._programs.build(dynamics, wanted, most_force, lower, upper)
+        program, meaning = self._programs.build(dynamics, desired, most_force, lower, upper)
         solution = self.solver.solve(program)
         if solution is None:
             return self._without_solution(joint_position)
@@ -137,7 +137,7 @@ class WholeBodyControl:
         self._position = position + keep * (self._position - position) + self._velocity * dt_s
 
     def _friction(self, velocity: np.ndarray) -> np.ndarray:
-        """Torque that compensates gearbox friction at a wanted velocity (n,), N m."""
+        """Torque that compensates gearbox friction at a desired velocity (n,), N m."""
         motor = self._motor
         share = self._config.joints.friction_compensation
         developed = np.minimum(np.maximum(velocity / motor.friction_speed, -1.0), 1.0)

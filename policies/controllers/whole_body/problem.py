@@ -1,4 +1,4 @@
-"""Quadratic program from wanted accelerations, and joint torques from its solution.
+"""Quadratic program from desired accelerations, and joint torques from its solution.
 
 The unknowns are the forces at the stance points, world axes, and the joints' accelerations. The base has no
 motor, so the first six equations of motion give its acceleration: with M = [[Mb, Mc], [.., ..]], the points'
@@ -54,8 +54,8 @@ class Contact:
         require_not_negative(self, "damping_s")
 
 
-class Wanted(NamedTuple):
-    """Wanted accelerations, world axes."""
+class Desired(NamedTuple):
+    """Desired accelerations, world axes."""
 
     centre: np.ndarray  # (3,) m/s^2, centre of mass
     momentum_rate: np.ndarray  # (3,) N m, rate of the angular momentum about the centre of mass
@@ -123,7 +123,7 @@ class QuadraticPrograms:
     def build(
         self,
         dynamics: Dynamics,
-        wanted: Wanted,
+        desired: Desired,
         most_force: np.ndarray,
         min_torque: np.ndarray,
         max_torque: np.ndarray,
@@ -132,7 +132,7 @@ class QuadraticPrograms:
 
         Args:
             dynamics: current dynamics of the robot.
-            wanted: wanted accelerations.
+            desired: desired accelerations.
             most_force: (points,) N, largest upward force of each point; 0: no contact.
             min_torque: (n,) N m, current lower limits of the motors.
             max_torque: (n,) N m, upper limits.
@@ -157,11 +157,11 @@ class QuadraticPrograms:
         torque[:, forces:] += dynamics.mass[BASE:, BASE:]
         torque[:, :forces] -= jacobian[:, BASE:].T
 
-        matrix, aim = self._least_squares(dynamics, wanted, pattern, jacobian, acceleration, offset)
+        matrix, aim = self._least_squares(dynamics, desired, pattern, jacobian, acceleration, offset)
         hessian = matrix.T @ matrix
         hessian.flat[:: forces + n + 1] += pattern.damping
         gradient = -aim.dot(matrix)
-        gradient[forces:] -= self._weights.posture * wanted.joints
+        gradient[forces:] -= self._weights.posture * desired.joints
 
         max_force = most_force[standing]
         rows, lower, upper = pattern.cones.copy(), pattern.lower.copy(), pattern.upper.copy()
@@ -175,7 +175,7 @@ class QuadraticPrograms:
     def _least_squares(
         self,
         dynamics: Dynamics,
-        wanted: Wanted,
+        desired: Desired,
         pattern: _Pattern,
         jacobian: np.ndarray,
         acceleration: np.ndarray,
@@ -194,20 +194,20 @@ class QuadraticPrograms:
         aim[:forces] = -contact * (drift + slowing + jacobian.dot(offset))
         turning = slice(forces, forces + 3)
         matrix[turning] = attitude * acceleration[3:BASE]
-        aim[turning] = attitude * (wanted.attitude - offset[3:BASE])
+        aim[turning] = attitude * (desired.attitude - offset[3:BASE])
         if tasks:
             feet = dynamics.foot_jacobian[swinging]
             flying = slice(forces + 3, forces + 3 + tasks)
             root = self._swing_root
             matrix[flying] = (root[:, None] * (feet @ acceleration)).reshape(tasks, -1)
-            missing = wanted.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
+            missing = desired.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
             aim[flying] = (root * missing).ravel()
         # The momentum's rates depend only on the forces.
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
         matrix[-6:] = pattern.by_forces
         matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
-        aim[-6:-3] = self._centre_root * (wanted.centre - dynamics.gravity)
-        aim[-3:] = self._momentum_root * wanted.momentum_rate
+        aim[-6:-3] = self._centre_root * (desired.centre - dynamics.gravity)
+        aim[-3:] = self._momentum_root * desired.momentum_rate
         return matrix, aim
 
     def _pattern(self, stands: np.ndarray) -> _Pattern:

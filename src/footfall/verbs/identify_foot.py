@@ -130,9 +130,9 @@ def _with_scale_reading(held: "Held") -> "Held":
 def _figures(held: "Held") -> dict[str, Any]:
     """Plain values for a file."""
     return {
-        "wanted_offset_m": held.hold.offset.tolist(),
+        "commanded_offset_m": held.hold.offset.tolist(),
         "offset_m": held.offset.tolist(),
-        "wanted_force_n": held.hold.force_n,
+        "commanded_force_n": held.hold.force_n,
         "force_n": held.force_n,
         "scale_n": held.scale_n if np.isfinite(held.scale_n) else None,
     }
@@ -146,7 +146,7 @@ def _show(held: "Sequence[Held]", press: bool) -> None:
         return " ".join(f"{each:+.1f}" for each in np.round(1e3 * metres, 1) + 0.0)
 
     if press:
-        table = Table("wanted, N", "by the motors, N", "on the scale, N", box=None)
+        table = Table("commanded, N", "by the motors, N", "on the scale, N", box=None)
         for each in held:
             forces = each.hold.force_n, each.force_n, each.scale_n
             table.add_row(*(f"{force:.1f}" for force in forces))

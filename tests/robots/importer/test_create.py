@@ -56,8 +56,8 @@ class TestKeptFromTheSource:
         theirs = read_source(tmp_path / "model.urdf").model
         ours = mujoco.MjModel.from_xml_path(str(robot.xml_path))
         pose = dict(zip(robot.joint_names, np.random.default_rng(3).uniform(-1, 1, 12), strict=True))
-        wanted = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
-        assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(wanted, abs=1e-5)
+        expected = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
+        assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
 
     def test_a_given_reflected_inertia(self, two: tuple[Robot, Imported]) -> None:
         robot, made = two

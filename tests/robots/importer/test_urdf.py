@@ -30,10 +30,10 @@ class TestUrdf:
         origin = '<origin rpy="0.3 -0.5 0.9" xyz="1 2 3"/>'
         source = self.source(tmp_path, f'filename="file://{tmp_path}/c.obj" scale="1 -2 0.5"', origin)
         corners = np.array([[x, y, z] for x in (0, 0.1) for y in (0, -0.4) for z in (0, 0.15)])
-        wanted = Rotation.from_euler("xyz", [0.3, -0.5, 0.9]).apply(corners) + np.array([1, 2, 3])
+        expected = Rotation.from_euler("xyz", [0.3, -0.5, 0.9]).apply(corners) + np.array([1, 2, 3])
         found = next(iter(source.meshes.values()))
         np.testing.assert_allclose(
-            sorted(found.round(6).tolist()), sorted(wanted.round(6).tolist()), atol=2e-6
+            sorted(found.round(6).tolist()), sorted(expected.round(6).tolist()), atol=2e-6
         )
 
     def test_one_file_in_two_sizes_gives_two_shapes(self, tmp_path: Path) -> None:
@@ -48,16 +48,16 @@ class TestUrdf:
         assert sizes == pytest.approx([0.1, 0.1, 0.1, 0.3])
 
     def test_packages_are_searched(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        asked, ros = tmp_path / "asked", tmp_path / "ros/elsewhere"
+        given, ros = tmp_path / "given", tmp_path / "ros/elsewhere"
         monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{ros}")
-        folders = (ros / "maker", tmp_path / "maker", asked / "maker")
+        folders = (ros / "maker", tmp_path / "maker", given / "maker")
         for size, folder in enumerate(folders, start=1):
             folder.mkdir(parents=True)
             (folder / "c.obj").write_text(self.CUBE.replace("v 0.1", f"v {size}"))
-            source = self.source(tmp_path, 'filename="package://maker/c.obj"', packages=(asked,))
+            source = self.source(tmp_path, 'filename="package://maker/c.obj"', packages=(given,))
             assert next(iter(source.meshes.values()))[:, 0].max() == pytest.approx(size)
-        (asked / "c.obj").write_text(self.CUBE.replace("v 0.1", "v 9"))
-        source = self.source(tmp_path, 'filename="package://other/c.obj"', packages=(asked,))
+        (given / "c.obj").write_text(self.CUBE.replace("v 0.1", "v 9"))
+        source = self.source(tmp_path, 'filename="package://other/c.obj"', packages=(given,))
         assert next(iter(source.meshes.values()))[:, 0].max() == pytest.approx(9.0)
 
     def test_effort_and_velocity_count_where_they_are_above_zero(self, tmp_path: Path) -> None:
