@@ -39,17 +39,6 @@ def test_a_row_has_reaction_time_and_outcome() -> None:
     assert "**it ran late**" in fault_clock.row(kind(0.1), [RUN, slow])
 
 
-def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    slept: list[float] = []
-    monkeypatch.setattr(fault_clock.time, "sleep", slept.append)
-    once, always = AddedDelay(in_tick_s=0.2, once=True), AddedDelay(in_step_s=0.03, in_tick_s=0.01)
-    for delay in (once, always):
-        delay.tick()
-        delay.tick()
-        delay.step()
-    assert slept == [0.2, 0.0, 0.0, 0.01, 0.01, 0.03]
-
-
 def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """At 50 ticks a second, with all other limits relaxed, so that a busy machine passes too."""
     relaxed = replace(RELAXED.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)

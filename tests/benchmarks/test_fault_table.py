@@ -15,7 +15,7 @@ from fault_subjects import FaultTask, HealthyTask, Subject
 
 from footfall.plant.episode import Push
 from footfall.policies.registry import zoo_names
-from footfall.robots.description import Robot, available_robots
+from footfall.robots.description import Robot
 
 
 def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
@@ -52,19 +52,17 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("IMU on its side, all its parts alike", "tilt of 1.5"),
         ("robot on its side", "tilt of 1.57 rad exceeds the limit of 1.05 rad, by the IMU"),
-        ("robot upside down", "tilt of 3.1"),
         ("IMU askew by 15 degrees", "the IMU: at the start its acceleration differs from its quaternion"),
         ("acceleration in units of g", "gravity by 90%"),
-        ("acceleration a fifth too high", "gravity by 20%"),
-        ("acceleration reads nothing but zero", "gravity by 100%"),
         ("acceleration frames lost", "no answer from the IMU (acceleration) within 1 s"),
         ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
     ],
 )
-def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: str) -> None:
-    """A robot at rest feels 9.81 m/s^2: a fifth more is off by 20 %, 1 instead of 9.81 by 90 %."""
+def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
+    kind: str, message: str
+) -> None:
+    """A robot at rest feels 9.81 m/s^2: 1 instead is off by 90 %."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
     assert message in run["fault"]
     assert not run["stiff"]
@@ -82,11 +80,7 @@ class TestARun:
         draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
-    def test_has_a_policy_of_its_own(self) -> None:
-        """`step` keeps state: an earlier run would affect the next one."""
-        assert fault_subjects.policy_of("g1", "step") is not fault_subjects.policy_of("g1", "step")
-
-    def test_uses_the_robots_own_limits(self, go1: Robot) -> None:
+    def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
         config = fault_runs.config_of(own)
@@ -94,36 +88,9 @@ class TestARun:
         assert (config.stand_s, config.safety.damping_s) == (fault_runs.STAND_S, fault_runs.DAMPING_S)
 
 
-def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_written_one() -> None:
-    of = {
-        robot: [each.policy for each in fault_subjects.SUBJECTS if each.robot == robot and not each.ground]
-        for robot in available_robots()
-    }
-    assert all(len(policies) == 2 for policies in of.values()), of
-    assert [subject for subject, whole in fault_subjects.SUBJECTS.items() if whole] == [
-        Subject("go1", "go1-flat"),
-        Subject("go1", "mpc"),
-    ]
-
-
 def test_every_learned_policy_that_walks_is_tried() -> None:
     walking = {name for name in zoo_names() if not name.endswith("-getup")}
     assert walking - {each.policy for each in fault_subjects.SUBJECTS} == set()
-
-
-@pytest.mark.parametrize(
-    ("title", "message"),
-    [
-        ("IMU askew by 30 degrees, all its parts alike (at the start)", "the base is tilted by 0.5"),
-        ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad against"),
-    ],
-)
-def test_a_consistent_but_tilted_imu_is_found_by_standing_legs(title: str, message: str) -> None:
-    """30 degrees are 0.52 rad. Before the robot walks, and nothing else contradicts such an IMU."""
-    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
-    assert message in run["fault"]
-    assert (run["final_state"], run["fell"]) == ("ESTOP", False)
-    assert run["seconds"] < 0.5
 
 
 def test_an_undetectable_fault_ends_in_order() -> None:
@@ -168,11 +135,6 @@ class TestAHealthyRun:
         assert run["fault_s"] + 0.1 < 0.3 < run["fell_s"]
         assert "tilt of 0.02 rad" in run["alarm"]
         assert not run["fell"]
-
-    def test_a_fall_without_fault_has_none(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
-        run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=1.5, sensors={"sunk": 1.0})
-        assert (run["fell"], run["fault"], run["fault_s"], run["alarm"]) == (True, "", None, "")
-        assert 0.3 < run["fell_s"] < 1.0
 
 
 def test_rows_have_the_share_in_time_and_the_failures() -> None:

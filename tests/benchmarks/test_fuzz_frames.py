@@ -1,16 +1,11 @@
 """Fuzzing of frames: the limits of a command, and the branches of a driver that it covers."""
 
-from collections import Counter
-from typing import Any
-
 import fuzz_frames
 import numpy as np
 import pytest
 from fuzz_tally import Tally
 
 from footfall.deploy import joint_layer
-from footfall.deploy.drivers.damiao import DamiaoDriver
-from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.robots.description import Robot
 
 BATCHES = range(24)
@@ -55,29 +50,3 @@ def test_motor_torque_by_its_speed(go1: Robot, velocity: float, torque: float, e
     found = fuzz_frames.excess(sent, go1.default_pose, speeds, go1)
     assert found[0] == pytest.approx(1.0 if excess is None else excess)
     assert (found[1:] == -1.0).all()
-
-
-@pytest.mark.parametrize(("model", "driver"), [("", MitDriver), ("DM4310", DamiaoDriver)])
-def test_a_known_driver_uses_its_cached_layout(
-    monkeypatch: pytest.MonkeyPatch, model: str, driver: Any
-) -> None:
-    """Replies in the arrays of the previous batch are those of all motors: no index is looked up."""
-    ways, decoded = Counter[bool](), driver._decoded
-
-    def counted(self: Any, frames: Any, motor: Any, *rest: Any) -> Any:
-        ways[isinstance(motor, slice)] += 1
-        return decoded(self, frames, motor, *rest)
-
-    monkeypatch.setattr(driver, "_decoded", counted)
-    assert fuzzed(model).escaped == {}
-    assert ways[True] > 10
-    assert ways[False] > 10
-
-
-def test_motors_that_never_answer_are_reported(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fuzz_frames, "INTRODUCED_S", 0.01)
-    monkeypatch.setattr(DamiaoDriver, "_note_registers", lambda _, data, motor: None)
-    with pytest.raises(
-        AssertionError, match=r"after 0.01 s: motor .* has not reported its communication timeout"
-    ):
-        fuzzed("DM4310")

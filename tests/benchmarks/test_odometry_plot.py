@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from odometry_plot import STEP_M, drift_over_distance, plot, typical
+from odometry_plot import STEP_M, drift_over_distance, plot
 
 
 def walk(way_m: float, error_m: float, **more: Any) -> dict[str, Any]:
@@ -25,19 +25,9 @@ def test_errors_are_compared_after_the_same_distance() -> None:
     assert (low[at], middle[at], high[at]) == pytest.approx((0.055, 0.1, 0.145))  # of 0.05 and 0.15 m
 
 
-def test_a_walk_counts_as_far_as_it_went() -> None:
-    distance, (_, middle, _) = drift_over_distance([walk(2.0, 0.2), walk(1.0, 0.3)])
-    assert middle[round(1.5 / STEP_M)] == pytest.approx(0.15)
-    assert distance[-1] == pytest.approx(2.0 - STEP_M)
-
-
 def test_distances_that_most_walks_did_not_reach_are_left_out() -> None:
     distance, _ = drift_over_distance([walk(9.0, 0.1), walk(2.0, 0.1), walk(1.0, 0.1)])
     assert 1.9 < distance[-1] < 2.0
-
-
-def test_the_typical_walk_is_that_of_the_median_drift() -> None:
-    assert typical([walk(1.0, error) for error in (0.03, 0.01, 0.02)])["drift_percent"] == pytest.approx(2.0)
 
 
 def test_a_picture_1400_pixels_wide_is_drawn_of_several_robots(tmp_path: Path) -> None:

@@ -1,25 +1,18 @@
 """Benchmarks on recordings of real machines, with recordings made up in the same format."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import ak80_6
-import go2_in_air
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from recordings import double_pendulum, servo_logs, servo_pendulum
-from recordings.hung_leg import DELAY, leg_windows
 from recordings.rollout import Inputs, rollouts
 
 from footfall.common.errors import UserError
-from footfall.identify.leg import fixed_legs
-from footfall.identify.null_space import null_directions
-from footfall.identify.recording import Recording
 from footfall.identify.shooting import Shooting
-from footfall.robots.description import load_robot
 
 STEP_S = double_pendulum.STEP_S
 SWINGS = {**ak80_6.PUBLISHED, "strength_2": 0.9, "delay_1": 0.0, "delay_2": 0.006, "load_friction_1": 0.05}
@@ -125,32 +118,3 @@ def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None
     assert numbers["offset"] == pytest.approx(0.02, abs=0.005)
     with pytest.raises(UserError, match="not a recording"):
         servo_logs.read(Path(__file__), servo_logs.SERVOS["xl330"])
-
-
-def test_slow_motion_in_the_air_does_not_separate_delay_and_armature() -> None:
-    """Go1's leg in place of a Go2's: 1 Hz, no torques."""
-    robot = load_robot("go1")
-    time_s = 0.005 * np.arange(160)
-    command = np.zeros((160, 5, 12))
-    command[:, 0] = robot.default_pose + 0.2 * np.sin(2 * np.pi * time_s)[:, None]
-    command[:, 2], command[:, 3] = go2_in_air.KP, go2_in_air.KD
-    recording = Recording(
-        "made up",
-        time_s,
-        command,
-        np.repeat(time_s[:, None], 12, axis=1),
-        command[:, 0],
-        np.full((160, 12), np.nan),
-        0.0,
-        np.array([0.0, 0.0, -1.0]),
-    )
-    leg = fixed_legs(robot)[0]
-    windows = leg_windows(leg, recording, go2_in_air.NOMINAL, go2_in_air.MODELS["kp free"], 0.3, 100.0)
-    truth = windows.guess
-    measured = windows.simulate(truth[:, None], windows.start[None])[0]
-    windows = replace(windows, measured=measured)
-    assert np.abs(windows.errors(truth)).max() < 1e-4
-    _, slope = windows.slopes(truth)
-    names = [each.name for each in windows.numbers]
-    worst = null_directions(slope.reshape(-1, len(names)), names)[0]
-    assert any(name.startswith("armature") or name == DELAY for name in worst.parts), worst.text

@@ -37,17 +37,6 @@ class TestActuation:
         expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
         np.testing.assert_allclose(targets, expected, atol=2e-6)
 
-    def test_a_goal_arrives_no_later_than_the_next_one(self) -> None:
-        """Half of the joints get the middle goal late, after the newest goal, which replaces it."""
-        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
-        goals = jnp.stack([default + 2e-3, default + 1e-3, default])
-        late, step_s = np.arange(N) % 2 == 1, CONFIG.timestep_s
-        middle = np.where(late, 30.0, SUBSTEPS + 1.0)  # steps; of the others, it is there in the second one
-        lateness_s = step_s * jnp.asarray(np.stack([np.full(N, 2.5), middle, np.zeros(N)]), jnp.float32)
-        targets = Actuation(ROBOT, CONFIG).targets(goals, default, {}, lateness_s)
-        expected = np.where(late, [[0.0], [0.0], [1.0], [2.0]], [[0.0], [1.0], [1.5], [2.0]])
-        np.testing.assert_allclose((targets - default) / 1e-3, expected, atol=2e-3)
-
     def test_each_joint_has_its_own_limits_rate_and_gains(self) -> None:
         actuation = Actuation(ROBOT, CONFIG)
         lower, upper = ROBOT.soft_limits

@@ -40,16 +40,6 @@ def test_a_base_tilted_about_all_axes_moves_as_in_mujoco() -> None:
     np.testing.assert_allclose(base.position(qpos), [1.0, 2.0, 0.4])
 
 
-def test_only_the_given_part_changes() -> None:
-    base, qpos, qvel = Base(MODEL, ROBOT), jnp.arange(19.0), jnp.arange(18.0)
-    turned = np.asarray(base.turned(qpos, jnp.array([0.1, 0.2, 0.3, 0.4])))
-    np.testing.assert_allclose(turned, [0, 1, 2, 0.1, 0.2, 0.3, 0.4, *range(7, 19)], rtol=1e-6)
-    moving_so = base.moving(qvel, jnp.array([-1.0, -2.0]), jnp.float32(-3.0))
-    np.testing.assert_array_equal(moving_so, [-1, -2, 2, 3, 4, -3, *range(6, 18)])
-    pushed = base.pushed(qvel, jnp.array([0.5, 0.25, 2.0, 4.0, 8.0, 16.0]))
-    np.testing.assert_array_equal(pushed, [0.5, 1.25, 4, 7, 12, 21, *range(6, 18)])
-
-
 def test_it_is_found_behind_other_joints(tmp_path: Path) -> None:
     """A robot whose free joint is the second: a flag on a hinge stands before it in the file."""
     folder = tmp_path / "flagged"

@@ -1,8 +1,5 @@
 """Points on trunk and limbs lie on MuJoCo's shapes of the robot, and terms see them in the ground."""
 
-import re
-from pathlib import Path
-
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -57,26 +54,6 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     assert points.on_base.any()
 
 
-@pytest.mark.parametrize("shape", ["cylinder", "capsule"])
-def test_points_of_a_round_link_reach_as_far_as_it_does(own_folder: Path, shape: str) -> None:
-    """A cylinder 0.5 m long and a capsule that is longer by its two caps of 0.05 m."""
-    geom = f'<geom type="{shape}" size="0.05 0.25" pos="0 0 2" contype="1" conaffinity="1"/>'
-    xml = own_folder / "robot.xml"
-    base = load_robot(own_folder).description.base
-    text, count = re.subn(rf'(<body [^>]*name="{base}"[^>]*>)', rf"\1{geom}", xml.read_text())
-    assert count == 1
-    xml.write_text(text)
-    robot = load_robot(own_folder)
-    points = BodyPoints(robot)
-    qpos = (
-        jnp.asarray(mujoco.MjData(load_model(robot)).qpos, jnp.float32)
-        .at[:7]
-        .set(jnp.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
-    )
-    top = float(jnp.max(points.points(qpos)[:, 2] + points.radius))
-    assert top == pytest.approx(2.25 if shape == "cylinder" else 2.3, abs=1e-5)
-
-
 @pytest.fixture(scope="module")
 def standing(go1: Robot) -> StepData:
     model = training_model(go1, STEP_S)
@@ -100,10 +77,3 @@ def test_a_trunk_in_the_ground_ends_the_episode_but_standing_not(
     assert base_contact(lying)
     assert not base_contact(lying, depth_m=0.03)
     assert not base_contact(sunk_to(standing, 0.01))
-
-
-def test_shanks_in_the_ground_cost_by_their_depth(standing: StepData) -> None:
-    knees_down = sunk_to(standing, 0.05)  # the feet are in the ground, and the shanks with them
-    deeper = sunk_to(standing, 0.03)
-    assert 0.0 < collision(knees_down) < collision(deeper)
-    assert not base_contact(knees_down)

@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
-from footfall.common.config import merged, unstructure
+from footfall.common.config import merged
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import (
     CommandConfig,
-    EnvConfig,
     EventConfig,
     GaitConfig,
     ObservationConfig,
@@ -20,7 +18,6 @@ from footfall.envs.contract import make_contract
 from footfall.envs.old_settings import with_event_steps, with_terms
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
 from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
@@ -57,23 +54,6 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
 def test_impossible_settings_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(ValueError, match=r"must be|shorter than"):
         make()
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"control_rate_hz": 1000.0}, {"control_rate_hz": 1.0}, {"episode_s": 0.025}, {"substeps": 2},
-        {"gait": GaitConfig("trot", 0.1)},
-        {"commands": CommandConfig(RANGES, standing_probability=1.0, single_axis_probability=0.0)},
-    ],
-)  # fmt: skip
-def test_settings_at_their_limits_are_accepted(change: dict[str, Any]) -> None:
-    assert isinstance(replace(CONFIG, **change), EnvConfig)
-
-
-def test_a_physics_step_is_a_share_of_the_control_period() -> None:
-    assert CONFIG.timestep_s == pytest.approx(0.00625)
-    assert training_model(ROBOT, SMOKE.timestep_s).opt.timestep == pytest.approx(0.005)
 
 
 OLD = {
@@ -133,16 +113,6 @@ def test_a_robots_changes_in_the_old_form_reach_the_terms_of_a_preset() -> None:
     ]
     assert [event.get("horizontal_m_s", event.get("tilt_rad")) for event in changed["events"]] == [0.2, 0.1]
     assert changed["events"][1]["interval_s"] == {"low": 1.0, "high": 2.0}
-
-
-def test_an_unknown_old_setting_is_left_to_be_refused() -> None:
-    assert with_terms({"reward_scales": {"sigma": 1.0}})["reward_scales"] == {"sigma": 1.0}
-
-
-def test_settings_are_written_as_they_are_read() -> None:
-    plain = unstructure(SMOKE)
-    assert plain["rewards"][0] == {"term": "track_linear", "name": "", "weight": 1.5}
-    assert plain["events"][1]["horizontal_m_s"] == 0.4
 
 
 def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -88,25 +87,6 @@ class TestDisturbances:
         made = self.make(**changes)
         return made.step(state, jnp.linspace(0.05, 0.95, made.step_numbers))
 
-    def test_a_command_changes_after_its_hold_and_not_before(self, begun: State) -> None:
-        state = begun._replace(hold_steps=jnp.int32(2), command=jnp.array([9.0, 9.0, 9.0]))
-        commands = []
-        for _ in range(4):
-            state = self.after(state)
-            commands.append(float(state.command[0]))
-        assert commands[:2] == [9.0, 9.0]
-        assert abs(commands[2]) < 9.0  # a new one, with a new hold
-        assert int(state.hold_steps) >= CONFIG.commands.hold_s.low * CONFIG.control_rate_hz - 2
-
-    def test_a_push_comes_when_it_is_due_and_the_next_one_later(self, begun: State) -> None:
-        waiting, due = (begun._replace(event_steps={"push": jnp.int32(k)}) for k in (1, 0))
-        np.testing.assert_array_equal(self.after(waiting).qvel, waiting.qvel)
-        assert int(self.after(waiting).event_steps["push"]) == 0
-        pushed = self.after(due)
-        assert np.all(np.asarray(pushed.qvel - due.qvel)[:6] != 0.0)  # along and about every axis
-        np.testing.assert_array_equal(pushed.qvel[6:], due.qvel[6:])
-        assert int(pushed.event_steps["push"]) == 2.0 * CONFIG.control_rate_hz
-
     @pytest.mark.parametrize(
         ("u", "expected"),
         [
@@ -181,15 +161,6 @@ class TestResetPose:
             qvel, [*(0.13 * w[3:5]), 0, 0, 0, 0.14 * w[5], *(0.15 * w[19:])], atol=1e-6
         )
 
-    def test_tilt_is_about_the_bodys_own_axes(self) -> None:
-        u = np.full(31, 0.5)
-        u[0], u[1] = 0.75, 1.0
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, self.draw(u)[0][3:7].astype(float))
-        gravity = rotation.reshape(3, 3).T @ [0, 0, -1]
-        assert np.arctan2(-gravity[1], -gravity[2]) == pytest.approx(SPREAD["tilt_rad"], rel=1e-2)
-        assert gravity[0] == pytest.approx(0.0, abs=1e-6)
-
 
 class TestSlope:
     def test_it_tilts_gravity_and_keeps_its_size(self, begun: State) -> None:
@@ -236,9 +207,3 @@ class TestDrop:
         assert 0.17 < max(heights) <= 0.2 + 1e-5
         assert min(tilts) < -0.7
         assert max(tilts) > 0.7
-
-    def test_it_lies_limp_for_up_to_a_given_time(self, begun: State) -> None:
-        u = np.full(drop.numbers(Parts(12)), 0.5)
-        occasion = Occasion(SCENE, True, jnp.asarray(u, dtype=jnp.float32), 1.0)
-        assert int(drop.change(begun, occasion, limp_s=1.5).limp_steps) == 37
-        assert drop.change(begun, occasion).limp_steps is None

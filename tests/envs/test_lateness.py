@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import EnvConfig, ObservationConfig
@@ -64,16 +63,3 @@ def test_late_commands_change_the_motion_and_no_other_draw(nominal: tuple[State,
     assert float(jnp.abs(after.qpos - before.qpos).max()) > 1e-3
     for name in ("command", "key", "goals"):
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name))
-
-
-@pytest.mark.parametrize(
-    ("name", "high", "complaint"),
-    [
-        ("action_swing_s", 0.05, "action_swing_s: must be at most 0.04"),
-        ("observation_jitter_s", 0.03, "at most 0.02"),
-    ],
-)
-def test_delays_beyond_the_buffers_are_refused(name: str, high: float, complaint: str) -> None:
-    randomisation = Randomisation(**{name: Distribution(0.0, high)})
-    with pytest.raises(UserError, match=complaint):
-        LocomotionEnv(ROBOT, replace(CONFIG, randomisation=randomisation))

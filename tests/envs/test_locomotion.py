@@ -17,7 +17,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.config import CurriculumConfig, EventConfig, GaitConfig, ObservationConfig, RewardConfig
+from footfall.envs.config import EventConfig, GaitConfig, ObservationConfig, RewardConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.gait import make_gait
 from footfall.envs.locomotion import LocomotionEnv
@@ -25,9 +25,8 @@ from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
 from footfall.envs.state import State, Step
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CommandRange
-from footfall.policies.observation import moving
 from footfall.robots.description import load_robot
-from footfall.robots.model import ground_friction, training_model
+from footfall.robots.model import training_model
 from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
@@ -114,7 +113,6 @@ def begun(reset) -> State:
     )
 
 
-TO_NOMINAL = CurriculumConfig("linear", "randomisation", settings={"start": 0.0})
 ACTION = jnp.linspace(-0.3, 0.4, N)
 
 
@@ -137,12 +135,6 @@ class TestStep:
         np.testing.assert_array_equal(second.goals[1], first.goals[0])
         np.testing.assert_array_equal(second.actions, [-ACTION, ACTION, np.zeros(N)])
         assert float(begun.phase[0]) != float(first.phase[0])
-
-    def test_the_motors_follow_its_targets(self, env: LocomotionEnv, step, begun: State) -> None:
-        after, _ = step(begun, ACTION)
-        targets = env.actuation.targets(after.goals, begun.target, begun.sample)
-        np.testing.assert_allclose(after.qacc_warmstart[:N], targets[-1], atol=1e-6)
-        np.testing.assert_array_equal(after.target, after.qacc_warmstart[:N])
 
     def test_the_actor_observes_delayed_readings(self, step, begun: State) -> None:
         """10 ms are 1.6 physics steps: between the second and the third of the four."""
@@ -233,39 +225,18 @@ class TestStep:
         assert {name for name, value in result.metrics.items() if float(value) != 0.0} == {"episode/diverged"}
 
 
-def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary() -> None:
-    """JAX sorts a dictionary's keys wherever it returns one."""
-    ranges = {name: Distribution(0.9, 1.1) for name in ("friction", "kp", "battery")}
-    env = LocomotionEnv(ROBOT, replace(CONFIG, randomisation=Randomisation(**ranges)))
-    env.engine = env.engine._replace(simulate=numbered_steps)
-    state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
-    sample = {"friction": jnp.float32(0.7), "kp": jnp.full(N, 1.1), "battery": jnp.float32(0.9)}
-    step = jax.jit(env.step)
-    seen = [
-        step(state._replace(sample=dict(order)), jnp.zeros(N))[1].observation["privileged_state"]
-        for order in (sample.items(), reversed(sample.items()))
-    ]
-    np.testing.assert_array_equal(*seen)
-    np.testing.assert_allclose(seen[0][-14:], [0.7, *np.full(N, 1.1), 0.9], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("tilt_rad", "height_m", "fell"),
-    [
-        (0.0, 0.3, 0.0),
+def test_falls_are_tilt_or_height(step, begun: State) -> None:
+    """0.55 of 0.2945 m are 0.162 m."""
+    for tilt_rad, height_m, fell in (
         (1.05, 0.3, 0.0),
         (1.15, 0.3, 1.0),
-        (3.1, 0.3, 1.0),
         (0.0, 0.165, 0.0),
         (0.0, 0.159, 1.0),
-    ],
-)
-def test_falls_are_tilt_or_height(step, begun: State, tilt_rad: float, height_m: float, fell: float) -> None:
-    """0.55 of 0.2945 m are 0.162 m."""
-    quaternion = (np.cos(tilt_rad / 2), np.sin(tilt_rad / 2), 0.0, 0.0)
-    _, result = step(placed(begun, (0.0, 0.0, height_m), quaternion), ACTION)
-    assert float(result.metrics["episode/falls"]) == float(result.terminated) == fell
-    assert float(result.metrics["reward/fall"]) == -7.0 * fell
+    ):
+        quaternion = (np.cos(tilt_rad / 2), np.sin(tilt_rad / 2), 0.0, 0.0)
+        _, result = step(placed(begun, (0.0, 0.0, height_m), quaternion), ACTION)
+        assert float(result.metrics["episode/falls"]) == float(result.terminated) == fell
+        assert float(result.metrics["reward/fall"]) == -7.0 * fell
 
 
 def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -> None:
@@ -313,76 +284,32 @@ def test_step_data_are_those_of_the_last_physics_step(outcome: Callable[[State],
     np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
 
 
-def test_no_foot_swings_while_the_command_is_to_stand(env: LocomotionEnv, begun: State) -> None:
-    feet = Trace(jnp.zeros((2, 19)), jnp.zeros((2, 18)), jnp.zeros((2, 4, 3)), jnp.zeros((2, N)))
-    for forward_m_s, walks in ((0.05, False), (0.5, True)):
-        command = jnp.array([forward_m_s, 0.0, 0.0])
-        data = env.step_data(begun._replace(phase=jnp.array([0.25]), command=command), feet)
-        assert (float(data.moving), bool(np.any(data.swing))) == (float(walks), walks)
-
-
 class TestReset:
     def test_an_episode_begins_at_rest_in_time(self, env: LocomotionEnv, reset) -> None:
         state, observation = reset(8, 0.25)
         assert (float(state.level), int(state.steps), int(state.event_steps["push"])) == (0.25, 0, 40)
         hold = CONFIG.commands.hold_s
         assert hold.low * 40 <= int(state.hold_steps) <= hold.high * 40
-        assert state.goals.shape == (3, N)
         np.testing.assert_allclose(state.goals, np.tile(ROBOT.default_pose, (3, 1)), rtol=1e-6)
         readings = env.observer.readings(state.qpos, state.qvel, jnp.zeros(N))
         np.testing.assert_allclose(state.recent_readings, np.tile(readings, (SUBSTEPS, 1)), atol=1e-6)
         np.testing.assert_allclose(observation["state"][:3], state.qvel[3:6], atol=1e-6)
         np.testing.assert_allclose(observation["state"][3:6], state.command)
-        output = np.asarray(observation["privileged_state"][2 * len(observation["state"]) :])
-        np.testing.assert_array_equal(
-            output[4 : 4 + 4 + 4 + N], np.zeros(4 + 4 + N)
-        )  # feet and torques: not yet
-
-    def test_episodes_draw_independent_numbers(self, reset) -> None:
-        states = [reset(key)[0] for key in range(60)]
-        assert len({tuple(np.asarray(state.key).tolist()) for state in states}) == 60
-        phases = np.sort([float(state.phase[0]) for state in states])
-        assert np.abs(phases - (np.arange(60) + 0.5) / 60).max() < 0.2  # the clock begins anywhere
-        numbers = np.array([[s.command[0], s.qvel[0], s.phase[0], s.hold_steps] for s in states])
-        assert np.abs(np.corrcoef(numbers.T) - np.eye(4)).max() < 0.4
-
-    def test_the_nominal_friction_is_the_grounds(self) -> None:
-        wide = Randomisation(friction=Distribution(0.1, 0.3), kp=Distribution(0.5, 0.6))
-        env = LocomotionEnv(ROBOT, replace(CONFIG, curricula=(TO_NOMINAL,), randomisation=wide))
-        nominal, full = (env.reset(jax.random.PRNGKey(1), level)[0].sample for level in (0.0, 1.0))
-        assert float(nominal["friction"]) == pytest.approx(ground_friction(MODEL, ROBOT).mean())
-        np.testing.assert_allclose(nominal["kp"], np.ones(N))
-        assert 0.1 <= float(full["friction"]) <= 0.3
-
-    def test_a_batch_changes_its_level_and_nothing_else(self, env: LocomotionEnv, begun: State) -> None:
-        batch = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), begun)
-        moved = env.at_level(batch, jnp.float32(0.4))
-        np.testing.assert_allclose(moved.level, [0.4, 0.4])
-        assert all(a is b for a, b in zip(moved._replace(level=0), batch._replace(level=0), strict=True))
 
 
 def test_the_contract_has_the_configured_values() -> None:
-    config = replace(
-        CONFIG,
-        commands=replace(
-            CONFIG.commands, standing_command=0.17, ranges=CommandRange((-1, 2), (-3, 4), (-5, 6))
-        ),
-    )
+    ranges = CommandRange((-1, 2), (-3, 4), (-5, 6))
+    commands = replace(CONFIG.commands, standing_command=0.17, ranges=ranges)
+    config = replace(CONFIG, commands=commands)
     contract = make_contract(ROBOT, config)
     assert (contract.robot, contract.digest, contract.joints) == ("go1", ROBOT.digest, ROBOT.joint_names)
     assert (contract.control_rate_hz, contract.standing_command) == (40.0, 0.17)
-    assert [(t.name, t.scale) for t in contract.observation] == [
-        (t.term, t.scale) for t in config.observation
-    ]
-    assert contract.commands == config.commands.ranges
-    for name, values in (
-        ("default_pose_rad", ROBOT.default_pose), ("action_scale_rad", ROBOT.action_scale), ("kp",
-        ROBOT.kp), ("kd", ROBOT.kd),
-    ):  # fmt: skip
-        np.testing.assert_array_equal(getattr(contract, name), values)
+    terms = [(term.name, term.scale) for term in contract.observation]
+    assert terms == [(term.term, term.scale) for term in config.observation]
+    assert contract.commands == ranges
+    np.testing.assert_array_equal([contract.kp, contract.kd], [ROBOT.kp, ROBOT.kd])
     assert contract.gait is not None
-    assert contract.gait.frequency_hz == 2.0
-    assert contract.gait.duty == 0.35
+    assert (contract.gait.frequency_hz, contract.gait.duty) == (2.0, 0.35)
     phases = np.array(contract.gait.phase)[np.array(ROBOT.foot_joints)]
     np.testing.assert_array_equal(phases, np.repeat([[0.0], [0.1], [0.2], [0.3]], 3, axis=1))
     lifted = ROBOT.default_pose + contract.gait.amplitude_rad
@@ -390,7 +317,6 @@ def test_the_contract_has_the_configured_values() -> None:
     np.testing.assert_allclose(after - before, np.tile([0.0, 0.0, 0.05], (4, 1)), atol=1e-4)
     assert not any(make_gait(ROBOT, GaitConfig("trot", 1.3)).amplitude_rad)
     assert make_contract(ROBOT, replace(CONFIG, gait=None)).gait is None
-    assert float(moving(np.array([0.1, 0.1, 0.1]), contract)[0]) == 1.0
 
 
 @pytest.mark.parametrize(
@@ -401,12 +327,9 @@ def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int
     config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
     if fits:
         LocomotionEnv(ROBOT, config)
-        return
-    with pytest.raises(
-        UserError, match=r"RL_calf_joint of go1 is too stiff for steps beyond 27\.1 ms"
-    ) as refused:
-        LocomotionEnv(ROBOT, config)
-    assert f"control_rate_hz {rate_hz:g} with {substeps} substeps" in str(refused.value)
+    else:
+        with pytest.raises(UserError, match=rf"RL_calf_joint.*27\.1 ms.* {rate_hz:g} .*{substeps}"):
+            LocomotionEnv(ROBOT, config)
 
 
 class TestStillStep:
@@ -460,12 +383,3 @@ class TestStillStep:
         _, second = step(one._replace(frames=state.frames, phase=state.phase), jnp.zeros(N))
         assert not np.array_equal(one.key, state.key)
         assert not np.array_equal(first.observation["state"][:3], second.observation["state"][:3])  # gyro
-
-    def test_the_next_step_continues_from_the_last_target(self, step, state: State) -> None:
-        """A far goal is approached at 60 rad/s through all physics steps of 20 ms, to the soft limit."""
-        at_once = state._replace(sample=state.sample | {"action_delay_s": jnp.float32(0.0)})
-        after, _ = step(at_once, jnp.full(N, 100.0))
-        assert ROBOT.description.target_rate_rad_s == 60.0
-        np.testing.assert_allclose(
-            after.target, np.minimum(ROBOT.default_pose + 1.2, ROBOT.soft_limits[1]), rtol=1e-5
-        )

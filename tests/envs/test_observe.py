@@ -75,13 +75,6 @@ class TestObserver:
         noisy = tilted + np.array([0.1, 0.0, 0.0])
         np.testing.assert_allclose(seen[3:6], noisy / np.linalg.norm(noisy), atol=1e-6)
 
-    def test_the_observation_is_as_old_as_its_delay(self) -> None:
-        observer, env = self.make(Noise(), observation_delay_s=1.5 * CONFIG.timestep_s)
-        state, _ = env.reset(jax.random.PRNGKey(0))
-        recent = jnp.arange(8.0)[:, None] * jnp.ones(30)
-        _, seen = observer.observe(state, recent, jnp.full(30, 0.5))
-        np.testing.assert_allclose(seen[:3], np.full(3, 5.5), rtol=1e-6)
-
     def test_the_last_action_is_the_newest_for_actor_and_critic(self, begun: State) -> None:
         config = replace(CONFIG, observation=(ObservationConfig("last_action"), ObservationConfig("command")))
         observer = Observer(MODEL, ROBOT, config, make_contract(ROBOT, config))

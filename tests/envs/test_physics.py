@@ -1,6 +1,5 @@
 """All engines give the same motion, for batches and single robots; MuJoCo C equals plain MuJoCo."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +10,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
-from mujoco.batch import Batch, SimulationError
 
-from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs.batch import RESTARTED_AT_ONCE, step_batch
 from footfall.envs.locomotion import LocomotionEnv
@@ -25,7 +22,7 @@ from footfall.envs.state import State
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque, lag_over
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
-from footfall.train.config import PRESETS, load_preset
+from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
@@ -92,24 +89,6 @@ def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
 
 
 @IN_C
-def test_a_control_step_is_the_same_generated_and_in_c(begun: State, step) -> None:
-    """From many states of a walk, with the single Newton iteration of a training."""
-    model = training_model(ROBOT, SMOKE.timestep_s)
-    one, other = (jax.jit(jax.vmap(ENGINES[name](model, ROBOT))) for name in ("generated", "c"))
-    state = begun
-    for k, action in enumerate(actions(STEPS)):
-        if k % COMPARED_EVERY == 0:
-            given = arguments(state)
-            (end, trace), (c_end, c_trace) = one(*given), other(*given)
-            assert worst(end.qpos, c_end.qpos) < 1e-5
-            assert worst(end.qvel, c_end.qvel) < 1e-3
-            assert worst(trace.foot_position, c_trace.foot_position) < 1e-5
-            assert worst(trace.torque, c_trace.torque) < 1e-3
-            assert trace.qpos.shape == c_trace.qpos.shape
-        state, *_ = step(state, action)
-
-
-@IN_C
 def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
     """Each robot in a model and data of its own, with the motors' law at each physics step."""
     motion, drive, fields = arguments(begun)
@@ -162,55 +141,6 @@ class TestPurity:
         model, given = training_model(ROBOT), arguments(begun)
         assert equal(_Simulations(model, ROBOT)(*given), jax.vmap(c_physics(model, ROBOT))(*given))
 
-    @IN_C
-    def test_mujocos_settings_are_as_they_were(self, begun: State) -> None:
-        def heard(_: str) -> None: ...
-
-        model = training_model(ROBOT)
-        data = mujoco.MjData(model)
-        mujoco.set_mju_user_warning(heard)
-        try:
-            jax.block_until_ready(jax.vmap(c_physics(model, ROBOT))(*arguments(begun)))
-            assert mujoco.get_mju_user_warning() is heard
-        finally:
-            mujoco.set_mju_user_warning(None)
-        mujoco.mj_step(model, data)
-        assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
-
-    @IN_C
-    def test_mujocos_settings_survive_concurrent_threads(
-        self, monkeypatch: pytest.MonkeyPatch, begun: State
-    ) -> None:
-        """Of two environments the second begins while the first steps, and ends after it."""
-        model = training_model(ROBOT)
-        given = jax.tree.map(np.asarray, arguments(begun))
-        plain_step = Batch.step
-        first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
-        patience_s = 60.0
-
-        def wait_for_the_other(pool: Batch) -> None:
-            if threading.current_thread() is second:
-                second_is_in.set()
-                assert first_is_out.wait(patience_s)
-            else:
-                first_is_in.set()
-                assert second_is_in.wait(patience_s)
-            plain_step(pool)
-
-        monkeypatch.setattr(Batch, "step", wait_for_the_other)
-        first, second = (threading.Thread(target=_Simulations(model, ROBOT), args=given) for _ in range(2))
-        before = mujoco.get_mju_user_warning()
-        first.start()
-        assert first_is_in.wait(patience_s)
-        second.start()
-        first.join(patience_s)
-        first_is_out.set()
-        second.join(patience_s)
-        data = mujoco.MjData(model)
-        mujoco.mj_step(model, data)
-        assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0
-        assert mujoco.get_mju_user_warning() is before
-
 
 class TestDivergence:
     def test_a_robot_diverges_alone_and_nothing_is_printed(
@@ -231,21 +161,6 @@ class TestDivergence:
         assert list(tmp_path.iterdir()) == []
         assert "WARNING" not in capfd.readouterr().err
 
-    @IN_C
-    def test_an_error_in_mujoco_ends_one_episode(
-        self, monkeypatch: pytest.MonkeyPatch, step, begun: State
-    ) -> None:
-        def fail(pool: Batch) -> None:
-            plain_step(pool)
-            raise SimulationError(np.array([1]), "a message")
-
-        plain_step = Batch.step
-        well = step(begun, actions()[0])
-        monkeypatch.setattr(Batch, "step", fail)
-        _, _, result = step(begun, actions()[0])
-        assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [1]
-        assert equal(result.reward[2:], well[2].reward[2:])
-
 
 @IN_C
 def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
@@ -260,14 +175,6 @@ def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
     by_model = jax.vmap(c_physics(moved, ROBOT))(motion, drive, {})
     assert worst(by_field[0].qvel, by_model[0].qvel) < 1e-4
     assert worst(by_field[0].qvel, jax.vmap(c_physics(plain, ROBOT))(motion, drive, {})[0].qvel) > 1e-2
-
-
-def test_other_physics_are_refused_by_name(tmp_path: Path) -> None:
-    preset = tmp_path / "bullet.yaml"
-    text = (PRESETS / "smoke.yaml").read_text()
-    preset.write_text(text.replace("env:\n", "env:\n  physics: bullet\n"))
-    with pytest.raises(UserError, match=r"physics: .*bullet"):
-        load_preset(str(preset))
 
 
 def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:

@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import re
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,8 +16,7 @@ from flax import struct
 
 import footfall
 from footfall.envs.workarounds import program_cache
-from footfall.envs.workarounds.program_cache import fingerprint, model_bytes, prefetch
-from footfall.robots.description import load_robot
+from footfall.envs.workarounds.program_cache import fingerprint, prefetch
 
 FAR_FUTURE_NS = 2**63
 
@@ -113,24 +111,7 @@ def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
     assert make.made == 2
 
 
-def test_writing_a_program_does_not_block(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked_for = threading.Event()
-
-    def slow(program: Any) -> Any:
-        assert asked_for.wait(60)
-        return serialize(program)
-
-    serialize = program_cache.serialize
-    monkeypatch.setattr(program_cache, "serialize", slow)
-    with ThreadPoolExecutor(1) as beside:
-        program_cache.load_or_compile(make, beside, print, "settings")
-    assert not (cache / "programs").exists()
-    asked_for.set()
-    kept(make, "settings")
-    assert only_file(cache).stat().st_size > 0
-
-
-def test_other_inputs_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "settings", b"model")
     kept(make, "settings", b"another model")
     kept(make, "other settings", b"model")
@@ -149,17 +130,6 @@ def test_source_changes_it(cache: Path, make: Maker, tmp_path: Path, monkeypatch
         assert make.made == made
 
 
-def test_every_package_of_ours_that_a_program_imports_counts() -> None:
-    imported = {
-        match
-        for package in program_cache.TRAINING
-        for path in (program_cache.SOURCES / package).rglob("*.py")
-        for match in re.findall(r"^(?:from|import) footfall\.(\w+)", path.read_text(), re.MULTILINE)
-    }
-    ours = {path.parent.name for path in program_cache.SOURCES.glob("*/__init__.py")}
-    assert imported & ours == set(program_cache.TRAINING)
-
-
 def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,15 +143,6 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
         monkeypatch.setattr(footfall, "IMPORTED_AT_NS", imported_at)
         kept(make)
         assert (make.made, len(list(cache.rglob("programs/*")))) == (made, files)
-
-
-def test_edits_while_traced_keep_nothing(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lower_meanwhile() -> Any:
-        monkeypatch.setattr(footfall, "IMPORTED_AT_NS", 0)
-        return make()
-
-    kept(lower_meanwhile)
-    assert not any(cache.rglob("programs/*"))
 
 
 class Hostile:
@@ -202,10 +163,7 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, 
     said: list[str] = []
     assert float(kept(make, say=said.append)(STATE)[1]["total"]) == 6.0
     assert not (tmp_path / "made").exists()
-    assert make.made == 2
-    (line,) = said
-    assert "its compiled programs are not used, compiling again" in line
-    assert "\n" not in line
+    assert (make.made, len(said)) == (2, 1)
 
 
 def test_the_least_recently_used_program_is_deleted(
@@ -256,36 +214,3 @@ def test_a_damaged_file_is_replaced(cache: Path, make: Maker, content: bytes) ->
     assert make.made == 2
     kept(make)
     assert make.made == 2
-
-
-def test_an_unwritable_program_is_not_kept(cache: Path, make: Maker) -> None:
-    (cache / "programs").write_text("a file where the folder should be")
-    assert float(kept(make)(STATE)[1]["total"]) == 6.0
-
-
-def test_a_program_that_calls_python_is_not_kept(cache: Path) -> None:
-    shape = jax.ShapeDtypeStruct((), jnp.float32)
-
-    def calling() -> Any:
-        return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0)
-
-    assert [float(kept(calling)(3.0)) for _ in range(2)] == [6.0, 6.0]
-    assert not any(cache.rglob("programs/*"))
-
-
-def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:
-    jax.config.update("jax_compilation_cache_dir", None)
-    kept(make)
-    kept(make)
-    assert make.made == 2
-    assert list(cache.iterdir()) == []
-
-
-def test_fingerprints_differ_for_parts_with_the_same_joined_text() -> None:
-    assert len({fingerprint(p) for p in (["ab", "c"], ["a", "bc"], [b"abc"], ["abc"], [])}) == 5
-
-
-def test_a_model_is_identified_by_its_content() -> None:
-    robot = load_robot("go1")
-    assert model_bytes(robot, 0.005) == model_bytes(robot, 0.005)
-    assert model_bytes(robot, 0.005) != model_bytes(robot, 0.004)

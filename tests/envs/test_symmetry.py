@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.terms.data import example_data
 from footfall.robots.description import load_robot
-from footfall.robots.model import joint_addresses, training_model
 from footfall.robots.symmetry import ROTATION, VECTOR, find_symmetry
 from footfall.train.config import load_preset
 
@@ -23,28 +20,6 @@ PRESETS = {
     name: LocomotionEnv(ROBOT, replace(load_preset(name).env, noise=QUIET))
     for name in ("smoke", "cpu", "gpu")
 }
-
-
-def test_mirrored_torques_move_the_mirrored_robot_to_the_mirror_image() -> None:
-    """In the air, without the 2 mm offset of the trunk's centre of mass."""
-    model = training_model(ROBOT)
-    model.body_ipos[1, 1] = 0.0
-    positions, dofs = joint_addresses(model, ROBOT)
-    joints = find_symmetry(ROBOT).joints
-    torque = np.random.default_rng(0).uniform(-1, 1, 12)
-    ends = []
-    for side in (torque, joints(torque)):
-        data = mujoco.MjData(model)
-        data.qpos[2] = 2.0
-        data.qpos[positions] = ROBOT.default_pose
-        data.qfrc_applied[dofs] = side
-        for _ in range(20):
-            mujoco.mj_step(model, data)
-        ends.append((data.qpos.copy(), data.qvel.copy()))
-    (qpos, qvel), (mirrored_qpos, mirrored_qvel) = ends
-    np.testing.assert_allclose(mirrored_qpos[positions], joints(qpos[positions]), atol=2e-3)
-    np.testing.assert_allclose(mirrored_qvel[:3], VECTOR * qvel[:3], atol=2e-2)
-    np.testing.assert_allclose(mirrored_qvel[3:6], ROTATION * qvel[3:6], atol=5e-2)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -57,14 +32,6 @@ def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None
     for name, vector in seen.items():
         assert np.mean(np.abs(vector - seen_mirrored[name]) > 1e-4) > 0.5  # the image differs
         np.testing.assert_allclose(mirror.observation[name](vector), seen_mirrored[name], atol=2e-5)
-
-
-def test_a_robot_with_a_missing_image_is_refused() -> None:
-    joints = list(ROBOT.description.joints)
-    joints[2] = replace(joints[2], default_rad=joints[2].default_rad - 0.3)
-    description = replace(ROBOT.description, joints=tuple(joints))
-    with pytest.raises(UserError, match="not symmetric"):
-        find_symmetry(replace(ROBOT, description=description))
 
 
 def _observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:

@@ -72,70 +72,40 @@ class TestApi:
         assert json.loads(path.read_text()) == result
         assert list(result["scenarios"]) == ["two", "one"]
         assert result["scenarios"]["one"] == bare("trot one")
-        shared = {key: result[key] for key in ("policy", "robot", "seed", "ground_truth", "plant", "about")}
-        about = "hand-written controller, 500 Hz, on estimated velocity"
+        shared = {key: result[key] for key in ("policy", "robot", "seed", "ground_truth", "plant")}
         assert shared == {
             "policy": "trot", "robot": "go1", "seed": 7, "ground_truth": True, "plant": str(go1.xml_path),
-            "about": shared["about"],
         }  # fmt: skip
-        assert shared["about"].startswith(about.split(",", maxsplit=1)[0])
         assert set(result["versions"]) >= {"footfall", "mujoco"}
         assert "cores" in result["machine"]
         printed = console.file.getvalue()  # type: ignore[attr-defined]
         assert printed.index("two") < printed.index("one") < printed.index("Over 24 episodes")
 
     def test_compare_gives_both_the_same_setup_and_joins_the_results(
-        self,
-        ran: SimpleNamespace,
-        go1: Robot,
-        tmp_path: Path,
-        console: Console,
-        monkeypatch: pytest.MonkeyPatch,
+        self, ran: SimpleNamespace, go1: Robot, tmp_path: Path, console: Console, monkeypatch: Any
     ) -> None:
         seen: list[Any] = []
         monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda of: seen.append(of) or "films")
         monkeypatch.setattr("footfall.evaluate.report.films.films_on_grounds", lambda of: "on grounds")
-        monkeypatch.setattr(
-            "footfall.evaluate.report.page.render",
-            lambda of, films, grounds: f"{films} {grounds} of {seen[0] is of}",
-        )
+        monkeypatch.setattr("footfall.evaluate.report.page.render", lambda of, films, on: f"{films} {on}")
         json_path, html_path = tmp_path / "out.json", tmp_path / "out.html"
         config = EvaluationConfig("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
+        specs = ["trot", "stand"]
         results = api.compare_policies(
-            ["trot", "stand"], config, json_path=json_path, html_path=html_path, console=console
+            specs, config, json_path=json_path, html_path=html_path, console=console
         )
-        assert ran.suite == ran.course == (["trot", "stand"], config, FILE)
-        assert ran.order == ["suite", "course"]
-        assert html_path.read_text() == "films on grounds of True"
+        assert ran.suite == ran.course == (specs, config, FILE)
+        assert html_path.read_text() == "films on grounds"
         assert json.loads(json_path.read_text()) == results
-        assert [(each["policy"], each["compute_ms"]["p50"]) for each in results.values()] == [
+        assert [(name, each["compute_ms"]["p50"]) for name, each in results.items()] == [
             ("trot", 1.0), ("stand", 2.0),
         ]  # fmt: skip
-        assert list(results) == ["trot", "stand"]
         (of,) = seen
         assert (of.robot.name, of.config, of.file) == ("go1", config, FILE)
-        assert [(each.name, each.spec, each.course.trace) for each in of.policies] == [
-            ("trot", "trot", "trace of trot"), ("stand", "stand", "trace of stand"),
-        ]  # fmt: skip
-        rates = [load_policy(name, go1).rate_hz for name in ("trot", "stand")]
+        assert [each.course.trace for each in of.policies] == ["trace of trot", "trace of stand"]
+        rates = [load_policy(name, go1).rate_hz for name in specs]
         assert [each.period_ms for each in of.policies] == [1e3 / rate for rate in rates]
-        assert of.policies[1].origin == "hand-written controller, 500 Hz"
-        assert of.policies[1].result == results["stand"]
-        assert set(of.versions) >= {"footfall", "mujoco"}
-        assert f"report: {html_path}" in console.file.getvalue()  # type: ignore[attr-defined]
-
-    def test_a_report_is_a_file(self, ran: SimpleNamespace, console: Console) -> None:
-        with pytest.raises(UserError, match="cannot write the report to /dev/null: give a file name"):
-            api.compare_policies(["stand"], TWO, html_path=Path("/dev/null"), console=console)
-        assert ran.order == []
-
-    def test_films_without_display_are_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("sys.platform", "linux")
-        monkeypatch.setenv("MUJOCO_GL", "glfw")
-        for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-            monkeypatch.delenv(name, raising=False)
-        with pytest.raises(UserError, match="MUJOCO_GL=egl"):
-            api.compare_policies(["stand"], html_path=tmp_path / "report.html")
+        assert str(html_path) in console.file.getvalue()  # type: ignore[attr-defined]
 
     @pytest.mark.parametrize(
         ("changes", "complaint"),
@@ -147,8 +117,9 @@ class TestApi:
             ({"specs": ["dance"]}, "no policy 'dance'"),
             ({"robot": "r2d2"}, "no robot 'r2d2'"),
             ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
-            ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
-            ({"html_path": Path("absent/out.html")}, "there is no folder .*absent"),
+            ({"json_path": Path("absent/out.json")}, "absent"),
+            ({"html_path": Path("absent/out.html")}, "absent"),
+            ({"html_path": Path("/dev/null")}, "/dev/null"),
             ({"json_path": Path("out"), "html_path": Path("out")}, "its own name"),
         ],
     )
@@ -171,14 +142,6 @@ class TestApi:
         if len(specs) == 1 and "html_path" not in changes:
             with pytest.raises(UserError, match=complaint):
                 api.evaluate_policy(*specs, config, **options)
-        assert ran.order == []
-
-    def test_without_the_extra_no_report_is_begun(
-        self, ran: SimpleNamespace, console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
-        with pytest.raises(UserError, match="an HTML report needs jinja2, matplotlib"):
-            api.compare_policies(["stand"], TWO, html_path=tmp_path / "x.html", console=console)
         assert ran.order == []
 
     def test_names_are_the_policies_own_where_they_differ(self) -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from scenario_file import FILE, OWN, OWN_NOISE, bare
+from scenario_file import FILE, OWN, bare
 
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.scenarios import Scenario, ScenarioFile
+from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.table import print_results, warnings
 
 
@@ -34,18 +34,6 @@ class TestComparison:
             "footfall compare 'runs/it'\"'\"'s mine' --robot 'my robot' --scenarios two,one --seed 7"
             " --episodes 5 --scenario-file own.yaml --plant 'a b.xml' --ground-truth --html report.html"
         )
-
-    def test_pushes_are_those_of_the_first_scenario_that_varies_their_size(self) -> None:
-        def pushing(*levels: str) -> Scenario:
-            return Scenario("x", 1, 2.0, levels=dict.fromkeys(levels, (1.0,)), push_between_s=(0.0, 1.0))
-
-        scenarios = FILE.scenarios | {
-            "where": pushing("push_direction_deg"), "late": pushing("push_m_s"), "later": pushing("push_m_s"),
-        }  # fmt: skip
-        file = ScenarioFile(OWN_NOISE, scenarios)
-        chosen = EvaluationConfig("go1", ("one", "where", "late", "later"))
-        assert self.compared(chosen, file).push_scenario == "late"
-        assert self.compared(EvaluationConfig("go1", ("one", "where")), file).push_scenario is None
 
 
 def test_brackets_in_a_name_are_not_markup() -> None:

@@ -9,8 +9,7 @@ import pytest
 from footfall.domain_rand.noise import Noise
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan
-from footfall.plant.episode import Episode, Push, run_episode
-from footfall.plant.trace import Trace
+from footfall.plant.episode import Push
 from footfall.terrain.declaration import GroundConfig
 
 GRAVITY = 9.81
@@ -58,22 +57,7 @@ def test_a_policy_gets_the_true_velocity_only_on_request() -> None:
     assert not np.allclose(estimating.estimated_velocity, estimating.base_velocity, atol=1e-3)
 
 
-@pytest.mark.parametrize(("get_up", "times_s"), [(None, None), ("stand", ())])
-def test_a_robot_may_get_up_if_the_task_has_a_get_up_policy(
-    monkeypatch: pytest.MonkeyPatch, get_up: str | None, times_s: Any
-) -> None:
-    consents = []
-
-    def run_and_look(robot: Any, policy: Any, episode: Episode) -> Trace:
-        consents.append(None if episode.get_up is None else episode.get_up.policy.name)
-        return run_episode(robot, policy, episode)
-
-    monkeypatch.setattr("footfall.evaluate.episodes.run_episode", run_and_look)
-    outcome = run_task(EpisodeTask("trot", "go1", replace(PLAN, duration_s=0.1), QUIET, get_up=get_up))
-    assert (consents, outcome.recovery_s) == ([get_up], times_s)
-
-
-def test_cost_of_transport_uses_the_weight_of_robot_and_load() -> None:
+def test_transport_is_paid_for_the_weight_of_the_robot_and_its_load() -> None:
     bare, loaded = (
         run("stand", levels={"payload_kg": load}, duration_s=0.1).metrics.weight_n for load in (0.0, 3.0)
     )
@@ -99,9 +83,3 @@ def test_a_push_changes_the_velocity_at_once() -> None:
     leftward = np.interp([0.19, 0.22], trace.time_s, trace.base_velocity[:, 1])
     assert abs(leftward[0]) < 0.05
     assert leftward[1] > 0.5
-
-
-def test_the_reason_of_a_fall_is_kept() -> None:
-    outcome = run("stand", pushes=(Push(0.1, (0.0, 8.0, 0.0)),), duration_s=2.0)
-    assert outcome.metrics.fell
-    assert outcome.trouble

@@ -4,15 +4,12 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import Future
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.evaluate.pool import _launch, run_all
+from footfall.evaluate.pool import run_all
 
 
 def square(number: int) -> int:
@@ -34,10 +31,6 @@ def die_at_three(number: int) -> int:
 
 def complain(_: int) -> int:
     raise UserError("this plant has no legs")
-
-
-def threads(_: int) -> str:
-    return os.environ["OMP_NUM_THREADS"]
 
 
 def test_outcomes_come_in_the_order_of_the_tasks() -> None:
@@ -64,15 +57,6 @@ def test_bad_input_is_reported_to_the_user() -> None:
         run_all(complain, range(3), workers=1)
 
 
-def test_workers_have_one_thread_and_the_caller_its_variables(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", "5")
-    (outcome,) = run_all(threads, [0])
-    assert outcome.value == "1"
-    assert os.environ["OMP_NUM_THREADS"] == "5"
-
-
 def variable(name: str) -> str | None:
     return os.environ.get(name)
 
@@ -88,25 +72,6 @@ def test_the_workers_new_variables_are_gone_afterwards(
     assert [outcome.value for outcome in outcomes] == ["within", "new", "3", "1"]
     assert os.environ["FOOTFALL_TEST"] == "before"
     assert not {"FOOTFALL_NEW", "MKL_NUM_THREADS"} & set(os.environ)
-
-
-def test_without_tasks_there_are_no_outcomes() -> None:
-    assert run_all(square, []) == []
-
-
-def test_no_more_tasks_are_in_flight_than_there_are_workers() -> None:
-    """They alone are suspected when a process dies."""
-    submitted: list[str] = []
-    pool: Any = SimpleNamespace(submit=lambda _, task: submitted.append(task) or Future())
-    in_flight: dict[Future, int] = {}
-    queue = iter(range(5))
-    _launch(pool, square, "abcde", queue, in_flight, 2)  # type: ignore[arg-type, type-var]
-    assert submitted == ["a", "b"]
-    assert list(in_flight.values()) == [0, 1]
-    in_flight.pop(next(iter(in_flight)))
-    _launch(pool, square, "abcde", queue, in_flight, 2)  # type: ignore[arg-type, type-var]
-    assert submitted == ["a", "b", "c"]
-    assert list(in_flight.values()) == [1, 2]
 
 
 INTERRUPTED = """
@@ -141,33 +106,3 @@ def test_ctrl_c_while_processes_load_their_modules_prints_nothing(tmp_path: Path
         command, cwd=tmp_path, capture_output=True, text=True, check=False, start_new_session=True
     )
     assert (done.returncode, done.stderr) == (130, "")
-
-
-TERMINATED_BETWEEN = """
-import multiprocessing.util as util, os, signal, sys
-from footfall.evaluate.pool import run_all
-
-def terminate(*_):
-    raise KeyboardInterrupt
-
-if __name__ == "__main__":
-    start = util.spawnv_passfds
-    def start_and_terminate(path, args, fds):
-        pid = start(path, args, fds)
-        if any("spawn_main" in str(each) for each in args):
-            os.kill(os.getpid(), signal.SIGTERM)
-        return pid
-    util.spawnv_passfds = start_and_terminate
-    signal.signal(signal.SIGTERM, terminate)
-    try:
-        run_all(abs, [1, 2], 2)
-    except KeyboardInterrupt:
-        sys.exit(143)
-"""
-
-
-def test_a_process_gets_its_task_while_its_parent_is_terminated(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(TERMINATED_BETWEEN)
-    command = [sys.executable, "script.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (143, "")

@@ -1,11 +1,9 @@
 """The report's page as browsers show it: on a telephone and a wide screen, in the dark, and on paper."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from browser import Tab, chromium, tab
-from matplotlib.image import imread
 from report_pages import page_of, result, walked
 
 from footfall.robots.description import Robot
@@ -60,14 +58,6 @@ def test_it_is_dark_on_request_and_no_wider(page: Tab, width: int, media: str, c
     for element in ("document.body", "document.querySelector('header')"):
         luminance = page.value(LUMINANCE.format(element))
         assert luminance < 0.2 if dark else luminance > 0.9
-
-
-def test_the_page_is_drawn(page: Tab, tmp_path: Path) -> None:
-    shown(page, 1400)
-    page.picture(tmp_path / "page.png")
-    pixels = imread(tmp_path / "page.png")[..., :3]
-    assert pixels.shape[:2] == (900, 1400)
-    assert pixels.std() > 0.05
 
 
 def test_the_page_is_short_and_a_link_to_a_folded_part_opens_it(page: Tab) -> None:

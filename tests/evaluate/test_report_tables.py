@@ -1,7 +1,5 @@
 """Tables of the report."""
 
-from dataclasses import replace
-
 import pytest
 from report_pages import FILE, comparison, result, walked
 
@@ -44,12 +42,6 @@ class TestTables:
             Cell("0.21 / 0.40", "of 20 ms"),
         ]
 
-    def test_a_policy_without_steps_has_no_time_per_step(self, go1: Robot) -> None:
-        none = result("a", "a", 0.1, 0, 1.0, None)
-        none.course.compute["compute_ms"] = {"p50": None, "p99": None}
-        (_, cells), *_ = tables.headline_table(comparison(go1, none)).rows
-        assert cells[-1] == Cell("–")
-
     def test_falls_stand_by_scenario(self, two: Comparison) -> None:
         table = tables.falls_table(two)
         assert table.columns == [Heading("nominal"), Heading("push")]
@@ -71,16 +63,3 @@ class TestTables:
         assert [cell.text for cell in nominal.table.rows[1][1]] == ["0.100", "0.300"]
         assert nominal.endings == ["trot: the base touched the ground (12)"]
         assert push.endings == [f"{name}: the base touched the ground (11)" for name in ("mine", "trot")]
-
-    def test_warnings_are_of_episodes_and_of_the_course(self, two: Comparison) -> None:
-        mine, trot = two.policies
-        nominal = trot.result["scenarios"]["nominal"] | {
-            "failed_episodes": ["episode 4: no"],
-            "notes": ["no floor"],
-        }
-        trot = replace(trot, result={"scenarios": trot.result["scenarios"] | {"nominal": nominal}})
-        assert tables.all_warnings(replace(two, policies=[mine, trot])) == [
-            "trot, nominal: 1 of 25 episodes failed: no (1)",
-            "no floor",
-            "trot did not walk the course: its process died",
-        ]

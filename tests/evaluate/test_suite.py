@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from outcomes import GOOD, outcome
@@ -146,24 +145,6 @@ class TestEpisode:
         weight_n = found.metrics.weight_n
         assert found.metrics == replace(
             score(ran.trace, go1, weight_n), estimate_mse=found.metrics.estimate_mse
-        )
-
-    def test_a_load_on_its_back_is_part_of_its_weight(self, ran: SimpleNamespace, go1: Robot) -> None:
-        """2 kg, at the gravity of the robot's own model."""
-        own = mujoco.MjModel.from_xml_path(str(go1.xml_path)).body_mass.sum()
-        plain = replace(self.PLAN, levels={"friction": 0.3})
-        weights = [
-            run_with(load_policy("stand", go1), self.task(plan=plan)).metrics.weight_n
-            for plan in (plain, self.PLAN)
-        ]
-        assert weights == pytest.approx([9.81 * own, 9.81 * (own + 2.0)])
-
-    def test_joints_and_bodies_without_the_world_are_drawn(self, ran: SimpleNamespace, go1: Robot) -> None:
-        run_with(load_policy("stand", go1), self.task(plan=replace(self.PLAN, randomised=True)))
-        own = mujoco.MjModel.from_xml_path(str(go1.xml_path))
-        assert {np.shape(value) for value in ran.given[2].sample.values()} >= {(12,), (own.nbody - 1,)}
-        assert all(
-            len(np.shape(v)) < 1 or len(v) in (3, 12, own.nbody - 1) for v in ran.given[2].sample.values()
         )
 
     def test_trouble_is_each_reason_once_the_fall_first(self, ran: SimpleNamespace, go1: Robot) -> None:

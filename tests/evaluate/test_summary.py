@@ -14,7 +14,7 @@ from footfall.evaluate.metrics import EpisodeMetrics
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import bootstrap_mean_interval
-from footfall.evaluate.summary import Summary, compute_figures, summarise
+from footfall.evaluate.summary import Summary, summarise
 from footfall.robots.description import load_robot
 
 SCENARIOS = load_scenarios(load_robot("go1")).scenarios
@@ -43,14 +43,6 @@ class TestSummary:
     def test_mean_velocity_is_over_the_scored_time_of_all_episodes(self) -> None:
         short_and_still = replace(GOOD, scored_s=2.0, mean_velocity=(0.0, 1.0, -0.5))
         assert nominal(GOOD, short_and_still)["mean_velocity"] == pytest.approx([0.4, 0.2, -0.1])
-
-    def test_slip_is_over_the_time_of_stance_and_peaks_are_of_the_worst_episode(self) -> None:
-        slipping = replace(
-            GOOD, stance_s=60.0, foot_slip_m_s=0.25, peak_torque_nm=33.0, peak_torque_share=1.0
-        )
-        summary = nominal(GOOD, slipping, GOOD)
-        assert summary["foot_slip_m_s"] == pytest.approx((20 * 0.05 + 60 * 0.25 + 20 * 0.05) / 100)
-        assert (summary["peak_torque_nm"], summary["peak_torque_share"]) == (33.0, 1.0)
 
     @pytest.mark.parametrize(
         ("name", "values", "weights", "root"),
@@ -99,21 +91,6 @@ class TestSummary:
         assert nominal(replace(GOOD, distance_m=0.1))["cost_of_transport"] is None
         assert nominal(replace(GOOD, distance_m=0.11))["cost_of_transport"] == pytest.approx(625 / 125 / 0.11)
 
-    def test_time_per_step_is_of_all_steps_of_all_episodes(self) -> None:
-        quick, slow = (outcome(compute_ms=ms) for ms in (np.arange(1.0, 52.0), np.arange(52.0, 102.0)))
-        summary = summarise(SCENARIOS["nominal"], [quick, slow], 0)
-        assert summary["compute_ms"] == {"p50": 51.0, "p99": 100.0}
-        assert summary["missed_deadlines"] == pytest.approx(81 / 101)  # a step of just 20 ms is in time
-        assert compute_figures(np.zeros(0), 20.0) == {
-            "compute_ms": {"p50": None, "p99": None},
-            "missed_deadlines": None,
-        }
-
-    def test_notes_are_shown_once_and_in_order(self) -> None:
-        said = (("no floor", "h", "d"), ("no base", "no floor", "a"), (), ("c", "g", "a"), ("e", "b", "f"))
-        noted = [outcome(notes=notes) for notes in said]
-        assert summarise(SCENARIOS["nominal"], noted, 0)["notes"] == [*"abcdefgh", "no base", "no floor"]
-
     def test_a_row_has_the_figures_of_its_own_episodes(self) -> None:
         careless = replace(FELL, lin_vel_mse=0.25, yaw_rate_mse=0.49, electrical_j=1250.0)
         met = [(GOOD, 1.0), (careless, 2.0), (careless, 2.0)]
@@ -126,21 +103,9 @@ class TestSummary:
             "cost_of_transport",
         }  # fmt: skip
 
-    def test_the_strongest_push_is_reported_and_no_median_below_the_weakest(self) -> None:
-        weak = summarise(SCENARIOS["push"], [outcome(FELL, push) for push in (1.5, 0.5)], 0)
-        assert (weak["strongest_push"], weak["dv50"]) == (1.5, None)
-        assert "dv50" not in nominal(GOOD)
-
     def test_emergency_stops_are_counted_among_the_falls(self) -> None:
         summary = nominal(GOOD, FELL, replace(FELL, emergency_stop=True))
         assert (summary["falls"], summary["emergency_stops"]) == (2, 1)
-
-    def test_episodes_in_which_legs_touch_are_counted(self) -> None:
-        summary = nominal(
-            GOOD, replace(GOOD, legs_touch_share=0.001), GOOD, replace(GOOD, legs_touch_share=0.5)
-        )
-        assert summary["legs_touch_episodes"] == 2
-        assert text(figures()["legs_touch_episodes"], summary) == "2 of 4"
 
     def test_successes_are_counted_on_ground_that_is_not_level(self) -> None:
         good, stuck, fallen = (
@@ -151,12 +116,6 @@ class TestSummary:
         summary = summarise(SCENARIOS["stairs"], outcomes, 0)
         assert (summary["successes"], [row["successes"] for row in summary["rows"]]) == (1, [1, 0])
         assert text(figures()["successes"], summary) == "1 of 3"
-
-    def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
-        assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5
-        assert "mean_forward_m_s" not in nominal(GOOD)
-        scripted = replace(SCENARIOS["forward"], levels={"friction": (0.5,)})
-        assert "mean_forward_m_s" not in summarise(scripted, [outcome()], 0)
 
     def test_an_episode_that_raised_is_named_and_not_counted(self) -> None:
         summary = summarise(SCENARIOS["nominal"], [outcome(), TaskResult(None, "its process died")], 0)
@@ -185,23 +144,6 @@ class TestSummary:
         ]
         assert [row["episodes"] for row in summary["rows"]] == [4, 4, 4, 4]
         assert summary["rows"][3]["fall_rate_interval"] == pytest.approx([0.5101, 1.0], abs=1e-4)
-
-    def test_rows_of_two_levels_are_named_by_both(self) -> None:
-        levels = {"forward_m_s": 2.0, "yaw_rad_s": -1.0}
-        (row,) = summarise(SCENARIOS["sweep"], [outcome(levels=levels)], 0)["rows"]
-        assert (row["forward_m_s"], row["yaw_rad_s"]) == (2.0, -1.0)
-
-    def test_rows_are_sorted_by_level(self) -> None:
-        met = [outcome(levels={"friction": friction}) for friction in (0.6, 0.2, 1.2)]
-        rows = summarise(SCENARIOS["friction"], met, 0)["rows"]
-        assert [row["friction"] for row in rows] == [0.2, 0.6, 1.2]
-
-    def test_reasons_are_listed_in_the_alphabets_order(self) -> None:
-        outcomes = [
-            outcome(FELL, trouble=reason) for reason in ("tilted", "base down", "tilted", "motor off")
-        ]
-        troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]
-        assert list(troubles.items()) == [("base down", 1), ("motor off", 1), ("tilted", 2)]
 
 
 class TestShowing:

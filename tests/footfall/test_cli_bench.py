@@ -6,11 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rich.table import Table
 from shell import Shell
 
 from footfall.deploy.bench import MotorState
-from footfall.verbs import can
 
 HIP = MotorState("hip", "can0", 1, "AK10-9", 0.004, 0.5, 1.0, -0.25, 41.0, 48.04, "")
 TABLE = [
@@ -116,62 +114,3 @@ def test_without_a_problem_the_motors_are_shown(shell: Shell, motors: Motors) ->
     for verb in VERBS[:2]:
         shell("can", *verb.split(), "--duration", "1.5")
         assert motors.seconds == 1.5
-
-
-def test_the_table_shows_the_latest(shell: Shell, motors: Motors, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The hip moves by 0.1 rad each time that it is asked, four times in a second."""
-    shown: list[str] = []
-
-    class Screen:
-        def __init__(self, table: Table, **_: Any) -> None:
-            self.update(table)
-
-        def update(self, table: Table, **_: Any) -> None:
-            shown.append(next(iter(table.columns[4].cells)))
-
-        def __enter__(self) -> "Screen":
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-    def watch(seconds: float, show: Any) -> None:
-        for _ in range(8):
-            now_s[0] += 0.125
-            show()
-
-    now_s = [10.0]
-    monkeypatch.setattr("rich.console.Console", lambda: SimpleNamespace(is_terminal=True))
-    monkeypatch.setattr("rich.live.Live", Screen)
-    monkeypatch.setattr(can, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    monkeypatch.setattr(motors, "watch", watch)
-    motors.states_in_turn = [[HIP._replace(position=0.1 * k)] for k in range(7)]
-    assert shell("can", "monitor").status == 0
-    assert shown == ["+0.000", "+0.100", "+0.200", "+0.300", "+0.400", "+0.500"]
-
-
-def test_ctrl_c_ends_monitoring_like_its_duration(shell: Shell, motors: Motors) -> None:
-    motors.interrupts, motors.answers = True, {"missing": "nobody answers"}
-    outcome = shell("can", "monitor")
-    assert (outcome.status, outcome.out.splitlines()) == (1, [*TABLE, "nobody answers"])
-
-
-def test_errors_of_motors_come_after_the_problem_and_are_status_1(shell: Shell, motors: Motors) -> None:
-    motors.states_in_turn = [
-        [HIP._replace(error="over-current"), HIP, HIP._replace(joint="knee", error="heat")]
-    ]
-    for verb in VERBS:
-        for problem in ([], ["nobody answers"]):
-            motors.answers["missing"] = "".join(problem)
-            outcome = shell("can", *verb.split())
-            result = [*problem, "hip reports over-current", "knee reports heat"]
-            assert (outcome.status, outcome.out.splitlines()[4:]) == (1, result)
-
-
-def test_cleared_errors_are_reported(shell: Shell, motors: Motors) -> None:
-    knee, ankle = HIP._replace(joint="knee"), HIP._replace(joint="ankle")
-    stuck = ankle._replace(error="heat")
-    motors.states_in_turn = [[HIP._replace(error="over-current"), knee, stuck], [HIP, knee, stuck]]
-    outcome = shell("can", "clear", "--yes")
-    lines = outcome.out.splitlines()
-    assert lines[0] == "hip reported over-current: cleared"
-    assert (outcome.status, lines[5:]) == (1, ["ankle reports heat"])

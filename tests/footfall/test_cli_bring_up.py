@@ -8,14 +8,7 @@ from typing import Any
 import pytest
 from shell import Shell
 
-from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
-from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.wiring import wiring_of
-from footfall.plant.robot import PlantConfig
-from footfall.robots.description import load_robot
 from footfall.verbs import bring_up
 
 OUTCOME: Any = SimpleNamespace(final_state="IDLE", run_s=2.5, notes=("a note",))
@@ -65,39 +58,3 @@ def test_the_share_that_reaches_the_motors(shell: Shell, runs: list[Any], scale:
     outcome = shell("bring-up", "stand", "--steps", "hold", "--scale", scale)
     assert outcome.status == (2 if refused else 0)
     assert ("--scale" in outcome.err) is refused
-
-
-def test_unwritable_figures_are_known_before_the_first_step(shell: Shell, runs: list[Any]) -> None:
-    assert "there is no folder" in shell.refuses("bring-up", "stand", "--json", "absent/a.json")
-    assert runs == []
-
-
-def test_an_interface_passes_motors_and_imu(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened: list[Any] = []
-    bus = SimpleNamespace(close=lambda: opened.append("closed"))
-    monkeypatch.setattr(
-        "footfall.deploy.interfaces.open_interfaces", lambda *given: opened.append(given) or bus
-    )
-    steps: list[Any] = []
-    monkeypatch.setattr(
-        "footfall.deploy.bring_up.steps.run_step",
-        lambda step, setting, on: steps.append((step.name, on)) or Verdict(step.name, (), OUTCOME),
-    )
-    assert shell("bring-up", "stand", "--bus", "slcan", "--steps", "hold", "--yes").status == 0
-    wiring = wiring_of(load_robot("go1"))
-    filters = (*open_driver(wiring).filters, *imu.ImuReader.filters)
-    assert opened == [("slcan", wiring.buses, filters), "closed"]
-    assert steps == [("hold", bus)]
-
-
-def test_a_robot_unable_to_lie_starts_up(shell: Shell, monkeypatch: pytest.MonkeyPatch, go1: Any) -> None:
-    made: list[PlantConfig] = []
-    monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *given: made.append(given[3]))
-    monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
-    robot = SimpleNamespace(lying_pose=None)
-    setting: Any = SimpleNamespace(robot=robot, deploy=DeployConfig(), config=BringUpConfig())
-    monkeypatch.setattr("footfall.deploy.wiring.wiring_of", lambda _: wiring_of(go1))
-    for step in STEPS:
-        with bring_up._opened(setting, step, "sim"):
-            pass
-    assert [(config.lying, config.hanging) for config in made] == [(False, step.hangs) for step in STEPS]

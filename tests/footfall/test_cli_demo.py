@@ -1,14 +1,12 @@
 """`footfall demo`: which commands it runs, without running them."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from recorder import Recorder
 from shell import Shell
 
 from footfall.cli import app
-from footfall.common.errors import UserError
 from footfall.verbs import demo as demo_module
 
 
@@ -39,24 +37,6 @@ def test_from_training_to_a_report(steps: list[tuple[str, ...]], shell: Shell, c
     assert str(Path("d/report.html").resolve()) in outcome.out
 
 
-@pytest.mark.parametrize(
-    ("robot", "walkers", "half_speed"),
-    [("hexapod", ["hexapod-flat", "tripod", "mpc"], "0.125"), ("g1", ["g1-flat", "step", "mpc-wbc"], "0.4")],
-)
-def test_another_robot_walks_with_its_own_controllers_and_speed(
-    steps: list[tuple[str, ...]],
-    shell: Shell,
-    tmp_path: Path,
-    robot: str,
-    walkers: list[str],
-    half_speed: str,
-) -> None:
-    shell("demo", "--robot", robot, "--out", tmp_path / "demo")
-    _, _, deploy, compare = steps
-    assert list(compare[2 : compare.index("--robot")]) == walkers
-    assert deploy[deploy.index("--command") + 1] == f"{half_speed},0,0"
-
-
 def test_requirements_of_all_steps_are_checked_before_the_first(
     steps: list[tuple[str, ...]], shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -73,11 +53,6 @@ def test_requirements_of_all_steps_are_checked_before_the_first(
     assert "an HTML report needs" in shell.refuses("demo", "--out", "d")
     assert steps == []
     assert not (tmp_path / "d").exists()
-
-
-def test_a_failed_step_ends_the_demo() -> None:
-    with pytest.raises(UserError, match="footfall list failed with status 2"):
-        demo_module._step("list", "--no-such-option")
 
 
 def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path) -> None:
@@ -99,17 +74,3 @@ def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Sh
     statuses["export"] = 1
     assert shell("demo", "--out", tmp_path / "demo").status == 2
     assert ran[4:] == ["train", "export"]
-
-
-def test_ctrl_c_ends_the_demo_after_the_current_step(monkeypatch: pytest.MonkeyPatch, shell: Shell) -> None:
-    waits: list[str] = []
-
-    def wait() -> int:
-        waits.append("wait")
-        if len(waits) == 1:
-            raise KeyboardInterrupt
-        return 0
-
-    monkeypatch.setattr(demo_module.subprocess, "Popen", lambda _: SimpleNamespace(wait=wait))
-    assert shell("demo", "--out", "d").status == 130
-    assert waits == ["wait", "wait"]

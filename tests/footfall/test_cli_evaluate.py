@@ -7,13 +7,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from long_tests import long_test
 from recorder import Recorder
 from shell import Shell
 
 from footfall.evaluate import api, suite
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.pool import TaskResult, run_all
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.operate.missions.run import mission_run
 from footfall.plant.episode import Push
@@ -51,41 +50,6 @@ def test_evaluate_writes_the_documented_files(shell: Shell, tmp_path: Path) -> N
     assert figures["episodes"] == 1
 
 
-@long_test
-def test_compare_nests_by_name_and_takes_settings_of_one_again(shell: Shell, tmp_path: Path) -> None:
-    """A policy with a file's settings and one with changed settings are named with these settings."""
-    mine, path, page = tmp_path / "mine.yaml", tmp_path / "both.json", tmp_path / "both.html"
-    mine.write_text("kp: 45.0")
-    outcome = shell(
-        *(
-            "compare",
-            "stand",
-            f"stand@{mine}",
-            *BRIEF,
-            "--set",
-            "stand.kd=2.5",
-            "--set",
-            "stand.settle_s=0.4",
-        ),
-        *("--json", path, "--html", page),
-    )
-    assert outcome.status == 0, outcome.err
-    results = json.loads(path.read_text())
-    own, other = "stand@kd=2.5@settle_s=0.4", "stand@mine.yaml@kd=2.5@settle_s=0.4"
-    assert list(results) == [own, other]
-    assert [results[name]["settings"]["kp"] for name in (own, other)] == [60.0, 45.0]
-    assert [results[name]["settings"]["kd"] for name in (own, other)] == [2.5, 2.5]
-    assert results[own]["about"] == "hand-written controller, 500 Hz, with kd=2.5, settle_s=0.4"
-    assert results[other]["about"].endswith("with kp=45.0, kd=2.5, settle_s=0.4")
-    for result in results.values():
-        assert result["scenarios"]["forward"]["episodes"] == 1
-        assert set(result["compute_ms"]) == {"p50", "p99"}
-    text = page.read_text()
-    assert "with kp=45.0, kd=2.5" in text
-    assert "Settings of stand@mine.y…kd=2.5@settle_s=0.4" in text  # as short as its column
-    assert "https://" not in text.split("</head>")[0]  # self-contained
-
-
 def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,20 +61,6 @@ def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     forward = json.loads((tmp_path / "a.json").read_text())["scenarios"]["forward"]
     assert forward["episodes"] == 0
     assert None not in forward.values()
-
-
-def test_one_failed_episode_is_reported(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def second_fails(function: Any, tasks: Any, *rest: Any) -> list[TaskResult]:
-        return [*run_all(function, tasks[:1], *rest), TaskResult(None, "ValueError: no")]
-
-    monkeypatch.setattr(suite, "run_all", second_fails)
-    outcome = shell("evaluate", "stand", "--scenarios", "forward", "--json", tmp_path / "a.json")
-    assert outcome.status == 1
-    assert "1 of 2 episodes failed: ValueError: no (1)" in outcome.err
-    forward = json.loads((tmp_path / "a.json").read_text())["scenarios"]["forward"]
-    assert (forward["episodes"], forward["falls"]) == (1, 0)
 
 
 def scored(*errors: str) -> dict[str, Any]:
@@ -133,12 +83,6 @@ def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: R
         assert shell("compare", "b", "a", *options, "--json", "none", "--html", "None").status == 0
         outputs = {"json_path": Path("none"), "html_path": Path("None")}
         assert called.of("compare_policies") == ((("b", "a"), expected), outputs)
-
-
-def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Recorder) -> None:
-    called.replace("footfall.evaluate.api.compare_policies", {"a": scored(), "b": scored("episode 1: no")})
-    outcome = shell("compare", "a", "b")
-    assert (outcome.status, outcome.err) == (1, "footfall: 1 of 9 episodes failed: no (1)\n")
 
 
 def test_a_missed_requirement_is_status_1_in_xml(shell: Shell, called: Recorder, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import pytest
 from can import CanutilsLogReader
 from deploy_policies import FailingPolicy, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
-from mcap.writer import Writer
 from quick_relaxed import QUICK
 from shell import Shell
 
@@ -108,17 +107,6 @@ def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, 
     assert sorted(placed) == sorted(foxglove["configById"])
     curves = [each.get("name", "") for each in ElementTree.parse(tmp_path / "plotjuggler").iter("curve")]
     assert {f"/joint_states/{joint}/effort" for joint in go1.joint_names} <= set(curves)
-
-
-def test_a_layout_is_written_beside_its_log_for_any_robot_name(shell: Shell, tmp_path: Path) -> None:
-    (tmp_path / "logs").mkdir()
-    with (tmp_path / "logs" / "a.mcap").open("wb") as file:
-        writer = Writer(file)
-        writer.start("ros2", "")
-        writer.add_metadata("footfall", {"robot": '"../evil"', "joints": '["hip"]'})
-        writer.finish()
-    shell("log", "layout", tmp_path / "logs" / "a.mcap")
-    assert [path.parent for path in tmp_path.rglob("*.json")] == [tmp_path / "logs"]
 
 
 def test_garbage_and_logs_without_frames_are_refused(shell: Shell, go1: Robot, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -10,7 +9,6 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-import pytest
 from quick_relaxed import written
 
 ROOT = Path(__file__).parents[2]
@@ -122,43 +120,3 @@ def processes_of(session: int) -> list[int]:
             state, _, _, of = stat.read_text().rpartition(")")[2].split()[:4]
             found += [int(stat.parent.name)] if int(of) == session and state != "Z" else []
     return found
-
-
-def without_roots_privilege() -> list[str]:
-    """Prefix of a command that drops root's privilege to ignore permissions."""
-    if os.geteuid() != 0:
-        return []
-    lacking = "-dac_override,-dac_read_search"
-    dropped = ["setpriv", f"--bounding-set={lacking}", f"--inh-caps={lacking}"]
-    if shutil.which("setpriv") is None or subprocess.run([*dropped, "true"], check=False).returncode:
-        pytest.skip("root may read and write everything, and setpriv cannot change that here")
-    return dropped
-
-
-def test_files_without_permission(tmp_path: Path) -> None:
-    """One line for each, and nothing is left behind."""
-    folder, settings = tmp_path / "locked", tmp_path / "loop.yaml"
-    folder.mkdir(mode=0o500)
-    settings.touch(mode=0o200)
-    commands = [
-        ["deploy", "stand", "--json", str(folder / "out")],
-        ["evaluate", "stand", "--json", str(folder / "out")],
-        ["deploy", "stand", "--config", str(settings)],
-    ]
-    done = several(commands, before=tuple(without_roots_privilege()), cwd=tmp_path)
-    assert done.stdout == "[2, 2, 2]\n"
-    complaints = done.stderr.splitlines()
-    assert len(complaints) == 3
-    assert all(line.startswith("footfall: ") and "Permission denied" in line for line in complaints)
-    assert set(tmp_path.iterdir()) == {folder, settings}
-
-
-def test_a_reader_that_leaves_is_no_error() -> None:
-    process = subprocess.Popen(
-        [*FOOTFALL, "deploy", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.stderr is not None
-    assert process.stderr.read() == ""
-    assert process.wait(timeout=20) == 141  # as of a command that SIGPIPE ended

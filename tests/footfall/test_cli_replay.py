@@ -3,18 +3,14 @@
 import json
 import re
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from quick_relaxed import written
-from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
 
 from footfall.cli import main
-from footfall.common.errors import UserError
-from footfall.robots.description import ROBOTS, Robot
+from footfall.robots.description import ROBOTS
 
 
 @pytest.fixture(scope="module")
@@ -85,57 +81,3 @@ def test_a_log_without_its_policy_asks(shell: Shell, short: tuple[str, ...], tmp
     walk.rename(tmp_path / "moved.onnx")
     assert "--policy" in shell.refuses("replay", log)
     assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0
-
-
-def refuse(*_: Any) -> None:
-    raise UserError("enough")
-
-
-class TestNamesInTheLog:
-    @pytest.fixture
-    def log(self, called: Recorder, go1: Robot) -> dict[str, Any]:
-        """Policy and robot of the log; `result` is the result of its replay."""
-        named: dict[str, Any] = {
-            "policy_spec": "its policy", "robot": "its name", "robot_folder": "/its/folder",
-            "robot_digest": go1.digest,
-        }  # fmt: skip
-        named["result"] = SimpleNamespace(
-            steps=7, complete=True, damaged=0, first_difference="", worst_difference=0.00123
-        )
-        called.replace("footfall.deploy.replay.replay", lambda *_: named["result"])
-        # Once the replay has been imported, which would keep the stand-in for ever.
-        called.replace(
-            "footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__, metadata={})
-        )
-        called.replace("footfall.policies.registry.load_policy", "the policy")
-        called.replace("footfall.robots.description.load_robot", lambda _: go1)
-        return named
-
-    @pytest.mark.parametrize(
-        ("options", "robot", "policy"),
-        [
-            ((), "its name", "its policy"),
-            (("--policy", "mine"), "its name", "mine"),
-            (("--robot", "rex"), "rex", "its policy"),
-            (("--policy", "mine", "--robot", "rex", "--tolerance", "0.25"), "rex", "mine"),
-        ],
-    )
-    def test_is_used_without_an_option(
-        self, shell: Shell, called: Recorder, log: dict, go1: Robot, options: tuple, robot: str, policy: str
-    ) -> None:
-        outcome = shell("replay", "a.mcap", *options)
-        assert outcome.status == 0
-        for fact in ("7 policy steps", "the same decisions", "0.00123"):
-            assert fact in outcome.out
-        assert called.of("load_robot") == ((robot,), {})
-        assert called.of("load_policy") == ((policy, go1), {})
-        tolerance = 0.25 if "--tolerance" in options else 0.0
-        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, [], None), {})
-
-    def test_is_searched_in_the_folder(self, shell: Shell, called: Recorder, log: dict, go1: Robot) -> None:
-        called.replace("footfall.robots.description.load_robot", lambda at: go1 if at[0] == "/" else refuse())
-        assert shell("replay", "a.mcap").status == 0
-        log["robot_digest"] = "of another"
-        complaint = shell.refuses("replay", "a.mcap")
-        assert "its name of /its/folder" in complaint
-        assert "give --robot" in complaint

@@ -13,7 +13,6 @@ import pytest
 from quick_relaxed import written
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
-XOFF = b"\x13"  # Ctrl-S
 
 
 @pytest.fixture
@@ -50,25 +49,6 @@ def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
     assert figures(tmp_path)["final_state"] == "IDLE"
 
 
-def test_a_terminal_that_is_stopped(walk: list[str], tmp_path: Path) -> None:
-    child, terminal = walking_on_a_terminal(walk, "1", tmp_path)
-    os.write(terminal, XOFF)
-    assert b"final state" in rest(terminal)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert figures(tmp_path)["final_state"] == "IDLE"
-    os.close(terminal)
-
-
-def rest(terminal: int) -> bytes:
-    """Output until the other end is closed."""
-    read = b""
-    while True:
-        try:
-            read += os.read(terminal, 10_000)
-        except OSError:
-            return read
-
-
 def test_a_pipe_without_a_reader(walk: list[str], tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -85,22 +65,6 @@ def test_a_pipe_without_a_reader(walk: list[str], tmp_path: Path) -> None:
     assert "cannot show the result" in done.stderr
     assert "the run ended: IDLE" in done.stderr
     assert figures(tmp_path)["final_state"] == "IDLE"
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_a_full_disk_hides_no_emergency_stop(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(POLICY.format(act="raise RuntimeError('broken')"))
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [*FOOTFALL, "deploy", "mine:Mine", "--json", "/dev/full", "--duration", "0.5"],
-            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
-            env=os.environ | {"TMPDIR": str(tmp_path)},
-        )  # fmt: skip
-    assert done.returncode == 1
-    assert "ESTOP, the policy failed: RuntimeError: broken" in done.stderr
-    assert done.stderr.count("\n") == 1
-    (kept,) = tmp_path.glob("footfall-*.json")
-    assert json.loads(kept.read_text())["final_state"] == "ESTOP"
 
 
 POLICY = """
@@ -143,17 +107,3 @@ def test_exiting_policy_fails(walk: list[str], tmp_path: Path, act: str, state: 
     assert (done.returncode, done.stderr) == (status, "")
     assert figures(tmp_path)["final_state"] == state
     assert state in done.stdout
-
-
-def test_no_file_descriptor_is_left(walk: list[str], tmp_path: Path) -> None:
-    """A policy uses up all descriptors: the log may be cut short, the figures are complete."""
-    act = "self.kept = []\n            while True:\n                self.kept.append(os.open('/dev/null', 0))"
-    (tmp_path / "mine.py").write_text(POLICY.format(act=act))
-    walk[walk.index("stand")] = "mine:Mine"
-    limited = f"ulimit -n 200; exec {' '.join([*walk, '1', '--log', str(tmp_path / 'run.mcap')])}"
-    done = subprocess.run(
-        ["sh", "-c", limited], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert (done.returncode, done.stderr) == (1, "")
-    assert "Too many open files" in figures(tmp_path)["faults"][0]
-    assert "ESTOP" in done.stdout

@@ -30,8 +30,16 @@ def test_with_yes_no_question_is_asked(questions: list[str], monkeypatch: pytest
     assert questions == []
 
 
-def test_without_a_terminal_it_is_refused(questions: list[str]) -> None:
-    with pytest.raises(UserError, match="no terminal for the confirmation: add --yes"):
+@pytest.mark.parametrize("answer", ["", "n", "yep"])
+def test_any_other_answer_is_a_no(asked: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _: answer)
+    with pytest.raises(UserError):
+        confirm("shall it move?", yes=False)
+
+
+def test_without_a_terminal_it_is_refused(asked: list[str]) -> None:
+    with pytest.raises(UserError, match="--yes"):
         confirm("shall it move?", yes=False)
     assert questions == []
 

@@ -33,18 +33,6 @@ def test_there_is_one_for_each_robot_that_ships() -> None:
         assert spec.vector_entry_point == "footfall.gym:make_vector"
 
 
-def test_by_default_it_is_the_cpu_presets_on_the_generated_physics(made: list[Any], go1: Robot) -> None:
-    footfall.gym.make_single("go1")
-    footfall.gym.make_vector("go1")
-    (_, robot, config, mode), (_, many_robot, many_config, count, many_mode) = made
-    assert (robot.name, many_robot.name) == ("go1", "go1")
-    assert config == many_config
-    assert (config.physics, config.episode_s) == ("generated", load_preset("cpu", go1).env.episode_s)
-    assert config.rewards == load_preset("cpu", go1).env.rewards
-    assert (mode, count, many_mode) == (None, 1, None)
-    assert [kind for kind, *_ in made] == ["GymnasiumEnv", "GymnasiumVectorEnv"]
-
-
 def test_options_reach_it_with_its_robots_settings(made: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Any] = []
 

@@ -1,7 +1,6 @@
 """The cockpit's server: access, accepted commands, and the effect of silence."""
 
 import json
-import socket
 import time
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -12,6 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
+from ports import free_port
 from walking_run import WALKING, eventually
 
 from footfall.common.errors import UserError
@@ -22,7 +22,7 @@ from footfall.robots.description import Robot
 
 pytest.importorskip("websockets")
 
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from footfall.pages.cockpit.beside import cockpit
@@ -34,10 +34,7 @@ STANDING = WALKING._replace(mode=Mode.STANDING)
 @pytest.fixture(scope="module")
 def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     """A cockpit whose run has no feed, with the inbox that takes its commands."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = int(probe.getsockname()[1])
-    inbox = Inbox()
+    port, inbox = free_port(), Inbox()
     with cockpit(inbox, "localhost", port, go1, tmp_path_factory.mktemp("none") / "feed") as (link, address):
         token = parse_qs(urlsplit(address).query)["token"][0]
         yield SimpleNamespace(
@@ -130,20 +127,20 @@ class TestCommands:
         assert "take control" in visitor.refusal()
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
-        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
+        assert eventually(lambda: asked(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
         other = Visitor(served)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
         assert "take control" in other.refusal()
         other.take_control(served.inbox)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
-        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
+        assert eventually(lambda: asked(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
         other.socket.close()  # at once: the server has not learned yet who has control
-        assert eventually(lambda: not requested_velocity(served.inbox).any(), PATIENCE_S)
+        assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
-        assert eventually(lambda: requested_velocity(served.inbox)[0] == 0.2, PATIENCE_S)
+        assert eventually(lambda: asked(served.inbox)[0] == 0.2, PATIENCE_S)
         for message in (
             {"number": 1, "answer": visitor.challenge},
             {"number": 99, "answer": visitor.challenge + 1},
@@ -164,18 +161,10 @@ class TestCommands:
             visitor.socket.send(content)
             if isinstance(content, str):
                 assert visitor.refusal()
-        assert requested_velocity(served.inbox).tolist() == [0.2, 0.0, 0.0]
+        assert asked(served.inbox).tolist() == [0.2, 0.0, 0.0]
 
-    def test_a_flood_ends_the_connection(self, served: SimpleNamespace) -> None:
-        flooding = Visitor(served)
-        with pytest.raises(ConnectionClosed), flooding.socket:
-            flood(flooding)
-
-    def test_a_stop_of_any_page_and_age_counts_and_is_repeated(self, go1: Robot, tmp_path: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("localhost", 0))
-            port = int(probe.getsockname()[1])
-        inbox = Inbox()
+    def test_anyone_may_stop_at_any_age_and_pages_repeat_it(self, go1: Robot, tmp_path: Path) -> None:
+        port, inbox = free_port(), Inbox()
         with cockpit(inbox, "localhost", port, go1, tmp_path / "feed") as (_, address):
             token = parse_qs(urlsplit(address).query)["token"][0]
             here = SimpleNamespace(port=port, token=token, origin=f"http://localhost:{port}")
@@ -193,13 +182,7 @@ class TestCommands:
                 pytest.fail("the port is taken")
 
 
-def flood(visitor: Visitor) -> None:
-    for _ in range(2000):
-        visitor.ask(do="put", velocity=[0.0, 0.0, 0.0])
-        visitor.socket.recv(PATIENCE_S)
-
-
-def requested_velocity(inbox: Inbox) -> np.ndarray:
+def asked(inbox: Inbox) -> np.ndarray:
     """The owner's last requested velocity, of any age."""
     return inbox.poll(STANDING).velocity
 

@@ -3,16 +3,15 @@
 import multiprocessing
 import os
 import signal
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from browser import Tab, chromium, tab
+from ports import free_port
 from walking_run import WALKING, eventually
 
-from footfall.deploy.modes import Mode
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.robots.description import Robot
 
@@ -29,9 +28,7 @@ W = {"code": "KeyW", "key": "w"}
 @pytest.fixture
 def opened(go1: Robot, tmp_path: Path) -> Iterator[SimpleNamespace]:
     """The cockpit of a run that walks, in a browser that has control."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = int(probe.getsockname()[1])
+    port = free_port()
     inbox = Inbox(InboxConfig(lie_down_after_s=600.0))
     inbox.poll(WALKING)
     with (
@@ -85,26 +82,3 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     assert page.value("document.documentElement.scrollWidth <= innerWidth")
     assert page.complaints == []
     assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)
-
-
-def test_sliders_and_lists_show_current_and_requested_values(opened: SimpleNamespace) -> None:
-    page: Tab = opened.page
-    inbox: Inbox = opened.inbox
-    slider = "document.getElementById('set_body_height_m')"
-    page.wait_for(lambda page: bool(page.value(f"{slider} !== null")))
-
-    def shown() -> str:
-        inbox.poll(WALKING)
-        return str(page.value(f"{slider}.nextElementSibling.textContent"))
-
-    assert eventually(lambda: shown() == "0.250 m", PATIENCE_S)  # not the default, 0.28
-    assert page.value("document.getElementById('gait').value") == "wave"
-    page.value(f"{slider}.value = 0.22; {slider}.dispatchEvent(new Event('input'))")
-    page.value(f"{slider}.dispatchEvent(new Event('change'))")
-    assert eventually(lambda: inbox.poll(WALKING).settings == {"body_height_m": 0.22}, PATIENCE_S)
-    assert shown() == "0.250 → 0.220 m"
-    inbox.poll(WALKING._replace(applied=WALKING.applied._replace(settings={"body_height_m": 0.22})))
-    page.wait_for(lambda page: page.value(f"{slider}.nextElementSibling.textContent") == "0.220 m")
-    assert "Height" in page.text
-    inbox.poll(WALKING._replace(mode=Mode.ESTOP, walking_s=0.0))  # unknown values of a lying robot
-    page.wait_for(lambda page: "ESTOP" in page.text and not {"Height", "Walked"} & set(page.text.split()))

@@ -20,16 +20,6 @@ class TestMetricsFile:
         monkeypatch.setattr("footfall.pages.metrics_file.time.time", lambda: 2042.0)
         assert metrics.age_s() == pytest.approx(42.0)
 
-    def test_rows_are_in_the_order_of_their_steps_whenever_they_were_written(self, tmp_path: Path) -> None:
-        path = tmp_path / "metrics.jsonl"
-        path.write_text(
-            '{"step": 20, "a": 2}\n{"step": 10, "a": 1}\n{"step": 20, "a": 5}\n{"step": 5, "b": 7}\n'
-        )
-        metrics = MetricsFile(path)
-        metrics.refresh()
-        assert [part.tolist() for part in metrics.curve("a")] == [[10, 20], [1, 5]]
-        assert metrics.last_step == 20
-
     @pytest.mark.parametrize("line", ["", "{", "[1]", "7", '{"a": 1}', '{"step": null}', '{"step": "x"}'])
     def test_a_line_that_is_no_row_is_passed_over(self, tmp_path: Path, line: str) -> None:
         path = tmp_path / "metrics.jsonl"
@@ -76,14 +66,6 @@ class TestMetricsFile:
         self.write(path, rest='"a": 2.0}\n')
         assert metrics.refresh()
         assert metrics.curve("a")[1].tolist() == [1, 2]
-
-    def test_numbers_that_cannot_be_drawn_and_lines_that_are_none_are_left_out(self, path: Path) -> None:
-        metrics = MetricsFile(path)
-        self.write(path, {"step": 1, "a": float("nan")}, {"step": 2, "a": None}, rest="garbage\n[]\n")
-        self.write(path, {"step": 3, "a": 3.0})
-        metrics.refresh()
-        assert [x.tolist() for x in metrics.curve("a")] == [[3], [3]]
-        assert len(metrics.curve("b")[0]) == 0
 
     def test_a_long_curve_is_thinned_between_its_ends(self) -> None:
         few = thinned(np.arange(10_000), 400)

@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from page_controls import PageControls
 
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.panel import Panel
-from footfall.pages.snapshots import FINISHED, NEWEST
 from footfall.robots.commands import CommandRange
 
 WIDE = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
@@ -72,23 +70,6 @@ class TestCommands:
             page["Push it"].click()
             assert panel.take_push() == np.clip(typed, page["Push, m/s"].min, page["Push, m/s"].max)
 
-    def test_policies_are_offered_and_one_is_chosen(self, panel: Panel, page: PageControls) -> None:
-        assert panel.policy == NEWEST
-        panel.offer_policies([NEWEST, FINISHED, "iteration 7"])
-        assert page["Policy"].options == (NEWEST, FINISHED, "iteration 7")
-        page["Policy"].value = "iteration 7"
-        assert panel.policy == "iteration 7"
-
-    def test_the_robot_is_paused_without_a_visitor(self, panel: Panel, page: PageControls) -> None:
-        assert (panel.seen, panel.paused) == (False, True)
-        page.visitors[1] = "a visitor"
-        assert (panel.seen, panel.paused) == (True, False)
-        page["Pause"].value = True
-        assert panel.paused
-        assert panel.follow
-        page["Follow"].value = False
-        assert not panel.follow
-
 
 class TestCurves:
     def drawn(self, panel: Panel, path: Path, rows: list[dict[str, Any]]) -> None:
@@ -113,18 +94,3 @@ class TestCurves:
             for n, chart in enumerate(page.charts.values()):
                 steps = np.array([1, 2, 4][:count])
                 np.testing.assert_allclose(chart.data, [steps, scale[n] * (steps + n)])
-
-    def test_telephones_get_curves_below(self, panel: Panel, page: PageControls, tmp_path: Path) -> None:
-        """They hold what was drawn before it came."""
-        rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(3)]
-        self.drawn(panel, tmp_path / "metrics.jsonl", rows)
-        for width, height, result in ((1280, 900, 0), (360, 640, 0), (420, 440, 1)):
-            own = PageControls()
-            camera = SimpleNamespace(image_width=width, aspect=width / height)
-            client = SimpleNamespace(client_id=width, camera=camera, gui=own)
-            for come in page.connected:
-                come(client)
-            self.drawn(panel, tmp_path / "metrics.jsonl", rows)
-            assert len(own.charts) == result
-        for gone in page.disconnected:
-            gone(client)

@@ -1,12 +1,10 @@
 """The process that serves a run's 3-D page."""
 
-import os
-import signal
-import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
+
+from ports import free_port, wait_until_served
 
 RUN = """
 import sys, time
@@ -18,32 +16,35 @@ if __name__ == "__main__":
     with viewed(load_robot("go1"), Path(sys.argv[1]), "localhost", int(sys.argv[2])):
         time.sleep(600.0)
 """
-PATIENCE_S = 60.0
+TRAINING = """
+import sys, time
+from pathlib import Path
+from footfall.pages.beside import watched
+
+if __name__ == "__main__":
+    with watched(Path(sys.argv[1]), "localhost", int(sys.argv[2])):
+        time.sleep(600.0)
+"""
 
 
-def listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("localhost", port)) == 0
-
-
-def wait_until(port: int, served: bool) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while listens(port) is not served:
-        assert time.monotonic() < end
-        time.sleep(0.1)
-
-
-def test_it_ends_with_a_run_that_was_killed_so_that_the_next_run_has_its_port(tmp_path: Path) -> None:
-    with socket.socket() as free:
-        free.bind(("localhost", 0))
-        port = free.getsockname()[1]
-    script = tmp_path / "run.py"
-    script.write_text(RUN)
-    run = subprocess.Popen([sys.executable, script, tmp_path / "feed", str(port)])
+def killed_page(code: str, *arguments: Path) -> None:
+    """A page whose process is killed has its port free again."""
+    port = free_port()
+    script = arguments[0].parent / "run.py"
+    script.write_text(code)
+    run = subprocess.Popen([sys.executable, script, *arguments, str(port)])
     try:
-        wait_until(port, served=True)
-        os.kill(run.pid, signal.SIGKILL)
-        wait_until(port, served=False)
+        wait_until_served(port)
+        run.kill()
+        wait_until_served(port, False)
     finally:
         run.kill()
         run.wait()
+
+
+def test_it_ends_with_a_run_that_was_killed_so_that_the_next_run_has_its_port(tmp_path: Path) -> None:
+    killed_page(RUN, tmp_path / "feed")
+
+
+def test_a_training_that_is_killed_takes_its_page_with_it(begun: Path) -> None:
+    killed_page(TRAINING, begun)

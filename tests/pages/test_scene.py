@@ -1,12 +1,12 @@
 """What the 3-D view shows: bodies, arrows, camera."""
 
-import socket
 from collections.abc import Iterator
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from ports import free_port
 from scipy.spatial.transform import Rotation
 
 from footfall.pages.page import serving
@@ -18,10 +18,7 @@ from footfall.robots.model import plant_model
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Any]:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = int(probe.getsockname()[1])
-    with serving("localhost", port, "test") as server:
+    with serving("localhost", free_port(), "test") as server:
         yield server
 
 
@@ -82,11 +79,3 @@ class TestScene:
         assert data.body(go1.description.base).xpos[2] == pytest.approx(
             go1.description.standing_height_m, abs=0.02
         )
-
-
-@pytest.fixture
-def port() -> int:
-    """A port without a server."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])

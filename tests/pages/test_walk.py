@@ -175,39 +175,6 @@ class TestWalk:
         assert visitor.polls > 3
         assert [each for each in visitor.offered if each != ["a name"]] == [open_network(POLICY)[1].commands]
 
-    def test_nothing_is_exported_unwatched(self, visitor: Visitor, finished: Path, go1: Robot) -> None:
-        visitor.seen, visitor.most_frames = False, 70
-        visitor.walk(finished, go1)
-        assert visitor.polls == 1
-
-    @pytest.mark.parametrize(("step", "done"), [(4095, False), (4096, True)])
-    def test_a_training_is_finished_after_its_last_step_alone(
-        self, visitor: Visitor, finished: Path, go1: Robot, step: int, done: bool
-    ) -> None:
-        """A policy.onnx may be one that was exported on the way."""
-        (finished / "metrics.jsonl").write_text(f'{{"step": {step}}}\n')
-        visitor.ready.clear()
-        visitor.walk(finished, go1)
-        assert visitor.finished is done
-
-    def test_falls_are_counted(
-        self, visitor: Visitor, finished: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        traces = [
-            SimpleNamespace(fell=True, fall_reason="it tilted", faults=("x",)),
-            SimpleNamespace(fell=False, fall_reason="", faults=("motor 3",)),
-        ]
-
-        def episode(*_: Any) -> SimpleNamespace:
-            visitor.sleep(20.0)
-            return traces.pop(0) if len(traces) > 1 else traces[0]
-
-        monkeypatch.setattr(walk, "run_episode", episode)
-        visitor.walk(finished, go1)
-        result = [text for text in visitor.said if "starts" in text]
-        assert "1 in 1 starts: it tilted" in result[1]
-        assert "1 in 2 starts: motor 3" in result[2]
-
 
 class TestNewestPolicy:
     def test_a_new_network_continues_the_state_of_the_old_one(self, go1: Robot) -> None:

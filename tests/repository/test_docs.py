@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import make_report
 import make_table
 import pytest
 import reference
@@ -16,7 +15,6 @@ import yaml
 
 from footfall.cli import app
 from footfall.common.config import load, structure, with_changes
-from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.deploy.log_analysis.recorded_csv import ColumnMap
@@ -30,7 +28,7 @@ from footfall.operate.missions.mission import load_mission
 from footfall.operate.ros2.bridge_process import Ros2Config
 from footfall.robots.description import ROBOTS, load_robot
 from footfall.robots.robot_yaml import Description
-from footfall.train.config import PRESETS, TrainConfig, load_preset
+from footfall.train.config import PRESETS, load_preset
 from footfall.train.sweeps.sweep import SweepConfig
 
 ROOT = Path(__file__).parents[2]
@@ -171,17 +169,6 @@ def test_generated_sections_are_on_a_page_and_not_empty(section: str) -> None:
     assert len(reference.SECTIONS[section]().split()) > 50
 
 
-def test_settings_are_explained_by_the_comments_beside_them() -> None:
-    """A comment at the end of a field's line, and one on a line of its own above a field."""
-    rows = reference.settings(TrainConfig).splitlines()
-    assert any(
-        row.startswith("| `diverged_limit` | number | `0.01` | share of control steps") for row in rows
-    )
-    assert any(
-        row.startswith("| `physics` | `generated`, `mjx`, `c` |") and "MuJoCo C" in row for row in rows
-    )
-
-
 @pytest.mark.parametrize("file", ["robot.yaml", "controllers.yaml"])
 def test_every_field_of_a_robot_is_explained(file: str) -> None:
     def fields(content: Any) -> Iterator[str]:
@@ -208,23 +195,6 @@ def test_errors_of_fallen_robots_are_in_no_table() -> None:
     rows = make_table.table(results).splitlines()
     assert any(row.startswith("| Nominal: velocity error") for row in rows)
     assert not any(row.startswith("| Push: velocity error") for row in rows)
-
-
-def test_results_from_several_files_make_one_comparison(tmp_path: Path) -> None:
-    def written(policy: str, scenario: str, **other: Any) -> Path:
-        shared = {"robot": "go1", "seed": 0, "ground_truth": False, "plant": None, **other}
-        path = tmp_path / f"{policy}-{scenario}.json"
-        path.write_text(json.dumps({"policy": policy, **shared, "scenarios": {scenario: {"episodes": 3}}}))
-        return path
-
-    both = [written(policy, scenario) for policy in ("b", "a") for scenario in ("push", "walk")]
-    results = make_report.merge([*both, written("a", "sweep")])
-    assert {name: list(result["scenarios"]) for name, result in results.items()} == {
-        "b": ["push", "walk"],
-        "a": ["push", "walk"],
-    }
-    with pytest.raises(UserError, match="differ in 'seed'"):
-        make_report.merge([written("c", "push", seed=1), written("d", "push")])
 
 
 def test_command_lines_are_found() -> None:

@@ -143,17 +143,6 @@ def test_learning_imports_only_the_contract_of_policies(package: str) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("package", ACTING)
-def test_acting_source_names_no_learning_library(package: str) -> None:
-    wrong = [
-        f"{module} imports {name}"
-        for module, path in modules(package)
-        for name in sorted(imported(path))
-        if belongs_to(name, LEARNING_ONLY)
-    ]
-    assert wrong == []
-
-
 def importable(*packages: str) -> list[str]:
     """Names of the modules of packages, except those that run when they are imported."""
     names = [name for package in packages for name, _ in modules(package)]

@@ -28,6 +28,7 @@ CONFIG: PpoConfig = replace(
     num_learning_epochs=1,
     learning_rate=RATE,
     final_learning_rate=RATE,
+    lam=0.0,  # a value's target is the reward and the discounted next value
 )
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 environment = partial(NumberEnvironment, ENVIRONMENTS)

@@ -48,10 +48,3 @@ def test_a_net_learns_the_torque_missing_in_the_law() -> None:
     lacking = friction_torque(speeds, HIDDEN) - friction_torque(speeds, ONE_MOTOR)
     learned = learned_torque(found.net, inputs, memory, STEP_S).torque
     assert np.abs(learned - lacking).max() < 0.4 * np.abs(lacking).max()
-
-
-def test_the_same_seed_gives_the_same_net() -> None:
-    motion, few = moved(HIDDEN, 0), NetConfig(hidden=(4,), window_s=0.02, windows=4, steps=25, seeds=1)
-    one, other = (train_net(motion, motion, ONE_MOTOR, few).net for _ in range(2))
-    for ours, theirs in zip(one.layers, other.layers, strict=True):
-        np.testing.assert_array_equal(ours, theirs)

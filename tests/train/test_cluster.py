@@ -5,9 +5,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
-import jax
 import numpy as np
 import pytest
 
@@ -53,24 +51,6 @@ def test_two_processes_train_one_run_that_one_process_continues(
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000006.ckpt"
 
 
-@pytest.mark.parametrize(("process", "reason"), [(0, "holds a run already"), (1, "process 0 failed")])
-def test_no_process_trains_if_the_first_cannot_make_the_folder(
-    whole_run: Path, monkeypatch: pytest.MonkeyPatch, process: int, reason: str
-) -> None:
-    result: list[bool] = []
-
-    def gathered(failed_here: np.ndarray) -> np.ndarray:
-        result.append(bool(failed_here))
-        return np.array([True, False])
-
-    monkeypatch.setattr(jax, "process_count", lambda: 2)
-    monkeypatch.setattr(jax, "process_index", lambda: process)
-    monkeypatch.setattr(cluster.multihost_utils, "process_allgather", gathered)
-    with pytest.raises(UserError, match=reason):
-        api.begin(api.TrainRequest(preset="smoke", out=whole_run))
-    assert result == [process == 0]
-
-
 def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
     whole_run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,21 +62,6 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
     monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
         api._newest_checkpoint(opened)
-
-
-def test_joining_passes_on_address_count_and_index(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[Any] = []
-    monkeypatch.setattr(jax.distributed, "initialize", lambda *each: given.append(each))
-    cluster.join("host:1", 4, 2)
-    cluster.join("auto")
-    assert given == [("host:1", 4, 2), ()]
-
-    def fail(*_: Any) -> None:
-        raise RuntimeError("no such host\nand more")
-
-    monkeypatch.setattr(jax.distributed, "initialize", fail)
-    with pytest.raises(UserError, match=r"at host:1: no such host$"):
-        cluster.join("host:1", 4, 2)
 
 
 def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,15 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
-import numpy as np
 import pytest
-from jax.sharding import PartitionSpec
 
 from footfall.common.errors import UserError
-from footfall.train.brax import devices
-from footfall.train.brax.devices import device_mesh, on_cpu
-from footfall.train.brax.state import STATE_SPECS
+from footfall.train.brax.devices import device_mesh
 from footfall.train.config import load_preset
 
 SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
@@ -50,17 +45,6 @@ def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, 
     assert seen["copies_of_parameters"] == 2
 
 
-def test_on_accelerators_alone_the_default_device_computes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def none_such(*_: object, **__: object) -> None:
-        raise RuntimeError("Unknown backend cpu")
-
-    monkeypatch.setattr(jax, "local_devices", none_such)
-    with on_cpu():
-        assert float(jax.numpy.ones(2).sum()) == 2.0
-
-
 def test_environments_that_do_not_divide_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -68,23 +52,3 @@ def test_environments_that_do_not_divide_are_refused(
     config = replace(load_preset("smoke").ppo, num_envs=12, num_mini_batches=4)
     with pytest.raises(UserError, match="among 2 devices and 4 mini-batches: give a multiple of 8"):
         device_mesh(config)
-
-
-def test_the_mean_over_devices_is_of_each_leaf() -> None:
-    assert devices.mean_over_devices(1)({"a": 3.0}) == {"a": 3.0}
-    tree = {"a": jnp.arange(4.0), "b": jnp.arange(8.0).reshape(4, 2)}
-    mean = jax.vmap(devices.mean_over_devices(4), axis_name=devices.AXIS)(tree)
-    np.testing.assert_allclose(mean["a"], np.full(4, 1.5))
-    np.testing.assert_allclose(mean["b"], np.tile([3.0, 4.0], (4, 1)))
-
-
-def test_each_part_of_a_state_is_on_its_device() -> None:
-    for name, spec in STATE_SPECS._asdict().items():
-        assert spec == (PartitionSpec("devices") if name in ("env", "observation") else PartitionSpec())
-    mesh = device_mesh(load_preset("smoke").ppo, 1)
-    assert (mesh.size, mesh.axis_names) == (1, ("devices",))
-    where = devices.shardings({"a": devices.REPLICATED, "b": devices.SHARDED}, mesh)
-    placed = devices.place({"a": [np.arange(2.0), np.ones(3)], "b": {"c": np.arange(6.0)}}, where)
-    assert [x.sharding.spec for x in placed["a"]] == [PartitionSpec()] * 2
-    assert placed["b"]["c"].sharding.spec == PartitionSpec("devices")
-    np.testing.assert_array_equal(placed["b"]["c"], np.arange(6.0))

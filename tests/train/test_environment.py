@@ -7,14 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
-from footfall.envs.config import CurriculumConfig, RewardConfig
+from footfall.envs.config import CurriculumConfig
 from footfall.envs.delays import delayed_readings
 from footfall.envs.locomotion import LocomotionEnv
-from footfall.policies.observation import observation_size
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -60,32 +58,8 @@ class TestReset:
         one, two = reset(jax.random.PRNGKey(3)), reset(jax.random.PRNGKey(3))
         assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one, two)), strict=True))
 
-    def test_leaves_nothing_of_the_last_episode(self, env: LocomotionEnv, reset, step) -> None:
-        state, _ = reset(jax.random.PRNGKey(4))
-        for _ in range(3):
-            state, _ = step(state, jnp.ones(env.action_size))
-        fresh, _ = reset(state.key)
-        assert int(fresh.steps) == 0
-        assert not np.any(fresh.actions)
-        assert np.allclose(fresh.goals, ROBOT.default_pose)
-        assert np.allclose(fresh.target, ROBOT.default_pose)
-
-    def test_observation_has_the_size_of_the_contract(self, env: LocomotionEnv, reset) -> None:
-        _, observation = reset(jax.random.PRNGKey(5))
-        assert observation["state"].shape == (observation_size(env.contract),)
-        assert env.observation_sizes == {name: seen.shape[-1] for name, seen in observation.items()}
-
 
 class TestStep:
-    def test_the_actor_does_not_see_the_base_velocity(self, env: LocomotionEnv, reset) -> None:
-        state, _ = reset(jax.random.PRNGKey(6))
-        moved, torque = state._replace(qvel=state.qvel.at[:3].add(1.0)), jnp.zeros(env.action_size)
-        recent = jnp.tile(env.observer.readings(moved.qpos, moved.qvel, torque), (2 * SMOKE.substeps, 1))
-        still = jnp.tile(env.observer.readings(state.qpos, state.qvel, torque), (2 * SMOKE.substeps, 1))
-        u = jnp.full(env.observer.numbers, 0.7)
-        seen = [env.observer.observe(*each, u)[1] for each in ((moved, recent), (state, still))]
-        assert np.array_equal(*seen)
-
     def test_the_level_rises_with_the_steps(self) -> None:
         env = make(curriculum_steps=100)
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
@@ -112,34 +86,10 @@ class TestStep:
 
 
 class TestDelays:
-    @pytest.mark.parametrize("longest_s", [0.006, 0.015])
-    def test_delays_at_the_motors_are_distributed_as_declared(self, longest_s: float) -> None:
-        """After a step of the goals from 0 to 1, the target stays at 0 for the duration of its delay."""
-        env = make(randomisation=Randomisation(action_delay_s=Distribution(0.0, longest_s)))
-        states, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(14), 4000))
-        near = 0.05  # rad from the default pose, which the rate limit lets pass at once
-        goals = states.goals.at[:, 0].add(near)
-        targets = jax.jit(jax.vmap(env.actuation.targets))(goals, states.target, states.sample)
-        lacking = 1.0 - (targets[:, :, 0] - states.target[:, None, 0]) / near
-        seen = np.sort(np.asarray(lacking.sum(axis=1)) * env.timestep_s)
-        np.testing.assert_allclose(seen, np.sort(states.sample["action_delay_s"]), atol=1e-6)
-        even = np.linspace(0.0, longest_s, len(seen))
-        assert np.abs(seen - even).max() < 0.03 * longest_s  # uniform: no step of its distribution function
-        assert seen.mean() == pytest.approx(longest_s / 2, rel=0.03)
-
     @pytest.mark.parametrize(("delay_s", "expected"), [(0.0, 7.0), (0.005, 6.0), (0.0075, 5.5), (1.0, 0.0)])
     def test_readings_are_interpolated_between_physics_steps(self, delay_s, expected) -> None:
         trail = jnp.arange(8.0)[:, None]
         assert float(delayed_readings(trail, jnp.float32(delay_s), 0.005)[0]) == pytest.approx(expected)
-
-    def test_a_delay_beyond_the_buffers_is_refused(self) -> None:
-        with pytest.raises(UserError, match="action_delay_s"):
-            make(randomisation=Randomisation(action_delay_s=Distribution(0.0, 0.5)))
-
-
-def test_an_unknown_reward_is_refused_by_name() -> None:
-    with pytest.raises(UserError, match="no reward 'tracking'"):
-        make(rewards=(RewardConfig("tracking", 1.0),))
 
 
 def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:

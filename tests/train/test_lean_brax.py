@@ -3,8 +3,6 @@
 import subprocess
 import sys
 
-from long_tests import long_test
-
 IMPORTED = """
 import sys
 {first}
@@ -24,9 +22,3 @@ def test_training_imports_no_simulator_that_it_does_not_use() -> None:
     lean = run("")
     assert lean[0] == "False False"
     assert lean[-1] == "brax.base brax.base"  # available on access
-
-
-@long_test
-def test_brax_still_imports_its_simulator_by_itself() -> None:
-    """If this fails, footfall/train/brax/lean_brax.py can be deleted."""
-    assert "True True" in run("import brax.training.types")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
-from flax import linen
 from number_environment import (
     ACTIONS,
     SIZES,
@@ -24,9 +23,7 @@ from number_environment import (
 from footfall.train.brax.networks import (
     actor_means_function,
     dense_layers,
-    elu,
     make_networks,
-    normalised,
     trained_actor,
 )
 from footfall.train.brax.ppo import Ppo
@@ -60,14 +57,6 @@ def test_only_the_critic_uses_the_privileged_observation() -> None:
     np.testing.assert_array_equal(action, same)
 
 
-def test_elu_and_its_gradient_are_flax_own() -> None:
-    x = jnp.array([-30.0, -2.0, -1e-3, -0.0, 0.0, 1e-3, 2.0, 30.0])
-    np.testing.assert_allclose(elu(x), linen.elu(x), atol=1e-6)
-    slope, expected = (jax.vmap(jax.grad(function))(x) for function in (elu, linen.elu))
-    np.testing.assert_allclose(slope, expected, atol=1e-6)
-    assert np.isnan(elu(jnp.nan))
-
-
 class TestBfloat16:
     """Networks whose inputs are no multiple of the alignment; all else is as in float32."""
 
@@ -90,15 +79,6 @@ class TestBfloat16:
             assert rounded.dtype == jnp.float32
             assert not np.array_equal(rounded, exact)
             assert jnp.linalg.norm(rounded - exact) < 0.02 * jnp.linalg.norm(exact)
-
-    def test_hidden_layers_multiply_in_16_bits(self) -> None:
-        state, hidden = begun(environment()), len(self.CONFIG.actor_hidden_dims)
-        for seen in (self.shown(), normalised(self.shown(), state.normalizer, self.CONFIG)):
-            normalizer = state.normalizer if seen["state"].dtype == jnp.float32 else None
-            act = partial(self.NETWORKS.policy_network.apply, normalizer)
-            program = jax.make_jaxpr(act)(state.params.policy, seen)
-            products = [e.outvars[0].aval for e in program.eqns if e.primitive.name == "dot_general"]
-            assert [x.dtype for x in products] == [jnp.bfloat16] * hidden + [jnp.float32]
 
     def test_parameters_stay_in_float32(self) -> None:
         env = environment(fallen=2)
@@ -148,11 +128,3 @@ class TestActor:
         assert [int(kernel[0, 0]) for kernel, _ in found] == [0, 1, 2, 10, 11, 99]
         assert [int(bias[0]) for _, bias in found] == [0, -1, -2, -10, -11, 0]
         assert all(part.dtype == np.float32 for layer in found for part in layer)
-
-    def test_initial_actions_are_small_with_the_configured_noise(self, begun: TrainState) -> None:
-        shown = {"state": jnp.ones((1, 3))}
-        mean, std = NETWORKS.policy_network.apply(begun.normalizer, begun.params.policy, shown)
-        assert 0.0 < float(jnp.abs(mean).max()) < 0.02
-        np.testing.assert_allclose(std, np.full((1, 2), 0.37), rtol=1e-3)
-        shapes = [leaf.shape for leaf in jax.tree.leaves(begun.params.value)]
-        assert {(2, 7), (7, 4), (4, 1)} <= set(shapes)

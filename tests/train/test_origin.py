@@ -4,10 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from brax.training.acme import running_statistics
 from brax.training.types import UInt64
 
 from footfall.common.errors import UserError
@@ -85,24 +83,6 @@ class TestTakenOver:
         ]
         np.testing.assert_array_equal(*acts)
 
-    def test_a_critic_with_another_observation_is_initialised(self, trained: Trained) -> None:
-        ppo = trained.run.config.ppo
-        sizes = trained.env.observation_sizes | {"privileged_state": 7}
-        networks = make_networks(sizes, trained.env.action_size, ppo)
-        params, normalizer = trained.fresh(1)
-        value = networks.value_network.init(jax.random.PRNGKey(2))
-        seven = {name: each if name == "state" else np.zeros(7) for name, each in normalizer.mean.items()}
-        normalizer = normalizer.replace(mean=seven, std={n: np.ones_like(e) for n, e in seven.items()})
-        path = checkpoint.latest(trained.run.checkpoints)
-        new, statistics, _ = taken_over(path, params.replace(value=value), normalizer, ppo)
-        assert same(new.policy, trained.state.params.policy)
-        assert same(new.value, value)
-        np.testing.assert_allclose(statistics.mean["state"], 0.25)
-        assert statistics.mean["privileged_state"].shape == (7,)
-        ones = {n: jnp.ones((ppo.steps_per_iteration, e.size)) for n, e in statistics.mean.items()}
-        later = running_statistics.update(jax.tree.map(jnp.asarray, statistics), ones)
-        np.testing.assert_allclose(later.mean["privileged_state"], 0.5, atol=0.01)  # as fast as at a start
-
     def test_a_damaged_file_is_refused(self, trained: Trained, tmp_path: Path) -> None:
         broken = tmp_path / "start.ckpt"
         broken.write_bytes(b"nothing")
@@ -165,10 +145,4 @@ class TestRun:
         out = tmp_path / "tuned"
         with pytest.raises(UserError, match="go1-flat"):
             begin(TrainRequest(preset="smoke", out=out, start_from=ZOO / "go1-flat"))
-        assert not out.exists()
-
-    def test_a_trainer_that_cannot_is_refused_by_name(self, tmp_path: Path) -> None:
-        out, own = tmp_path / "tuned", "own_trainer:StandingTrainer"
-        with pytest.raises(UserError, match=rf"{own}.*--from"):
-            begin(TrainRequest(preset="smoke", out=out, trainer=own, start_from=ZOO / "go1-flat"))
         assert not out.exists()

@@ -21,8 +21,7 @@ from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
-from footfall.train import api, export
-from footfall.train.config import PRESETS
+from footfall.train import api
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import FOLDER, REPORT, Failure
 from footfall.train.runs.folder import create_run, locked, trained_robot
@@ -66,11 +65,6 @@ def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
         assert last_checkpoint(run) == last_checkpoint(whole_run)
         assert (run / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
         assert logged_steps(run) == logged_steps(whole_run)
-
-
-def test_another_seed_gives_another_policy(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
-    other = api.train(api.TrainRequest(preset=six_iterations, seed=6, out=tmp_path / "other"))
-    assert (other / "policy.onnx").read_bytes() != (whole_run / "policy.onnx").read_bytes()
 
 
 def test_a_finished_run_remains(whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,28 +114,9 @@ def test_own_robots_run_resumes(own_folder: Path, tmp_path: Path, monkeypatch: p
 def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
     with (
         locked(api.open_run(whole_run)),
-        pytest.raises(UserError, match="is being trained by another process"),
+        pytest.raises(UserError, match=whole_run.name),
     ):
         api.resume(whole_run)
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong", "reason"),
-    [
-        ("track_linear", "track_lunar", "no reward 'track_lunar'"),
-        ("  num_envs: 32", "  num_envs: 33", "num_envs 33"),
-    ],
-)
-def test_settings_that_do_not_fit_leave_no_folder(
-    right: str, wrong: str, reason: str, tmp_path: Path
-) -> None:
-    smoke = (PRESETS / "smoke.yaml").read_text()
-    preset = tmp_path / "preset.yaml"
-    preset.write_text(smoke.replace(right, wrong))
-    assert preset.read_text() != smoke
-    with pytest.raises(UserError, match=reason):
-        api.begin(api.TrainRequest(preset=str(preset), out=tmp_path / "run"))
-    assert not (tmp_path / "run").exists()
 
 
 def test_a_folder_left_by_an_interrupted_start_can_be_used(whole_run: Path, tmp_path: Path) -> None:
@@ -154,42 +129,6 @@ def test_a_folder_left_by_an_interrupted_start_can_be_used(whole_run: Path, tmp_
     (tmp_path / "notes.txt").touch()
     with pytest.raises(UserError, match="not empty"):
         create_run(tmp_path, run.provenance, run.config)
-
-
-def test_the_run_folder_records_how_it_was_made(whole_run: Path) -> None:
-    run = api.open_run(whole_run)
-    assert (run.provenance.robot, run.provenance.seed) == ("go1", 5)
-    assert run.provenance.versions["mujoco"] == run.provenance.versions["mujoco-mjx"]
-    assert len(run.provenance.revision) >= len("unknown")
-    assert list((whole_run / "events").glob("events.out.tfevents.*"))
-    last = json.loads((whole_run / "metrics.jsonl").read_text().splitlines()[-1])
-    assert {f"reward/{name}" for name in run.config.env.weights} <= set(last)
-
-
-def test_an_export_must_agree(whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = export.to_onnx
-
-    def shifted(actor, contract):
-        return honest(actor._replace(mean=actor.mean + np.float32(1e-3)), contract)
-
-    monkeypatch.setattr(export, "to_onnx", shifted)
-    with pytest.raises(UserError, match="differs from the trained one"):
-        api.export_run(whole_run, tmp_path / "policy.onnx")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_export_agrees_although_networks_learn_in_16_bits(whole_run: Path, tmp_path: Path) -> None:
-    """These are exported in 32 bits."""
-    _, worst = api.export_run(whole_run, tmp_path / "policy.onnx")
-    assert worst <= export.PARITY_LIMIT == 1e-5
-    rounded = tmp_path / "rounded"
-    shutil.copytree(whole_run, rounded)
-    config = rounded / "config.yaml"
-    text = config.read_text()
-    config.write_text(text.replace("bfloat16: false", "bfloat16: true"))
-    assert config.read_text() != text
-    _, worst = api.export_run(rounded, tmp_path / "policy.onnx")
-    assert worst <= export.PARITY_LIMIT
 
 
 def test_deployment_computes_the_same_as_training(whole_run: Path) -> None:

@@ -1,102 +1,26 @@
 """Start of a training: device, imports and compilation run concurrently."""
 
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
-from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
 from footfall.train import api
 from footfall.train.brax import parts, prefetch
-from footfall.train.brax.devices import GPU_OPTIONS, caches_programs, compiler_options, device_mesh
+from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.iteration import Iteration
 from footfall.train.brax.parts import assemble
 from footfall.train.brax.prefetch import made_from, prefetch_programs
 from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
-from footfall.train.entry import start_device
 from footfall.train.runs.folder import open_run
-
-
-def test_the_device_starts_on_own_programs_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Even its first operation is a compiled program."""
-    names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
-    before = {name: jax.config.values[name] for name in names}
-    began, found = threading.Event(), []
-
-    def first_operation(_: int) -> None:
-        found.append(jax.config.values["jax_compilation_cache_dir"])
-        began.set()
-
-    monkeypatch.setattr("jax.numpy.zeros", first_operation)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path))
-    try:
-        for mode in (0o700, 0o777):
-            tmp_path.chmod(mode)
-            began.clear()
-            start_device()
-            assert began.wait(60)
-    finally:
-        for name, value in before.items():
-            jax.config.update(name, value)
-        reset_cache()
-    assert found == [str(tmp_path), None]
-
-
-def test_a_device_may_not_start(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    tried = threading.Event()
-
-    def no_device(_: int) -> None:
-        tried.set()
-        raise RuntimeError("Unable to initialize backend")
-
-    monkeypatch.setattr("jax.numpy.zeros", no_device)
-    start_device()
-    for thread in threading.enumerate():
-        if thread.name == "start device":
-            thread.join()
-    assert tried.is_set()
-    assert capsys.readouterr() == ("", "")
-
-
-def test_a_training_on_processors_leaves_nvidias_driver_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    initialised = []
-    driver = SimpleNamespace(cuInit=lambda flags: initialised.append(jax_platforms))
-    monkeypatch.setattr("ctypes.CDLL", lambda _: driver)
-    for jax_platforms in ("cpu", "cuda"):
-        monkeypatch.setenv("JAX_PLATFORMS", jax_platforms)
-        start_device()
-        for thread in threading.enumerate():
-            if thread.name in ("wake driver", "start device"):
-                thread.join()
-    assert initialised == ["cuda"]
-
-
-def test_xla_accepts_the_gpu_options() -> None:
-    lowered = jax.jit(lambda x: x + 1).lower(1.0)
-    lowered.compile(compiler_options=dict(GPU_OPTIONS))
-    with pytest.raises(Exception, match="xla_gpu_no_such"):
-        lowered.compile(compiler_options={"xla_gpu_no_such": True})
-
-
-def test_only_gpus_get_options_and_the_program_of_one_gpu_is_kept() -> None:
-    for platform, count, options, kept in (
-        ("gpu", 1, GPU_OPTIONS, True),
-        ("gpu", 2, GPU_OPTIONS, False),
-        ("cpu", 1, None, False),
-    ):
-        mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)] * count), size=count)
-        assert compiler_options(mesh) is options
-        assert caches_programs(mesh) is kept
 
 
 def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ from footfall.train.sweeps.config import SweepConfig, trial_config
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
 from footfall.train.sweeps.space import search_algorithm, search_space
 from footfall.train.sweeps.sweep import collect_results, import_tune, sweep
-from footfall.train.sweeps.trial import Reporter, train_trial
+from footfall.train.sweeps.trial import train_trial
 
 pytestmark = [
     pytest.mark.usefixtures("kept_programs"),
@@ -67,53 +67,40 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
     assert config.env.commands == smoke.env.commands
 
 
+def spaced(key: str, **draw: object) -> dict[str, object]:
+    return {"space": {f"ppo.{key}": draw}}
+
+
 @pytest.mark.parametrize(
-    ("settings", "complaint"),
+    ("settings", "named"),
     [
-        ({"space": {"ppo.learning_speed": {"uniform": [0, 1]}}}, "no setting learning_speed"),
-        ({"space": {"ppo.layers.first": {"uniform": [0, 1]}}}, "no setting ppo.layers.first"),
-        (
-            {"space": {"ppo.clip_param": {"gaussian": [0, 1]}}},
-            "space.ppo.clip_param: expected one of choice, grid_search",
-        ),
-        ({"space": {"ppo.clip_param": {"uniform": [0, 1, 2, 3]}}}, "space.ppo.clip_param: uniform: "),
-        ({"space": {"ppo.num_steps_per_env": {"uniform": [1, 9]}}}, "num_steps_per_env: "),
-        ({"scheduler": {"name": "lottery"}}, "scheduler: "),
-        ({"preset": "unheard-of"}, "no preset 'unheard-of'"),
+        (spaced("learning_speed", uniform=[0, 1]), "learning_speed"),
+        (spaced("layers.first", uniform=[0, 1]), "ppo.layers.first"),
+        (spaced("clip_param", gaussian=[0, 1]), "space.ppo.clip_param"),
+        (spaced("clip_param", uniform=[0, 1, 2, 3]), "space.ppo.clip_param: uniform"),
+        (spaced("clip_param", uniform=["a", "b"]), "space.ppo.clip_param: uniform"),
+        (spaced("clip_param", grid_search=[]), "space.ppo.clip_param: grid_search"),
+        (spaced("num_steps_per_env", uniform=[1, 9]), "num_steps_per_env"),
+        (spaced("num_steps_per_env", randint=[5, 5]), "space.ppo.num_steps_per_env: randint"),
+        (spaced("num_steps_per_env", grid_search=[8, 0.5]), "num_steps_per_env: 0.5"),
+        (spaced("gamma", uniform=[1.5, 1.7]), "gamma must be from 0 to 1"),
+        ({"scheduler": {"name": "lottery"}}, "scheduler"),
+        ({"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}}, "environment_steps"),
+        ({"preset": "unheard-of"}, "unheard-of"),
         ({"mode": "best"}, "mode"),
-        ({"seeds": []}, "seeds: the list is empty"),
-        ({"trials": 0}, "trials must be at least 1"),
-        (
-            {"space": {"ppo.clip_param": {"grid_search": []}}},
-            "space.ppo.clip_param: grid_search: the list is empty",
-        ),
-        ({"space": {"ppo.clip_param": {"choice": []}}}, "space.ppo.clip_param: choice: the list is empty"),
-        ({"space": {"ppo.num_steps_per_env": {"randint": [5, 5]}}}, "space.ppo.num_steps_per_env: randint: "),
-        ({"space": {"ppo.clip_param": {"uniform": ["a", "b"]}}}, "space.ppo.clip_param: uniform: "),
-        (
-            {"space": {"ppo.num_steps_per_env": {"grid_search": [8, 0.5]}}},
-            "num_steps_per_env: 0.5 is not a whole number",
-        ),
+        ({"seeds": []}, "seeds"),
+        ({"trials": 0}, "trials"),
         ({"robot": "gp1"}, "gp1"),
-        ({"space": {"ppo.gamma": {"uniform": [1.5, 1.7]}}}, "gamma must be from 0 to 1"),
-        ({"metric": "tracking/linear_eror_m_s"}, "metric: a trial reports no 'tracking/linear_eror_m_s'"),
-        (
-            {"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}},
-            "time_attr: a trial reports no 'environment_step': there are environment_steps, ",
-        ),
+        ({"metric": "tracking/linear_eror_m_s"}, "tracking/linear_eror_m_s"),
     ],
     ids=lambda value: str(value)[:40],
 )
 def test_a_mistake_is_named_before_anything_runs(
-    settings: dict[str, object],
-    complaint: str,
-    tmp_path: Path,
-    shell: Shell,
-    monkeypatch: pytest.MonkeyPatch,
+    settings: dict[str, object], named: str, tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
     out = tmp_path / "out"
-    assert complaint in shell.refuses("sweep", written(tmp_path, **settings), "--out", out)
+    assert named in shell.refuses("sweep", written(tmp_path, **settings), "--out", out)
     assert not out.exists()
 
 
@@ -122,18 +109,15 @@ def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> 
     config = load_preset(six_iterations)
     assert METRIC in (reported_metrics("go1", config, "brax") or [])
     env = replace(config.env, rewards=(RewardConfig("action_rte", weight=1.0),))
-    with pytest.raises(UserError, match="no reward 'action_rte'"):
+    with pytest.raises(UserError, match="action_rte"):
         reported_metrics("go1", replace(config, env=env), "brax")
 
 
 def test_a_missing_file_is_named(tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert str(tmp_path) in shell.refuses("sweep", "--resume", tmp_path)
     monkeypatch.setitem(sys.modules, "ray", None)
     assert "nosuch.yaml" in shell.refuses("sweep", tmp_path / "nosuch.yaml")
     assert "[sweep]'" in shell.refuses("sweep", written(tmp_path))
-
-
-def test_a_folder_without_a_sweep_cannot_be_resumed(tmp_path: Path, shell: Shell) -> None:
-    assert "no sweep at" in shell.refuses("sweep", "--resume", tmp_path)
 
 
 @contextmanager
@@ -289,23 +273,21 @@ def test_a_sweep_counts_its_trainings() -> None:
     space = {"a": {"grid_search": [1, 2, 3]}, "b": {"uniform": [0, 1]}, "c": {"grid_search": [1, 2]}}
     assert SweepConfig(space, seeds=(1, 2), trials=5).points == 60
     assert SweepConfig({}).points == 1
-    for wrong in ({"seeds": ()}, {"trials": 0}):
-        with pytest.raises(ValueError, match=r"empty|at least 1"):
-            SweepConfig({}, **wrong)
 
 
 @pytest.mark.parametrize("mode", ["min", "max"])
 def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, mode: str) -> None:
-    config = SweepConfig(
-        {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}, seeds=(0, 1), trials=2, metric="m", mode=mode
-    )
+    clips = {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}
+    config = SweepConfig(clips, seeds=(0, 1), trials=2, metric="m", mode=mode)
     grid = []
     for name, clip, seed, values, done, error in (
-        ("t0", 0.1, 0, [5.0, 4.0], True, None), ("t1", 0.1, 1, [2.0], True, None), ("t2", 0.2, 0,
-        [1.0], True, "a\nb"),
-        ("t3", 0.2, 1, [3.5], False, None), ("t4", 0.2, 1, [], True, None), ("t5", 0.2, 0, [3.6],
-        False, None),
-    ):  # fmt: skip
+        ("t0", 0.1, 0, [5.0, 4.0], True, None),
+        ("t1", 0.1, 1, [2.0], True, None),
+        ("t2", 0.2, 0, [1.0], True, "a\nb"),
+        ("t3", 0.2, 1, [3.5], False, None),
+        ("t4", 0.2, 1, [], True, None),
+        ("t5", 0.2, 0, [3.6], False, None),
+    ):
         (tmp_path / name).mkdir()
         lines = "".join(json.dumps({"step": k, "m": value}) + "\n" for k, value in enumerate(values))
         (tmp_path / name / "metrics.jsonl").write_text(lines)
@@ -318,29 +300,12 @@ def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, 
     assert [trial.folder for trial in found.trials[:4]] == [*good, "t4"]
     by_name = {trial.folder: trial for trial in found.trials}
     assert (by_name["t0"].value, by_name["t0"].steps, by_name["t1"].steps) == (4.5, 5, 15)
-    assert {name: trial.error for name, trial in by_name.items()} == {
-        "t0": "", "t1": "", "t2": "b", "t3": "unfinished", "t4": "", "t5": "",
-    }  # fmt: skip
-    assert by_name["t3"].settings == {"ppo.clip_param": 0.2}
+    errors = {name: trial.error for name, trial in by_name.items() if trial.error}
+    assert errors == {"t2": "b", "t3": UNFINISHED}
     assert found.unfinished == 8 - 5
-    rows = list(csv.reader((tmp_path / "results.csv").open()))
-    assert rows[0] == ["folder", "seed", "ppo.clip_param", "m", "environment_steps", "error"]
-    assert rows[1 + good.index("t0")] == ["t0", "0", "0.1", "4.5", "5", ""]
-    points = list(csv.reader((tmp_path / "points.csv").open()))
-    assert points[0] == ["ppo.clip_param", "mean m", "standard deviation", "seeds", "failed"]
-    assert points[1][0] == "0.1"
-    assert [float(x) for x in points[1][1:]] == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0])
-    assert points[2][0] == "0.2"
-    assert [points[2][k] for k in (1, 3, 4)] == ["3.6", "1", "3"]
-
-
-def test_a_trial_reports_the_figures_of_a_display() -> None:
-    result: list[Any] = []
-    reporter = Reporter(result.append)
-    reporter.update(256, 12.5, {"a": 1.0})
-    reporter.update(512, 13.5, {"a": 2.0, "episode/length_s": 4.0})
-    assert math.isnan(result[0].pop("episode/length_s"))
-    assert result == [
-        {"environment_steps": 256, "speed/steps_per_s": 12.5, "a": 1.0},
-        {"environment_steps": 512, "speed/steps_per_s": 13.5, "a": 2.0, "episode/length_s": 4.0},
-    ]
+    (first, *_), points = rows(tmp_path / "results.csv"), rows(tmp_path / "points.csv")
+    assert first["folder"] == good[0]
+    assert [point["ppo.clip_param"] for point in points] == ["0.1", "0.2"]
+    numbers = [float(points[0][name]) for name in ("mean m", "standard deviation", "seeds", "failed")]
+    assert numbers == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0])
+    assert (points[1]["mean m"], points[1]["seeds"], points[1]["failed"]) == ("3.6", "1", "3")

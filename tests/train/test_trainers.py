@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 from footfall.train import api
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import FOLDER, REPORT, Failure
-from footfall.train.trainers import TRAINERS, find_trainer
+from footfall.train.trainers import TRAINERS
 
 OWN = "own_trainer:StandingTrainer"
 LIBRARIES = ("brax", "rsl_rl", "torch", "footfall.train.brax", "footfall.train.rsl_rl")
@@ -72,9 +72,3 @@ def test_modules_for_every_trainer_import_no_trainer() -> None:
                 names = [f"{node.module}.{alias.name}" for alias in node.names]
             for name in names:
                 assert not any(name == lib or name.startswith(f"{lib}.") for lib in LIBRARIES), (path, name)
-
-
-def test_the_default_trainer_uses_every_device_and_can_replay_a_failure() -> None:
-    brax = find_trainer("brax")
-    assert brax.max_devices is None
-    assert brax.can_diagnose
