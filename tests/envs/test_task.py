@@ -22,8 +22,6 @@ from footfall.envs.config import (
 )
 from footfall.envs.make import made_from, make_environment
 from footfall.envs.workarounds.program_cache import fingerprint
-from footfall.policies.contract import Contract
-from footfall.policies.observation import observation_size, size_per_step
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 
@@ -150,22 +148,6 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     landed = np.asarray(last.metrics["reward/AirTime"]) / (2.0 * 0.25)
     np.testing.assert_allclose(landed, np.round(landed), atol=1e-4)  # feet, each 0.3 s less 0.05 s
     assert landed.max() >= 2.0
-
-
-def test_an_observation_term_is_trained_and_deployed_by_its_name(own_module: Path) -> None:
-    entry = ObservationConfig("own_terms:squares", 0.5, 2, settings={"gain": 3.0})
-    env = make_environment(ROBOT, replace(SMOKE, observation=(*SMOKE.observation, entry)))
-    plain = make_environment(ROBOT, SMOKE)
-    assert env.observation_sizes["state"] == plain.observation_sizes["state"] + 24
-    _, seen = env.reset(jax.random.PRNGKey(0))
-    assert env.mirror().observation["state"].source[-1] < len(seen["state"])
-    contract = Contract.from_json(env.contract.to_json(), "policy.onnx")
-    assert contract == env.contract
-    assert observation_size(contract) == env.observation_sizes["state"]
-    sys.modules.pop("own_terms")
-    own_module.unlink()
-    with pytest.raises(UserError, match="no module 'own_terms'"):
-        size_per_step(contract)
 
 
 def test_terms_of_every_kind_come_from_a_users_module() -> None:

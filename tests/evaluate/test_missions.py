@@ -15,7 +15,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.evaluate.api import evaluate_policy
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
-from footfall.evaluate.missions import score_mission
+from footfall.evaluate.missions import MissionScore, mission_figures, score_mission
 from footfall.evaluate.plan import plan_episodes
 from footfall.evaluate.scenarios import DrawnCommands, Scenario
 from footfall.evaluation_options import EvaluationOptions, evaluation_config, requirements_of
@@ -81,6 +81,13 @@ def test_the_final_error_is_true_and_in_the_frame_of_the_beginning() -> None:
         assert (score.done, score.arrived) == (True, False)
     assert score_mission(Over(), walk(2.06)).arrived
     assert not score_mission(Over(), replace(walk(2.06), fell=True)).done
+
+
+def test_figures_count_missions_and_take_errors_of_those_that_were_done() -> None:
+    scores = [MissionScore(True, "", 10.0, 0.02), MissionScore(True, "", 20.0, 0.3)]
+    figures = mission_figures([*scores, MissionScore(False, "it is blocked", 40.0, 2.0)])
+    assert (figures["missions_done"], figures["missions_arrived"]) == (2, 1)
+    assert (figures["final_error_m"], figures["mission_s"]) == (0.3, 15.0)
 
 
 def test_a_missions_file_is_a_scenario(tmp_path: Path) -> None:

@@ -96,19 +96,6 @@ class TestCommandsOfARobot:
         assert sweep.levels["yaw_rad_s"] == pytest.approx((-0.5, -0.25, 0.0, 1.0, 2.0))
         assert sweep.rows == ("forward_m_s", "yaw_rad_s")
 
-    @pytest.mark.parametrize(
-        ("name", "loads_kg"),  # go1's are default.yaml's, up to 2 kg; g1's up to 5, hexapod's up to 0.6
-        [
-            ("go1", (0, 1, 2, 3, 4, 6)),
-            ("g1", (0, 2.5, 5, 7.5, 10, 15)),
-            ("hexapod", (0, 0.3, 0.6, 0.9, 1.2, 1.8)),
-        ],
-    )
-    def test_loads_are_shares_of_a_kinds_greatest(self, name: str, loads_kg: tuple[float, ...]) -> None:
-        payload = load_scenarios(load_robot(name)).scenarios["payload"]
-        assert payload.levels == {"payload_kg": pytest.approx(loads_kg)}
-        assert payload.rows == ("payload_kg",)
-
     def test_no_load_may_make_the_base_weightless(self, tmp_path: Path) -> None:
         """A Go1's base is 5.204 kg in Unitree's model."""
         load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))

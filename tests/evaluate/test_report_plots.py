@@ -91,19 +91,6 @@ class TestSurvival:
             [segment[:, 1] for segment in edges.get_segments()], [[0.6, 0.95], [0.1, 0.5]]
         )
 
-    def test_the_fit_falls_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
-        scenario_plots.survival(
-            {"a": self.summary(1.8, [1.5, None]), "b": self.summary(1.0, [0.5, 1.5], 9.0)}
-        )
-        strongest = 9.0  # of all policies: the panels have one scale
-        assert drawn[0].axes.get_xlim()[1] == drawn[1].axes.get_xlim()[1] == pytest.approx(1.04 * strongest)
-        fit, bar, median = drawn[0].lines()[-3:]
-        x, y = np.asarray(fit.get_xydata()).T
-        assert (x[0], x[-1]) == (0.0, strongest)
-        np.testing.assert_allclose(y, 1.0 / (1.0 + np.exp((x - 1.8) / 0.25)), atol=1e-9)
-        assert np.asarray(bar.get_xydata()).tolist() == [[1.5, 0.5], [1.05 * strongest, 0.5]]
-        assert np.asarray(median.get_xydata()).tolist() == [[1.8, 0.5]]
-
 
 class TestConditions:
     def test_each_condition_has_its_error_and_its_falls(self, drawn: list[Drawn]) -> None:

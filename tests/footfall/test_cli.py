@@ -14,6 +14,7 @@ from shell import Shell
 
 from footfall import cli
 from footfall.common.errors import UserError
+from footfall.machine import Finding
 
 
 class TestLimits:
@@ -137,3 +138,14 @@ class TestSmallVerbs:
         outcome = shell("log", "recover", "logs/walk.mcap")
         assert called.of("recover") == ((Path("logs/walk.mcap"), Path("logs/walk.recovered.mcap")), {})
         assert {"42", "3"} <= set(outcome.out.split())
+
+    def test_doctor_shows_problems_and_remedies(self, shell: Shell, called: Recorder) -> None:
+        found = [
+            Finding("processors", True, "2 cores"),
+            Finding("packages", False, "no jax", "pip install jax"),
+        ]
+        called.replace("footfall.machine.findings", found)
+        first, second, *advice = shell("doctor").out.splitlines()
+        assert "2 cores" in first
+        assert "no jax" in second
+        assert "pip install jax" in advice[-1]

@@ -184,22 +184,6 @@ def test_refusals_name_their_cause(shell: Shell) -> None:
     assert "FR_hip_joint" in complaint
 
 
-def test_a_scan_is_compared_to_yaml(shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The motor with id 3 on can1 has id 9 there: one is missing, one is too many."""
-    monkeypatch.setattr(scan, "scan", lambda *_: {scan.Found(1, 3, "MIT mode")})
-    declaration = own_folder / "robot.yaml"
-    content = yaml.safe_load(declaration.read_text())
-    content["joints"][5]["id"] = 9
-    declaration.write_text(yaml.safe_dump(content))
-    outcome = shell("can", "scan", "--bus", "virtual", "--robot", own_folder)
-    assert outcome.status == 1
-    rows = [row for row in joints(outcome.out) if row[0] == "can1" and row[1] in "39"]
-    assert [row[1:2] + row[4:] for row in rows] == [
-        ["3", "not", "in", "robot.yaml", "found"],
-        ["9", "FL_calf_joint", "missing"],
-    ]
-
-
 @pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.Found(2, 99, "MIT mode")}, 1)])
 def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
     shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.Found], status: int

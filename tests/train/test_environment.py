@@ -7,9 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from footfall.domain_rand.distributions import Distribution
-from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import Randomisation, load_randomisation
+from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs.config import CurriculumConfig
 from footfall.envs.delays import delayed_readings
 from footfall.envs.locomotion import LocomotionEnv
@@ -90,20 +88,3 @@ class TestDelays:
     def test_readings_are_interpolated_between_physics_steps(self, delay_s, expected) -> None:
         trail = jnp.arange(8.0)[:, None]
         assert float(delayed_readings(trail, jnp.float32(delay_s), 0.005)[0]) == pytest.approx(expected)
-
-
-def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:
-    """The motor holds its encoder's position, so in free fall the true joint is off by the bias."""
-
-    def settled(bias: float) -> np.ndarray:
-        env = make(randomisation=Randomisation(encoder_bias=Distribution(bias, bias)), noise=Noise())
-        state, _ = jax.jit(env.reset)(jax.random.PRNGKey(13))
-        still = jnp.zeros_like(state.qvel)
-        state = state._replace(qpos=state.qpos.at[2].set(50.0), qvel=still, hold_steps=jnp.int32(1000))
-        state = state._replace(command=jnp.zeros(3), event_steps={"push": jnp.int32(1000)})
-        step = jax.jit(env.step)
-        for _ in range(40):
-            state, _ = step(state, jnp.zeros(env.action_size))
-        return np.asarray(state.qpos[7:])
-
-    assert settled(0.05) - settled(0.0) == pytest.approx(-0.05, abs=0.005)

@@ -1,7 +1,6 @@
 """Learning from mirror images."""
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +20,6 @@ from ppo_on_numbers import (
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
-from footfall.train.brax import ppo
 from footfall.train.brax.state import TrainState
 from footfall.train.brax.symmetry import mirror_half, mirrored
 
@@ -75,15 +73,3 @@ class TestMirror:
         assert set((drawn // 4).ravel()) == {0, 1}
         assert ((drawn // 4).mean(axis=0) > 0.3).all()
         assert ((drawn // 4).mean(axis=0) < 0.7).all()
-
-    def test_each_epoch_learns_from_other_images(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def loss(params: Any, _: Any, data: Transition, key: jax.Array, **__: Any) -> tuple[Any, dict]:
-            seen = {"seen": data.observation["state"][:, 0, 0], "kl_mean": jnp.float32(0.0)}
-            return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), seen
-
-        state, rollout = self.begun()
-        monkeypatch.setattr(ppo, "compute_ppo_loss", loss)
-        _, losses = learnt(state, rollout, replace(CONFIG, num_learning_epochs=8), self.SWAP)
-        image = losses["seen"][:, 0] == 2.0  # (epoch, environment); 1 in what was rolled out
-        assert len(np.unique(image, axis=0)) > 4
-        assert 16 < image.sum() < 48  # of 64
