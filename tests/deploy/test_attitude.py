@@ -72,13 +72,6 @@ def test_a_bias_that_appears_later_is_found() -> None:
     assert tilt_error(found, true) < 0.005
 
 
-def test_accelerations_with_zero_mean_do_not_tilt_it() -> None:
-    """5 m/s^2 ahead and back, twice a second, lean the accelerometer by 27 degrees."""
-    true = Rotation.identity()
-    found, true = follow(rested(true, BIAS), true, np.zeros(3), 10.0, swing_m_s2=5.0)
-    assert tilt_error(found, true) < np.radians(1.0)
-
-
 def test_it_starts_once_the_robot_has_kept_still() -> None:
     """Readings from while the robot was carried do not count."""
     estimator, level = AttitudeEstimator(CONFIG), [0.0, 0.0, GRAVITY_M_S2]

@@ -5,33 +5,13 @@ from typing import cast
 import numpy as np
 import pytest
 from deploy_policies import Hold
+from fake_estimator import FakeEstimator
 from loops import loop_of, simulated_loop, until, walk_for
 
 from footfall.deploy.base_estimate import BaseEstimate
 from footfall.deploy.modes import Mode
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
-
-
-class Note:
-    """Stores its arguments; its estimate is the number of updates."""
-
-    def __init__(self) -> None:
-        self.plans: list[object] = []
-        self.resets = 0
-        self.started: list[int] = []
-        self.steps_s: list[float] = []
-
-    def reset(self, sensed: Sensed) -> None:
-        self.resets += 1
-
-    def start(self) -> None:
-        self.started.append(len(self.plans))
-
-    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
-        self.plans.append(stance)
-        self.steps_s.append(dt_s)
-        return np.array([len(self.plans), 0.0, 0.0]), 0.25
 
 
 def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robot) -> None:
@@ -41,7 +21,7 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
         def stance(self) -> np.ndarray:  # type: ignore[override]
             return plan if self.resets else 0.0 * plan  # before its reset: of another episode
 
-    policy, note = Planned(go1), Note()
+    policy, note = Planned(go1), FakeEstimator()
     loop = simulated_loop(go1, policy, estimator=note, estimator_rate_hz=30.0)
     while loop.state.mode is not Mode.WALKING:
         standing = len(note.plans)
@@ -56,14 +36,6 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
     assert [seen.base_velocity[0] for seen in policy.seen] == [3, 4, 5, 6, 7, 8]  # one at each policy step
     np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
     assert policy.seen[-1].base_height == 0.25
-
-
-def test_the_estimator_has_its_own_rate(go1: Robot) -> None:
-    """It updates every 4 ms; ticks are 2 ms and policy steps 20 ms."""
-    note = Note()
-    walk_for(simulated_loop(go1, Hold(go1), estimator=note), 0.1)
-    assert len(note.steps_s) > 45
-    np.testing.assert_allclose(note.steps_s, 0.004, atol=1e-9)
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -82,7 +54,7 @@ def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
 def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
     """The pose of that very tick: a mission counts from its first pose."""
 
-    class Walked(Note):
+    class Walked(FakeEstimator):
         def pose(self) -> tuple[float, float, float]:
             return (0.0 if self.started else 0.02), 0.0, 0.0
 

@@ -16,7 +16,6 @@ from footfall.deploy.bring_up import criteria
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Criterion, Window
 from footfall.deploy.bring_up.motions import (
-    SlewedIn,
     StandingTrajectoryPolicy,
     TrajectoryPolicy,
     one_after_the_other,
@@ -200,13 +199,6 @@ class TestCriteria:
 
 
 class TestMotions:
-    def test_joints_move_in_turn_and_come_back(self, go1: Robot) -> None:
-        way = one_after_the_other(go1, [np.array([0]), np.array([1, 2])], 0.1, 1.0)
-        assert np.flatnonzero(way(0.5)).tolist() == [0]
-        assert np.flatnonzero(way(1.5)).tolist() == [1, 2]
-        for time_s in (0.0, 1.0, 2.0, 9.0):
-            np.testing.assert_allclose(way(time_s), 0.0, atol=1e-12)
-
     def test_each_joint_moves_towards_the_middle_of_its_range(self, go1: Robot) -> None:
         """Half of the way after a quarter of the time, all of it after half."""
         lower, upper = go1.soft_limits
@@ -229,12 +221,6 @@ class TestMotions:
             np.testing.assert_allclose(decided.position, (go1.default_pose if stands else found) + 0.3)
         assert not np.any([decided.velocity, decided.torque])
         assert (decided.kp is kp, decided.kd is kd, policy.stance()) == (True, True, None)
-
-    def test_a_policy_is_slewed_in_over_standing(self, go1: Robot) -> None:
-        policy = SlewedIn(Hold(go1), go1, 2.0, np.full(12, 10.0), np.full(12, 1.0))
-        for time_s, kp in ((0.0, 10.0), (1.0, (10.0 + 4 * go1.kp) / 2), (3.0, 4 * go1.kp)):
-            inputs = PolicyInput(time_s, AT_REST, np.zeros(3), np.zeros(3), 0.3)
-            np.testing.assert_allclose(policy.act(inputs).kp, kp)
 
 
 AT_REST = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
@@ -398,14 +384,6 @@ class TestLadder:
         if steps[-1] == "joints":
             assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
 
-    def test_a_robot_in_a_frame_holds_its_initial_pose(self, go1: Robot) -> None:
-        simulated = injected(go1, hangs=True)
-        found = simulated.body.data.qpos[7:] = go1.default_pose + np.tile([0.0, 0.3, -0.3], 4)
-        setting = Setting(go1, Hold(go1), stand_still, CONFIG, LOOP, realtime=False)
-        assert run_step(STEPS[0], setting, simulated.bus).passed
-        joints = simulated.body.truth().joint_position
-        np.testing.assert_allclose(joints, found, atol=0.15)  # it sags while it is damped
-
 
 def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs/bring_up.md").read_text(encoding="utf-8")
@@ -415,12 +393,6 @@ def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
 
 
 class TestSimulatedRobots:
-    def test_a_step_is_reported_in_one_line(self, shell: Shell) -> None:
-        Path("quick.yaml").write_text("hold_s: 0.5")
-        done = shell("bring-up", "stand", "--steps", "hold", "--limits", "quick.yaml")
-        assert done.status == 0
-        assert_found(done.out.splitlines(), "hold: passed")
-
     @pytest.fixture
     def plants(self, monkeypatch: pytest.MonkeyPatch) -> list[PlantConfig]:
         """The robots that are simulated; no step is run."""
@@ -430,16 +402,6 @@ class TestSimulatedRobots:
         run = lambda step, *_: Verdict(step.name, (), RESULT)  # noqa: E731
         monkeypatch.setattr("footfall.deploy.bring_up.steps.run_step", run)
         return made
-
-    def test_its_motors_wait_for_as_long_as_the_loop_assumes(
-        self, shell: Shell, plants: list[PlantConfig]
-    ) -> None:
-        Path("loop.yaml").write_text("motor_timeout_s: 0.5")
-        assert shell("bring-up", "stand", "--steps", "hold,stand", "--config", "loop.yaml").status == 0
-        assert plants == [
-            PlantConfig(motor_timeout_s=0.5, hanging=True, let_go_after_s=5.0),
-            PlantConfig(motor_timeout_s=0.5, lying=True, let_go_after_s=5.0),
-        ]
 
     def test_the_last_steps_ground_is_uneven(self, plants: list[PlantConfig], tmp_path: Path) -> None:
         (tmp_path / "limits.yaml").write_text("uneven_m: 0.03")

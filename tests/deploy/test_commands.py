@@ -1,17 +1,10 @@
 """Commands stay within the ranges of the training, and a run notes when they were clipped."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
 
 from footfall.deploy.commands import CommandLimits
-from footfall.deploy.log_file import read_log
-from footfall.plant.episode import run_episode
-from footfall.policies.contract import Contract
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import Robot
 
 RANGES = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
 
@@ -49,17 +42,3 @@ class TestLimits:
         limits.apply(np.array([0.0, np.inf, -np.inf]))
         named = [note.split(" command")[0].split()[-1] for note in limits.notes]
         assert named == ["forward", "leftward", "yaw"]
-
-
-def test_a_run_notes_and_uses_the_trained_ranges(go1: Robot, contract: Contract, tmp_path: Path) -> None:
-    """The trace keeps the requested command: a policy is scored against it."""
-    policy = Hold(go1)
-    policy.contract = contract
-    log = tmp_path / "run.mcap"
-    episode = short_episode(duration_s=0.1, command_source=lambda _: np.array([5.0, 0.0, 0.0]), log=log)
-    trace = run_episode(go1, policy, episode)
-    assert {tuple(observation.command) for observation in policy.seen} == {(1.5, 0.0, 0.0)}
-    assert np.unique(trace.command[:, 0]).tolist() == [5.0]
-    assert len(trace.notes) == 1
-    logged = [entry.message.data for entry in read_log(log).entries if entry.topic == "/notes"]
-    assert logged == list(trace.notes)

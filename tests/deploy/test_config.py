@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from deploy_policies import Hold, short_episode
 
 from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
@@ -14,7 +13,6 @@ from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroC
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.wiring_check.config import WiringCheckConfig
-from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
 # Refused in a file: a figure out of its range, and figures that contradict each other.
@@ -167,8 +165,3 @@ class TestLimitsOfARobot:
             deploy_config(robot)
         sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)  # 57 ms with a tick
         assert deploy_config(sooner).motor_timeout_s == 0.06
-
-    def test_hold_in_the_simulation(self, go1: Robot) -> None:
-        """1e-9 rad: less than any robot tilts."""
-        trace = run_episode(self.with_limits(go1, tilt_limit_rad=1e-9), Hold(go1), short_episode(config=None))
-        assert trace.final_state == "FALLING"

@@ -1,6 +1,5 @@
 """Damiao motors: frames by the maker's tables, queries at the start, robots with several makers."""
 
-import struct
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.wiring import wiring_of
-from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.robots.description import Robot
 
@@ -72,30 +70,8 @@ class TestFrames:
         data[1] = np.frombuffer(bytes.fromhex("0300331500004841"), np.uint8)
         assert np.arange(2)[driver.replies(usual._replace(data=data)).motor].tolist() == [0]
 
-    @pytest.mark.parametrize(("length", "first"), [(7, 0x13), (8, 0x14)])
-    def test_a_partly_invalid_batch_is_decoded(self, driver: DamiaoDriver, length: int, first: int) -> None:
-        """The knee's reply is too short, or has another id; also if the same arrays come again."""
-        usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
-        usual.data[1, 0] = first
-        frames = usual._replace(length=np.array([8, length]))
-        for _ in range(2):
-            assert np.arange(2)[driver.replies(frames).motor].tolist() == [0]
-
-    def test_the_same_id_on_another_bus_is_another_motor(self, driver: DamiaoDriver) -> None:
-        replies = driver.replies(frame(0x203, "13 ff ff ff ff ff 1e 1e", channel=1))
-        assert np.arange(2)[replies.motor].tolist() == [1]
-        np.testing.assert_allclose(replies.values[:, 0], [12.5, 45.0, 54.0])
-
 
 class TestRegisters:
-    def test_a_question_and_its_answer(self) -> None:
-        asked = DamiaoDriver(TWO).query_settings()
-        assert asked.id.tolist() == [0x7FF, 0x7FF]
-        assert hexed(asked)[0] == "03 00 33 09 00 00 00 00"
-        answer = DamiaoMotorEnd(TWO).settings_replies(frame(0x7FF, "03 00 33 15 00 00 00 00"))
-        assert answer is not None
-        assert (answer.id.tolist(), hexed(answer)) == ([0x203], ["03 00 33 15 00 00 48 41"])  # 12.5
-
     def test_a_motors_own_ranges_are_used(self) -> None:
         own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
@@ -124,14 +100,6 @@ class TestRegisters:
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
         assert message in driver.not_ready()
 
-    def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
-        driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))
-        for register, value in zip(damiao.REGISTERS, ("00000000", *["01000000"] * 4), strict=True):
-            driver.replies(frame(0x203, f"03 00 33 {register:02x} {value}", channel=1))
-        asked = driver.query_settings()  # 1000 times 50 us are 0.05 s, and 0x03e8
-        assert hexed(asked)[1:] == ["03 00 55 09 e8 03 00 00", "03 00 33 09 00 00 00 00"]
-        assert asked.channel.tolist() == [0, 1, 1]
-
 
 class TestRobots:
     def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(self, go1: Robot) -> None:
@@ -139,19 +107,3 @@ class TestRobots:
         driver = open_driver(wiring)
         assert driver.error_name(5, 0) == "encoder error"
         assert driver.error_name(5, 2) == "sensor error"
-
-    def test_own_ranges_are_used_on_a_mixed_robot(self, go1: Robot) -> None:
-        """The knees report a limit of 20 N m; the table has 54 for a DM8009."""
-        wiring = wiring_of(with_motors(go1, knee="DM8009"))
-        driver, end = open_driver(wiring), open_motor_end(wiring)
-        before = driver.highest.copy()
-        while driver.not_ready():
-            answer = end.settings_replies(driver.query_settings())
-            assert answer is not None
-            answer.data[answer.data[:, 3] == damiao.TORQUE_MAX, 4:] = list(struct.pack("<f", 20.0))
-            driver.replies(answer)
-        knees = np.arange(12) % 3 == 2
-        assert (before[4, knees] == 54.0).all()
-        assert (driver.highest[4, knees] == 20.0).all()
-        assert (driver.lowest[4, knees] == -20.0).all()
-        np.testing.assert_array_equal(driver.highest[:, ~knees], before[:, ~knees])

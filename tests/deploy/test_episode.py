@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold, Sway, short_episode
+from deploy_policies import Hold, Sway, short_episode
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
-from footfall.deploy.safety import SafetyConfig
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
-from footfall.plant.episode import Push, run_episode
+from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
-from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 
@@ -37,33 +35,9 @@ class TestOrderlyRun:
         assert trace.electrical_power[-1] == pytest.approx(loss, rel=0.02)
         assert abs(trace.mechanical_power[-1]) < 0.1
 
-    def test_reports_the_load_of_each_bus(self, trace: Trace) -> None:
-        loads = {bus.name: bus.load for bus in trace.buses}
-        assert loads["can0"] == pytest.approx((6 + 3) * 135 / 2000, abs=0.01)  # the IMU's frames come on top
-        assert loads["can1"] == pytest.approx(6 * 135 / 2000, abs=0.01)
-
     def test_ground_truth_reaches_the_policy(self, trace: Trace) -> None:
         np.testing.assert_allclose(trace.estimated_velocity, trace.base_velocity, atol=1e-9)
         assert trace.estimated_height[-1] == pytest.approx(trace.base_position[-1, 2], abs=0.03)
-
-
-class TestPolicyCalls:
-    def test_with_an_estimate_velocity_is_near_the_truth(self, go1: Robot) -> None:
-        policy = Sway(go1)
-        policy.needs_estimate = True
-        trace = run_episode(go1, policy, short_episode())
-        error = trace.estimated_velocity - trace.base_velocity
-        assert np.sqrt((error**2).mean(axis=0)).max() < 0.05
-
-    def test_the_first_readings_show_the_robot_standing(self, go1: Robot) -> None:
-        """Without an estimate the velocity is NaN."""
-        policy = Hold(go1)
-        run_episode(go1, policy, short_episode(duration_s=0.1))
-        assert np.isnan(policy.seen[0].base_velocity).all()
-        sensed = policy.seen[0].sensed
-        np.testing.assert_allclose(sensed.joint_position, go1.default_pose, atol=0.05)
-        assert sensed.quaternion[0] == pytest.approx(1.0, abs=1e-3)
-        assert sensed.acceleration[2] == pytest.approx(9.81, abs=0.3)
 
 
 class TestDeterminism:
@@ -76,41 +50,8 @@ class TestDeterminism:
         assert np.array_equal(qpos(3), qpos(3))
         assert not np.array_equal(qpos(3), qpos(4))
 
-    def test_the_record_rate_does_not_change_what_happens(self, go1: Robot) -> None:
-        slow = run_episode(go1, Sway(go1), short_episode(duration_s=0.4, record_rate_hz=50.0))
-        fast = run_episode(go1, Sway(go1), short_episode(duration_s=0.4, record_rate_hz=100.0))
-        assert np.array_equal(slow.qpos, fast.qpos[::2])
-
 
 class TestPushesAndFalls:
-    def test_a_push_comes_at_its_time(self, go1: Robot) -> None:
-        trace = run_episode(go1, Hold(go1), short_episode(pushes=(Push(0.5, (0.0, 0.4, 0.0)),)))
-        speed = np.abs(trace.base_velocity[:, 1])
-        assert speed[:50].max() < 0.05
-        assert speed[50:53].max() > 0.25
-        assert not trace.fell
-
-    def test_a_tilt_of_70_degrees_is_a_fall_without_a_supervisors_limit(self, go1: Robot) -> None:
-        def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.2 <= loop.walking_s < 0.4:
-                body.data.qpos[2] = 1.0  # in mid-air, so that only the tilt shows it
-                body.data.qvel[3] = 8.0
-
-        relaxed = DeployConfig(stand_s=0.4, safety=SafetyConfig(tilt_limit_rad=1.57))
-        trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0, config=relaxed), topple)
-        assert trace.faults == ()
-        assert (trace.fell, trace.final_state) == (True, "FALLING")
-        assert trace.fall_reason == "the base tilted past 70 degrees"
-        assert trace.walked_s == pytest.approx(0.2 + np.deg2rad(70) / 8.0, abs=0.03)
-
-    def test_a_policy_that_lies_down_has_fallen(self, go1: Robot) -> None:
-        def limp(command: JointCommand) -> JointCommand:
-            return command._replace(kp=0 * command.kp, kd=0 * command.kd)
-
-        trace = run_episode(go1, FailingPolicy(go1, 0.2, limp), short_episode(duration_s=3.0))
-        assert trace.fell
-        assert "base" in trace.fall_reason
-
     def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(self, go1: Robot) -> None:
         modes: list[Mode] = []
 
@@ -127,24 +68,6 @@ class TestPushesAndFalls:
 
 
 class TestFaults:
-    def test_damping_leaves_no_stiffness_and_ends_with_motors_off(self, go1: Robot) -> None:
-        bodies: list[SimulatedRobot] = []
-        torques: list[np.ndarray] = []
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.state.mode is Mode.WALKING and loop.walking_s > 0.2:
-                body.faults.motors.error[0] = 2
-            if loop.state.mode is Mode.ESTOP:
-                truth = body.truth()
-                torques.append(truth.motor_torque * truth.joint_velocity)
-            bodies.append(body)
-
-        run_episode(go1, Hold(go1), short_episode(), watch)
-        assert max(power.max() for power in torques[5:]) < 0.2  # damping takes energy out
-        body = bodies[-1]
-        body.advance(body.time_us + 4000)
-        assert not body.motors_on.any()
-
     def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(self, go1: Robot) -> None:
         trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
         assert trace.final_state == "ESTOP"

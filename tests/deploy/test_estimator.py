@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -78,14 +77,12 @@ def walks() -> dict[str, Follower]:
     return {"planned": follow(Generator), "unplanned": follow(Unplanned)}
 
 
-@pytest.mark.parametrize("planned", [True, False])
-def test_in_flight_no_foot_stands_and_the_imu_carries_on(planned: bool) -> None:
+def test_in_flight_no_foot_stands_and_the_imu_carries_on() -> None:
     """Two seconds of a pronk. The height is less certain the longer nothing touches the ground."""
     plant = DirectPlant(ROBOT, seed=1)
     follower, touching = Follower(plant), []
-    if not planned:
-        update = follower.update
-        follower.update = lambda sensed, _, dt_s: update(sensed, None, dt_s)  # type: ignore[method-assign]
+    update = follower.update
+    follower.update = lambda sensed, _, dt_s: update(sensed, None, dt_s)  # type: ignore[method-assign]
 
     def record(time_s: float, plant: DirectPlant) -> None:
         touching.append(plant.data.ncon > 0)
@@ -137,43 +134,6 @@ class TestAgainstTheTruth:
             square = np.einsum("ti,tij,tj->t", error, np.linalg.inv(covariance), error).mean() / 3
             assert 0.03 < square < 2.0
 
-    def test_contacts_of_a_trot_alternate(self, walks: dict[str, Follower]) -> None:
-        """Diagonals alternate: half of the feet stand at a time, and a swinging foot hardly ever counts."""
-        contact = np.array([o.contact for o in walks["unplanned"].poses[500:]])
-        assert 0.35 < contact.mean() < 0.65
-        assert (np.minimum(contact[:, 0], contact[:, 1]) > 0.5).mean() < 0.1  # FR and FL
-        assert (np.minimum(contact[:, 0], contact[:, 3]) > 0.5).mean() > 0.3  # FR and RL
-
-    def test_a_robot_at_rest_stays_where_it_is(self) -> None:
-        plant = DirectPlant(ROBOT)
-        follower = Follower(plant)
-        walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 2.0, follower)
-        error = follower.errors()[500:]
-        assert np.abs(error[:, :2]).max() < 0.006  # most of it before the gyro's bias is known to be 0
-        assert np.abs(error[:, 3:]).max() < 0.03
-        assert follower.poses[-1].height == pytest.approx(plant.height(), abs=0.003)
-
-    def test_a_gyro_that_reads_too_much_makes_no_drift(self) -> None:
-        """0.03 rad/s would be 9 mm/s at the height of the hips."""
-        plant = DirectPlant(ROBOT)
-
-        class Biased(Follower):
-            def update(self, sensed: Sensed, *rest: Any) -> tuple[np.ndarray, float]:
-                return super().update(sensed._replace(gyro=np.add(sensed.gyro, [0.03, -0.03, 0.0])), *rest)
-
-        follower = Biased(plant)
-        walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 3.0, follower)
-        velocity = follower.errors()[-500:, 3:5].mean(axis=0)
-        assert np.abs(velocity).max() < 0.001
-
-    def test_a_push_is_followed_within_30_ms(self) -> None:
-        """Too short for the accelerometer: the legs show it 30 ms later."""
-        plant, estimator = DirectPlant(ROBOT), BaseEstimator(ROBOT)
-        push = (1.0, np.array([0.0, 0.4, 0.0]))
-        result = walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 1.05, estimator, push)
-        assert result.velocity[513][1] > 0.25
-        assert result.estimate[514][1] == pytest.approx(result.velocity[513][1], abs=0.06)
-
 
 # -- readings made by hand ---------------------------------------------------------------------------
 
@@ -222,17 +182,6 @@ class TestPose:
         estimator.start()
         return estimator, sensed
 
-    def test_straight_ahead_is_along_the_heading_at_the_start(self) -> None:
-        """0.5 m/s ahead and 0.2 m/s left for two seconds, whatever the IMU calls north."""
-        velocity = np.array([0.5, 0.2, 0.0])
-        estimator, sensed = self.moving(2.5, velocity)
-        glide(estimator, sensed, velocity, np.full(251, 2.5), 0.008)
-        found = estimator.odometry()
-        np.testing.assert_allclose(found.position, [1.0, 0.4, 0.0], atol=2e-3)
-        np.testing.assert_allclose(found.velocity, velocity, atol=1e-3)
-        np.testing.assert_allclose(found.orientation, NO_YAW, atol=1e-9)
-        assert found.yaw == pytest.approx(0.0, abs=1e-9)
-
     def test_a_circle_is_followed(self) -> None:
         """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is at the calculated point."""
         velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
@@ -246,12 +195,6 @@ class TestPose:
         assert found.yaw == pytest.approx(np.radians(-110.0))
         np.testing.assert_allclose(np.abs(found.orientation @ yawed(turned)), 1.0)
         assert found.angular_velocity[2] == pytest.approx(0.8, rel=1e-3)
-
-    def test_turning_on_the_spot_does_not_move_the_base(self) -> None:
-        assert np.linalg.norm(imu_position(ROBOT)[:2]) > 0.05
-        estimator, sensed = self.moving(0.0, np.zeros(3))
-        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 251), 0.008)
-        np.testing.assert_allclose(estimator.odometry().position, 0.0, atol=5e-3)
 
     def test_the_start_is_certain_and_keeps_the_motion(self) -> None:
         estimator, _ = self.moving(0.7, np.array([0.5, 0.0, 0.0]))
@@ -291,33 +234,6 @@ class TestPose:
             turned.update(other, None, 0.004)
         for one, same in zip(ours.odometry(), turned.odometry(), strict=True):
             np.testing.assert_allclose(one, same, atol=1e-9)
-
-    def test_the_covariance_contains_the_filters(self) -> None:
-        """In addition to feet that creep at 5 mm/s and sink at 30 mm/s."""
-        estimator, _ = self.moving(1.2, np.zeros(3))
-        motion = estimator.motion
-        motion.pp, motion.pv, motion.vv = 0.5, 0.03, 0.2
-        found = estimator.odometry().covariance
-        np.testing.assert_allclose(np.diag(found[:2, :2]), 0.5, rtol=1e-4)
-        np.testing.assert_allclose(np.diag(found[VELOCITY, VELOCITY]), 0.2 + np.array([25, 25, 900]) * 1e-6)
-        np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
-
-    def test_on_level_ground_the_height_is_known_to_4_mm(self) -> None:
-        """For any variance of the filter's height, and without correlation to other states."""
-        estimator, sensed = self.moving(1.2, np.array([0.5, 0.2, 0.0]))
-        glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(100, 1.2))
-        estimator.motion.pp, estimator.motion.pv = 0.5, 0.03
-        found = estimator.odometry().covariance
-        np.testing.assert_allclose(found[2], [0.0, 0.0, 0.004**2, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
-        np.testing.assert_array_equal(found[:, 2], found[2])
-
-    def test_the_velocitys_covariance_contains_that_of_late_readings(self) -> None:
-        """Heading along y, a change of 20 mm/s in the world's y is one straight ahead."""
-        estimator, _ = self.moving(np.pi / 2, np.zeros(3))
-        before = estimator.odometry().covariance[VELOCITY, VELOCITY]
-        estimator._lateness._yy = 4e-4
-        after = estimator.odometry().covariance[VELOCITY, VELOCITY]
-        np.testing.assert_allclose(after - before, np.diag([4e-4, 0.0, 0.0]), atol=1e-12)
 
     def test_the_covariance_is_in_axes_of_the_heading(self) -> None:
         """After a straight walk, yaw drift acts across the path and scale error along it, for any north."""
@@ -400,27 +316,3 @@ class TestReadings:
         toes = np.array([feet[0] + [0.07, 0.0, 0.0] - 0.012 * up, feet[1] + [0.09, 0.0, -0.01]])
         expected = np.cross([0.0, rate, 0.0], -toes.mean(axis=0))
         np.testing.assert_allclose(found, expected, atol=0.01)
-
-    def test_a_foot_is_trusted_only_where_the_plan_lets_it_stand(self) -> None:
-        """Feet that press and slide do not correct the base's velocity while they are planned to swing."""
-        sliding = held()._replace(joint_velocity=np.full(12, 0.5))
-        moved = {}
-        for planned in (0.0, 1.0):
-            estimator = BaseEstimator(ROBOT)
-            estimator.reset(sliding)
-            for _ in range(5):
-                velocity, _ = estimator.update(sliding, np.full(4, planned), 0.002)
-            moved[planned] = np.linalg.norm(velocity)
-        assert moved[0.0] < 1e-3
-        assert moved[1.0] > 0.01
-
-    def test_random_readings_give_finite_estimates(self) -> None:
-        estimator, rest = BaseEstimator(ROBOT), held()
-        estimator.reset(rest)
-        rng = np.random.default_rng(0)
-        for _ in range(500):
-            wild = Sensed(*(part + 10 * rng.standard_normal(part.shape) for part in rest))
-            velocity, height = estimator.update(wild, rng.uniform(size=4), 0.002)
-            assert np.all(np.isfinite(velocity))
-            assert np.isfinite(height)
-        assert all(np.all(np.isfinite(part)) for part in estimator.odometry())

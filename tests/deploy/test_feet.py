@@ -1,18 +1,15 @@
 """Where spheres and soles touch the ground."""
 
 from itertools import product
-from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
-from made_up import bodies
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.robots.description import load_robot
-from footfall.robots.feet import FootSpheres, foot_spheres
+from footfall.robots.feet import foot_spheres
 
 ROBOT = load_robot("go1")
 G1 = load_robot("g1")
@@ -51,28 +48,6 @@ class TestContactPoints:
         arms = ContactPoints(G1.legs, 0.0005).arms(G1.default_pose, up)
         np.testing.assert_allclose(arms[:, :2] + 0.005 * up[:2], [expected] * 2, atol=atol)
         assert angle or arms[:, 2] == pytest.approx([-0.005] * 2, abs=1e-6)
-
-    def test_soles_follow_their_ankles(self) -> None:
-        """The base level, ankles bent by 0.1 rad: one foot on its toes, one on its heel."""
-        pose = G1.default_pose.copy()
-        left, right = (G1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right"))
-        pose[left], pose[right] = pose[left] + 0.1, pose[right] - 0.1
-        arms = ContactPoints(G1.legs, 0.001).arms(pose, UP)
-        np.testing.assert_allclose(arms[:, 0], [0.085 * np.cos(0.1), -0.085 * np.cos(0.1)], atol=1e-4)
-
-    def test_feet_of_several_kinds_go_together(self, tmp_path: Path) -> None:
-        """Four spheres on one foot, a box on the other: each touches at its own lower edge."""
-        robot = bodies(tmp_path)["six hinges and soles"]
-        up = about("y", 0.1).T @ UP
-        arms = ContactPoints(robot.legs, 0.0005).arms(robot.default_pose, up)
-        spheres = np.array([0.07, 0.0, 0.0]) - 0.012 * up  # toes, 0.1 m from the ankle, 0.03 m to the middle
-        np.testing.assert_allclose(arms, [spheres, [0.09, 0.0, -0.01]], atol=1e-4)
-
-    def test_the_thickest_of_level_spheres_touches(self) -> None:
-        spheres = FootSpheres(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
-        legs = SimpleNamespace(spheres=[spheres], count=1, tip_rotation=lambda _: np.eye(3)[None])
-        arms = ContactPoints(legs, 0.001).arms(np.zeros(0), UP)  # type: ignore[arg-type]
-        np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
 
     def test_spheres_of_spheres_capsules_and_boxes(self) -> None:
         """A sphere, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""

@@ -1,6 +1,5 @@
 """Code that never returns: a policy that sleeps or spins, code outside Python; motors that do not reply."""
 
-import os
 import signal
 import threading
 import time
@@ -14,14 +13,11 @@ from deploy_policies import FailingPolicy, Hold, stand_still
 from relaxed_limits import RELAXED
 from watched_simulation import Simulation, motor_commands
 
-from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError, deadlines
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
-from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_session
-from footfall.plant.frame_changes import nothing
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -55,23 +51,6 @@ class TestHungPolicy:
         assert outcome.final_state == "ESTOP"
         assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
         assert time.monotonic() - began < 30.0
-        assert not simulation.body.motors_on.any()
-
-    def test_a_signal_ends_a_run_whose_policy_hangs(self, go1: Robot) -> None:
-        """SIGTERM while the policy spins: the deadline frees the loop, which ends."""
-
-        terminates = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM))
-
-        def terminated(command: JointCommand) -> JointCommand:
-            terminates.start()
-            return spin(command)
-
-        simulation = Simulation(go1)
-        outcome = run_session(
-            go1, FailingPolicy(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
-        )
-        terminates.cancel()  # a late one would end the tests
-        assert outcome.final_state == "ESTOP"
         assert not simulation.body.motors_on.any()
 
 
@@ -129,19 +108,6 @@ class TestGuard:
         guard.close()
         assert not taken_over.is_set()
 
-    def test_a_loop_that_returns_late_ends_with_the_guards_fault(self, go1: Robot) -> None:
-        """Something between two ticks blocks the thread for longer than the guard waits."""
-        simulation, blocked = Simulation(go1), []
-
-        def block(loop: object) -> None:
-            if not blocked and loop.walking:  # type: ignore[attr-defined]
-                blocked.append(True)
-                time.sleep(2.2)
-
-        outcome = run_session(go1, Hold(go1), simulation.bus, LONG, block)
-        assert outcome.final_state == "ESTOP"
-        assert "a guard damped the robot" in outcome.faults[-1]
-
     def test_a_loop_that_returns_within_a_tick_leaves_its_damping(self, go1: Robot) -> None:
         """A bus that blocks while it is read: what the tick then decides is out of date."""
         simulation = Simulation(go1)
@@ -173,26 +139,3 @@ class TestMotorsOff:
         simulation.bus.outgoing = lambda frames, _: frames.take(rng.random(len(frames.id)) >= 0.2)
         assert self.run(go1, simulation) == []
         assert not simulation.body.motors_on.any()
-
-    def test_a_motor_that_does_not_answer_is_named(self, go1: Robot) -> None:
-        simulation = Simulation(go1)
-        late = 700_000  # while it damps
-        simulation.bus.outgoing = lambda frames, now_us: nothing(frames) if now_us > late else frames
-        (note,) = self.run(go1, simulation)
-        assert "FR_hip_joint (can0, id 1), " in note
-
-
-def test_lockstep_has_neither_deadline_nor_guard(go1: Robot) -> None:
-    """Simulated time waits for as long as a step takes."""
-    simulation = Simulation(go1)
-    slow = SafetyConfig(late_limit_s=0.001)
-
-    def dawdle(command: JointCommand) -> JointCommand:
-        time.sleep(0.005)
-        return command
-
-    config = DeployConfig(stand_s=0.2, safety=slow)
-    session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
-    outcome = run_session(go1, FailingPolicy(go1, 0.0, dawdle), simulation.bus, session)
-    assert outcome.faults == ()
-    assert LockstepClock.realtime is False

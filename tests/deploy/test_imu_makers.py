@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
 
 from footfall.common.errors import UserError
 from footfall.deploy.bus import BusStatistics
@@ -20,9 +19,7 @@ from footfall.deploy.drivers.xsens_can import IDS, XsensCanImu
 from footfall.deploy.frames import Frames
 from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
 from footfall.deploy.wiring import wiring_of
-from footfall.plant.episode import Episode, run_episode
-from footfall.plant.imu_ends import XbusEnd, open_imu_end
-from footfall.policies.registry import load_policy
+from footfall.plant.imu_ends import open_imu_end
 from footfall.robots.checks import inconsistencies
 from footfall.robots.description import Robot
 
@@ -117,13 +114,6 @@ class TestEveryMaker:
         np.testing.assert_allclose(imu.reading.gyro, 0.0)
         assert imu.older == 1  # type: ignore[attr-defined]
 
-    def test_a_policy_walks_with_it(self, go1: Robot, protocol: str) -> None:
-        episode = Episode(command_source=lambda _: np.array([0.6, 0.0, 0.0]), duration_s=1.0)
-        trace = run_episode(with_imu(go1, protocol), load_policy("go1-flat", go1), episode)
-        assert trace.faults == ()
-        assert not trace.fell
-        assert np.median(trace.base_velocity[25:, 0]) == pytest.approx(0.6, abs=0.1)
-
     def test_it_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
         bus = "can0" if BUS_OF[protocol] == PORT else PORT
         with pytest.raises(UserError, match="imu_bus"):
@@ -154,18 +144,6 @@ class TestOnASerialLine:
         for at, byte in enumerate(encode(Sample(2, TILTED)) + encode(Sample(3, TILTED))):
             imu.absorb(to_frames(0, bytes((byte,))), 2000 + at)
         assert imu.heard_us == 2000 + 2 * len(content) - 1
-
-
-def test_wrong_checksums_are_noted_after_a_run(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def encode(sample: Sample) -> bytes:
-        message = xbus.encode(sample)
-        return message if sample.counter % 50 else message[:-1] + b"\x00"
-
-    monkeypatch.setattr(XbusEnd, "message", staticmethod(encode))
-    robot = with_imu(go1, "xsens")
-    trace = run_episode(robot, Hold(robot), short_episode())
-    assert trace.faults == ()
-    assert any("checksum" in note for note in trace.notes)
 
 
 class NoCan:

@@ -3,13 +3,12 @@
 from typing import NoReturn
 
 import pytest
-from deploy_policies import FailingPolicy, Hold, stand_still
+from deploy_policies import Hold, stand_still
 from watched_simulation import Simulation, motor_commands
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
-from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 SESSION = Session(stand_still, 9.0, realtime=False, config=DeployConfig(stand_s=0.2))
@@ -30,18 +29,6 @@ def test_an_exception_from_each_tick_damps_and_disables(go1: Robot, ends: type[B
     (stiff, _), (damped, ticks), (off, _) = motor_commands(go1, simulation.sent)[-3:]
     assert (stiff, damped, off) == ("stiff", "damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
-    assert not simulation.body.motors_on.any()
-
-
-def test_a_policy_that_quits_has_failed(go1: Robot) -> None:
-    """The run ends as after any other exception of a policy."""
-
-    def leave(_: JointCommand) -> NoReturn:
-        raise SystemExit(3)
-
-    simulation = Simulation(go1)
-    outcome = run_session(go1, FailingPolicy(go1, 0.05, leave), simulation.bus, SESSION)
-    assert outcome.faults == ("the policy failed: SystemExit: 3",)
     assert not simulation.body.motors_on.any()
 
 

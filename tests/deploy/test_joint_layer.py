@@ -4,14 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frame_robot import ROWS, imu_frames
+from frame_robot import ROWS
 from reports import report
 
-from footfall.deploy.drivers import imu, mit, mit_driver
+from footfall.deploy.drivers import mit, mit_driver
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.receiver import NEVER_US
 from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque
@@ -53,13 +52,6 @@ def sent(robot: Robot, wiring: Wiring, frames: Frames) -> JointCommand:
 
 
 class TestOut:
-    def test_targets_begin_at_the_soft_limit_from_beyond(self, go1: Robot, layer: JointLayer) -> None:
-        beyond = go1.upper_rad.copy()
-        layer.begin_at(beyond)
-        np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
-        layer.command(command(go1, beyond))
-        np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
-
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     def test_the_smaller_of_two_torques_of_one_direction_is_expected(
         self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
@@ -71,12 +63,6 @@ class TestOut:
         np.testing.assert_allclose(layer.expected_torque(), side * 2.0, atol=0.02)
         layer.command(command(go1, go1.default_pose, torque=-side * 2.0))  # -1.2 N m here, 2 before
         np.testing.assert_array_equal(layer.expected_torque(), 0.0)
-
-    def test_targets_stay_inside_the_soft_limits(self, go1: Robot, layer: JointLayer) -> None:
-        _, upper = go1.soft_limits
-        for _ in range(200):
-            layer.command(command(go1, go1.upper_rad + 5.0))
-        np.testing.assert_allclose(layer.target, upper)
 
     def test_targets_continue_after_damping(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         wanted = command(go1, go1.default_pose)
@@ -97,27 +83,6 @@ class TestOut:
         assert np.all(sent(go1, wiring, layer.command(wanted)).torque < 0.8 * first)
         layer.absorb([replies(wiring, go1.default_pose)], 4000)
         np.testing.assert_array_equal(sent(go1, wiring, layer.command(wanted)).torque, first)
-
-
-class TestIn:
-    def test_readings_are_copies(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        before = layer.sensed()
-        kept = before.joint_position.copy()
-        layer.absorb([replies(wiring, go1.default_pose + 0.3)], 4000)
-        assert np.array_equal(before.joint_position, kept)
-
-    def test_a_repeated_imu_reading_does_not_count_as_new(self, wiring: Wiring, layer: JointLayer) -> None:
-        def frames(counter: int) -> Frames:
-            reading = imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.81], [1.0, 0.0, 0.0, 0.0])
-            return imu_frames(wiring, reading, counter)
-
-        assert layer.last_heard().imu_us == NEVER_US
-        layer.absorb([frames(1)], 1000)
-        layer.absorb([frames(1)], 2000)
-        assert layer.last_heard().imu_us == 1000
-        layer.absorb([frames(2)], 3000)
-        assert layer.last_heard().imu_us == 3000
-        np.testing.assert_allclose(layer.sensed().gyro, [0.1, 0.2, 0.3])
 
 
 class TestReadingsOfEveryKind:
@@ -166,41 +131,6 @@ class TestReadingsOfEveryKind:
             layer.command(JointCommand(start + away, zero, zero, zero, zero))
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
-
-    def test_a_mixed_batch_of_the_same_layout_is_decoded_again(self, go1: Robot, layer: JointLayer) -> None:
-        """Every motor, and the IMU's frames among them; the second time with other contents and times."""
-        wiring = wiring_of(go1)
-        order = np.array([0, 12, 1, 2, 13, 3, 4, 5, 14, 6, 7, 8, 9, 10, 11])
-
-        def mixed(scale: float, counter: int) -> Frames:
-            reading = imu.Inertial((scale, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
-            motors = self.replies(go1, slice(None), np.array([scale * ROWS, 0.0 * ROWS, 0.0 * ROWS]))
-            return joined([motors, imu_frames(wiring, reading, counter)]).take(order)
-
-        first, second = mixed(0.1, 1), mixed(0.05, 2)
-        layer.absorb([first.at(order + 1000)], 2000)
-        layer.absorb([first._replace(data=second.data, time_us=order + 3000)], 4000)
-        np.testing.assert_allclose(layer.sensed().joint_position, 0.05 * ROWS, atol=4e-4)
-        assert layer.sensed().gyro[0] == pytest.approx(0.05, abs=1e-3)
-        assert layer.last_heard().motor_us.tolist() == list(range(3000, 3012))
-        assert layer.last_heard().imu_us == 3012
-
-    def test_an_error_stays_until_its_motor_answers_again(self, go1: Robot, layer: JointLayer) -> None:
-        values = np.zeros((3, 12))
-        layer.absorb([self.replies(go1, slice(None), values)], 0)
-        layer.absorb([self.replies(go1, np.array([4, 7]), values[:, :2], error=2)], 1)
-        layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
-        assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
-
-    def test_a_motor_has_the_time_of_its_frames_arrival(self, go1: Robot, layer: JointLayer) -> None:
-        """Arrival time, not processing time; processing time where the arrival is unknown."""
-        values, times = np.zeros((3, 12)), 1000.0 + ROWS
-        frames = self.replies(go1, slice(None), values)
-        for _ in range(2):  # the second time from arrays that were seen before
-            layer.absorb([frames._replace(time_us=times)], 2000)
-            assert layer.last_heard().motor_us.tolist() == times.tolist()
-        layer.absorb([frames], 2000)
-        assert layer.last_heard().motor_us.tolist() == [2000] * 12
 
     def test_temperature_and_voltage_are_nan_where_not_reported(self, go1: Robot, layer: JointLayer) -> None:
         """A reply of six bytes has no temperature; no motor in MIT mode reports its voltage."""
@@ -251,15 +181,6 @@ class TestReadingsOfEveryKind:
         np.testing.assert_allclose(layer.sent[2, hips], 400.0 * share - 250.0 / 4095, rtol=1e-9)
         braked = 0.0 if velocity < 0.0 else 2.5 / 4095
         np.testing.assert_allclose(layer.sent[3, hips], share - braked, rtol=1e-9)
-
-    def test_gains_rounded_by_a_frame_stay_above_zero(self, go1: Robot, layer: JointLayer) -> None:
-        """A thousandth of a frame's step of stiffness and damping, beside a torque that has to be lowered."""
-        layer.absorb([self.replies(go1, slice(None), np.zeros((3, 12)))], 0)
-        layer.begin_at(go1.default_pose)
-        little = np.full(12, 1e-6)
-        layer.command(JointCommand(go1.default_pose, 1.0 + 0 * little, little, little, 1e6 * little * 60))
-        assert (layer.sent[2:4] >= 0.0).all()
-        assert (layer.sent[4] < 60.0).all()
 
     def test_damping_forgets_the_command_and_follows_joints(self, go1: Robot, layer: JointLayer) -> None:
         values = np.array([0.1 * ROWS - 0.5, ROWS / 10, 0 * ROWS])

@@ -1,18 +1,13 @@
 """A biped whose centre of mass differs from its model's stands up without tipping over."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from footfall.deploy.config import DeployConfig, deploy_config
-from footfall.deploy.levelling import LevellingConfig
-from footfall.deploy.loop import ControlLoop
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.postures import Postures
-from footfall.domain_rand.noise import Noise
 from footfall.plant.episode import Episode, run_episode
-from footfall.plant.robot import SimulatedRobot
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import Sensed
@@ -33,24 +28,10 @@ def pitched(robot: Robot, pitch_rad: float) -> Sensed:
 
 
 class TestABipedThatStandsUp:
-    @pytest.mark.parametrize("gain", [None, 0.0])
-    def test_does_not_tip_over_its_toes(self, g1: Robot, gain: float | None) -> None:
-        """Without levelling it does: that is what this test guards against."""
-        levelling = LevellingConfig() if gain is None else LevellingConfig(gain=gain, rate_gain_s=0.0)
-        config = replace(deploy_config(g1), levelling=levelling)
-        episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE, config=config)
-        assert run_episode(g1, load_policy("step", g1), episode).fell == (gain is not None)
-
-    def test_comes_to_rest(self, g1: Robot) -> None:
-        """With gyro noise and the delays of the bus."""
-        rates: list[float] = []
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            rates.append(float(body.data.qvel[4]))
-
-        episode = Episode(lambda _: np.zeros(3), 0.05, noise=Noise(gyro=0.02), config=deploy_config(g1))
-        run_episode(g1, load_policy("stand", g1), episode, watch)
-        assert np.abs(rates[400:500]).max() < 0.2
+    def test_does_not_tip_over_its_toes(self, g1: Robot) -> None:
+        """Without levelling it does."""
+        episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE)
+        assert not run_episode(g1, load_policy("step", g1), episode).fell
 
     def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
         """The soles turn down by the pitch of the base, about a point under it."""

@@ -18,32 +18,23 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
-from mcap.records import Header
-from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from mutate import mutated, mutated_records
-from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
-from footfall.deploy.command_source import Request, Status
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import LogFile, read_log
-from footfall.deploy.log_numbers import flatten, unflatten
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.modes import Mode
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
-from footfall.deploy.safety import State
-from footfall.deploy.telemetry import messages
-from footfall.deploy.telemetry.mcap_file import ENDED
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 
 UNHURRIED = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
@@ -109,14 +100,6 @@ class TestContent:
         states = [m.message.data for m in messages if m.topic == "/state"]
         assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
 
-    def test_commands_are_logged_while_there_are_any(self, whole: LogFile) -> None:
-        """From the first tick of STANDING to the last one before motors are disabled."""
-        found = whole.entries
-        state = {entry.message.data: entry.time_ns for entry in found if entry.topic == "/state"}
-        for topic in ("/joint_commands", "/joint_gains"):
-            times = [entry.time_ns for entry in found if entry.topic == topic]
-            assert times == list(range(state["STANDING"], state["IDLE"], 2_000_000))
-
     def test_each_reading_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
         """Orientation comes as w x y z and is written by name."""
         position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
@@ -155,13 +138,6 @@ class TestContent:
         assert list(health) == [0, 4_000_000, 6_000_000, 10_000_000]
         np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
         np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
-
-    def test_ages_of_readings_are_logged(self, logged: tuple[Path, Trace], whole: LogFile) -> None:
-        """Replies come within the next tick of 2 ms, the IMU's readings every 2 ms."""
-        ages = [entry.message.data for entry in whole.entries if entry.topic == "/reading_ages"]
-        assert np.shape(ages) == (round(500 * logged[1].run_s) + 1, 13)
-        assert (np.array(ages[2:]) >= 0.0).all()
-        assert np.max(ages[2:]) <= 0.004
 
     def test_each_estimate_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
         """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
@@ -206,33 +182,6 @@ class TestContent:
         first = {m.topic: m.message for m in reversed(found)}
         assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
         assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
-
-    def test_notes_of_a_command_source_are_logged(self, go1: Robot, tmp_path: Path) -> None:
-        class Remarks:
-            stopped = None
-
-            def poll(self, status: Status) -> Request:
-                return Request(np.zeros(3), note=f"seen in {status.mode.value}")
-
-        path = tmp_path / "notes.mcap"
-        trace = run_episode(go1, Sway(go1), short_episode(duration_s=0.2, log=path, command_source=Remarks()))
-        written = [m.message.data for m in decoded(path, "/notes")]
-        assert "seen in RELEASING" in written
-        assert written == list(trace.notes)
-
-    def test_times_are_unix_times(self, go1: Robot, tmp_path: Path) -> None:
-        """To a millisecond: the process that writes the log has started before the loop's time begins."""
-        path, zeros_ns = tmp_path / "a.mcap", []
-
-        def record(loop: ControlLoop, _: object) -> None:
-            zeros_ns.append(time.time_ns() - loop.now_us * 1000)  # later than time zero by the tick's work
-
-        episode = short_episode(duration_s=0.3, realtime=True, log=path, config=RELAXED)
-        run_episode(go1, Hold(go1), episode, record)
-        first_ns = read_log(path, ["/imu/data"]).entries[0].time_ns
-        whole_ticks_ns = (min(zeros_ns) - first_ns) % (1_000_000_000 // round(RELAXED.joint_rate_hz))
-        assert min(zeros_ns) - first_ns < 10_000_000
-        assert whole_ticks_ns < 1_500_000  # of which the tick's work is some part
 
     def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
         log = whole  # of the orderly run
@@ -334,22 +283,6 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             assert decoded(path, "/imu/data")
             assert "died before the end of the run" in decoded(path, "/notes")[-1].message.data
 
-    def test_a_truncated_file_is_recovered(
-        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
-    ) -> None:
-        torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
-        content = logged[0].read_bytes()
-        end = content.rindex(ENDED.encode())  # after the last message, and before definitions and index
-        torn.write_bytes(content[: end * 9 // 10])
-        left = read_log(torn)
-        assert not left.complete
-        assert not replay(torn, Sway(go1)).complete
-        assert recover(torn, whole).messages == len(left.entries) > 0
-        assert len(decoded(whole)) == len(left.entries)
-        again = read_log(whole)
-        assert again.metadata == left.metadata
-        assert not again.complete  # the run was cut short all the same
-
 
 class TestReplay:
     def test_a_replay_by_the_same_policy_is_equal_to_the_bit(
@@ -369,18 +302,6 @@ class TestReplay:
         assert replay(path, FailingPolicy(go1, 0.1, not_a_number)).first_difference == ""
         assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
 
-    def test_a_hand_written_observation_survives_the_log(self) -> None:
-        n = np.arange(4.0)
-        sensed = Sensed(n[:3], n[:3] + 1, n, n + 2, n + 3, n + 4)
-        inputs = PolicyInput(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
-        back = unflatten(flatten(inputs), joints=4)
-        assert back.time_s == 0.5
-        for one, other in zip(back.sensed, sensed, strict=True):
-            assert np.array_equal(one, other)
-        assert np.isnan(back.base_velocity).all()
-        with pytest.raises(ValueError, match="30 numbers do not match the policy input of 5 joints"):
-            unflatten(flatten(inputs), joints=5)
-
 
 def test_bad_paths_and_contents_are_refused(go1: Robot, tmp_path: Path) -> None:
     policy, path = Hold(go1), tmp_path / "bad.mcap"
@@ -397,13 +318,6 @@ HEALTH = MotorHealth(
     np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
 )
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-
-
-def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> None:
-    path, log = log_of(go1, tmp_path)
-    log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
-    log.close()
-    assert [entry.message.data for entry in read_log(path, ["/state"]).entries] == ["ESTOP: second"]
 
 
 def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: Path) -> None:
@@ -496,52 +410,6 @@ class TestDamage:
         recovered = read_log(copy)
         assert recovered.damaged == 0
         assert [each[:2] for each in recovered.entries] == [each[:2] for each in log.entries]
-
-    def test_without_first_chunk_and_end_a_log_keeps_its_types(self, tmp_path: Path) -> None:
-        """Its second schema and channel are the copy's first ones; the lost first ones are unknown."""
-        hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
-        with hurt.open("wb") as file:
-            writer = Writer(file, compression=CompressionType.NONE)
-            writer.start("ros2", "footfall")
-            channels = {}
-            for topic, kind, text in (
-                ("/a", "std_msgs/msg/Float64", b"float64 data"),
-                ("/b", "std_msgs/msg/String", b"string data"),
-            ):
-                schema = writer.register_schema(kind, "ros2msg", text)
-                channels[topic] = writer.register_channel(topic, "cdr", schema)
-                for each, channel in channels.items():
-                    writer.add_message(channel, 3, messages.text(f"of {each}"), 2, sequence=7)
-                writer.flush()  # a chunk of its own
-        content = hurt.read_bytes()
-        hurt.write_bytes(content.replace(b"of /a", b"of /c", 1))
-        assert recover(hurt, whole) == (1, 2)  # the chunk, and a message whose schema only this chunk had
-        (left,) = decoded(whole)
-        assert (left.topic, left.kind, left.message.data) == ("/b", "std_msgs/msg/String", "of /b")
-        with whole.open("rb") as file:
-            reader = make_reader(file)
-            assert reader.get_header() == Header("ros2", "footfall")
-            ((_, _, message),) = reader.iter_messages()
-        assert (message.log_time, message.publish_time, message.sequence) == (3, 2, 7)
-
-    def test_invalid_definitions_are_counted_and_nothing_is_printed(
-        self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-    ) -> None:
-        """mcap_ros2 prints unknown content on stderr."""
-        path = tmp_path / "hurt.mcap"
-        with path.open("wb") as file:
-            writer = Writer(file)
-            writer.start("ros2", "footfall")
-            writer.add_metadata("footfall", {"run": "{}"})
-            for number, text in enumerate((b"string", b"flo at64 data", b"string[x data", b"string data")):
-                schema = writer.register_schema("std_msgs/msg/String", "ros2msg", text)
-                channel = writer.register_channel(f"/{number}", "cdr", schema)
-                writer.add_message(channel, 1, messages.text("heard"), 1)
-            writer.finish()
-        log = read_log(path)
-        assert [(entry.topic, entry.message.data) for entry in log.entries] == [("/3", "heard")]
-        assert log.damaged == 3
-        assert capfd.readouterr() == ("", "")
 
     @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize("mutation", [mutated, mutated_records])

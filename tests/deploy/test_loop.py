@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold
+from fake_estimator import FakeEstimator
 from frame_robot import ROWS, TICK_US, Notebook
 from loops import loop_of, simulated_loop, until, walk_for
 
-from footfall.deploy.config import DeployConfig
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import Mode
 from footfall.deploy.orders import Order, OrderKind
@@ -160,19 +160,6 @@ class TestFaults:
 
             return act
 
-        class Estimator:
-            notes = ()
-            reset = start = lambda *_: None
-
-            def update(self, *_: Any) -> tuple[np.ndarray, float]:
-                return np.zeros(3), 0.3
-
-            def pose(self) -> tuple[float, float, float]:
-                return 0.0, 0.0, 0.0
-
-            def odometry(self) -> Any:
-                return None
-
         policy, log = Hold(go1), Notebook()
         policy.stance = failing("stance", policy.stance)  # type: ignore[method-assign]
         for name in ("tick", "state", "policy_step", "note"):
@@ -181,7 +168,7 @@ class TestFaults:
         for name in ("command", "damping"):
             monkeypatch.setattr(JointLayer, name, failing("frames", getattr(JointLayer, name)))
         source = failing("command", lambda _: np.zeros(3))
-        loop, body = loop_of(go1, policy, command_source=source, log=log, estimator=Estimator())
+        loop, body = loop_of(go1, policy, command_source=source, log=log, estimator=FakeEstimator())
         body.receive = failing("receive", body.receive)  # type: ignore[method-assign]
         body.send = failing("send", body.send)  # type: ignore[method-assign]
         until(loop, Mode.WALKING)
@@ -233,19 +220,6 @@ class TestFaults:
 
 
 class TestEnd:
-    @pytest.mark.parametrize(("damping_s", "ticks"), [(0.5, 252), (0.501, 253), (0.019, 12)])
-    def test_damping_takes_its_time_and_two_ticks(self, damping_s: float, ticks: int) -> None:
-        assert DeployConfig(safety=SafetyConfig(damping_s=damping_s)).damping_ticks == ticks
-
-    def test_a_run_may_be_finished_before_the_robot_walks(self, go1: Robot) -> None:
-        loop, _ = loop_of(go1, Hold(go1))
-        until(loop, Mode.STANDING)
-        loop.finish()
-        while loop.tick():
-            assert loop.state.mode is not Mode.WALKING
-        assert loop.state.mode is Mode.IDLE
-        assert loop.walked_s == 0.0
-
     @pytest.mark.parametrize(
         ("at", "fails", "ending"),
         [
@@ -290,13 +264,6 @@ class TestLog:
         assert [each[1] for each in steps] == policy.seen
         np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
         assert log.of("note") == [(140_000, "a forward command of nan m/s was replaced with 0")]
-
-    def test_no_command_is_logged_before_motors_are_enabled(self, go1: Robot) -> None:
-        log = Notebook()
-        loop, body = loop_of(go1, Hold(go1), log=log)
-        body.silent = [3]
-        loop.tick()
-        assert log.of("tick")[0][2] is None
 
     def test_an_order_is_logged_at_once_with_its_author_in_every_mode(self, go1: Robot) -> None:
         log, inbox = Notebook(), Inbox()

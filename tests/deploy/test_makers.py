@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
-from some_motors import MAKERS, frame, introduce, two_motors, with_motors
+from some_motors import MAKERS, introduce, two_motors, with_motors
 
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
@@ -50,15 +50,6 @@ class TestRequests:
         ):
             assert not len(frames.id) or end.requests(frames).kind.tolist() == [kind] * 2
 
-    @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_nan_and_infinity_are_refused(self, wiring: Wiring, bad: float) -> None:
-        driver, values = both_ends(wiring)[0], np.zeros((5, 2))
-        for channel in (0, 1):
-            driver.replies(frame(0x069, bytes(8), channel))  # an ODrive's position
-        values[4, 1] = bad
-        with pytest.raises(ValueError, match="not finite"):
-            driver.command(values)
-
 
 @pytest.mark.parametrize(
     ("wiring", "codes"), [(DAMIAO, [65535, 4095, 4095, 4095, 4095]), (ROBSTRIDE, [65535] * 5)]
@@ -79,11 +70,6 @@ class TestRounding:
             replies = driver.replies(end.reply(slice(None), report(share[rows] * most[rows], 0, 33)))
         assert np.all(np.abs(replies.values - readings) <= half[rows])
         assert replies.temperature_c.tolist() == [33, 33]
-
-    def test_of_gains(self, wiring: Wiring, codes: list[int]) -> None:
-        driver = both_ends(wiring)[0]
-        expected = 0.5 * driver.highest[2:4] / np.array(codes)[2:4, None]
-        np.testing.assert_allclose(driver.gain_rounding, expected)
 
 
 @WITH_SETTINGS
@@ -144,14 +130,6 @@ class TestSettings:
 
 
 class TestRobots:
-    @pytest.mark.parametrize("motors", [MAKERS["moteus"], MAKERS["mixed"], {"hip": "ODrive", "first_id": 4}])
-    def test_they_stand(self, go1: Robot, motors: dict[str, Any]) -> None:
-        """Beside MIT motors, whose ids go up to 0x7f, an ODrive's nodes begin at 4, 0x080."""
-        robot = with_motors(go1, **motors)
-        trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.2))
-        assert (trace.faults, trace.notes, trace.final_state) == ((), (), "IDLE")
-        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
-
     @pytest.mark.parametrize("maker", ["Damiao", "RobStride", "ODrive"])
     def test_a_rebooted_motor_is_a_fault(self, go1: Robot, maker: str) -> None:
         robot, joint = with_motors(go1, **MAKERS[maker]), 8

@@ -1,7 +1,6 @@
 """A log's messages, byte by byte as the encoder of MCAP's ROS 2 library writes them."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
@@ -34,28 +33,3 @@ def test_joint_states(time_ns: int, names: list[str], seed: int) -> None:
     template = messages.joint_state(tuple(names))
     gaps = [row.tobytes() for row in numbers] if names else []
     assert template.fill(time_ns, *gaps) == encoded("sensor_msgs/msg/JointState", expected)
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("label", ["", "x", "inputs", "command"])
-def test_numbers(dtype: type, label: str) -> None:
-    numbers = np.random.default_rng(0).normal(size=7).astype(dtype)
-    expected = {
-        "layout": {"dim": [{"label": label, "size": 7, "stride": 7}], "data_offset": 0},
-        "data": numbers.tolist(),
-    }
-    kind = f"std_msgs/msg/Float{numbers.itemsize * 8}MultiArray"
-    found = messages.multi_array(label, 7, numbers.itemsize).fill(0, numbers.tobytes())
-    assert found == encoded(kind, expected)
-
-
-def test_a_message_is_not_changed_by_the_next() -> None:
-    template = messages.multi_array("x", 1)
-    first = template.fill(0, np.ones(1).tobytes())
-    template.fill(0, np.zeros(1).tobytes())
-    assert first == template.fill(0, np.ones(1).tobytes())
-
-
-def test_a_wrong_count_of_numbers_is_refused() -> None:
-    with pytest.raises(ValueError, match="zip"):
-        messages.twist().fill(0, bytes(24))

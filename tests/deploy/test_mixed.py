@@ -109,11 +109,6 @@ def test_each_reply_is_its_joints_with_its_time(driver: MixedDriver) -> None:
     assert replies.time_us[order].tolist() == [6.0, 8.0, 9.0, 5.0]
 
 
-def test_times_are_unknown_if_one_driver_has_none() -> None:
-    heard = frames([0x10, 0x20], np.array([5.0, 6.0]))
-    assert mixed(Maker(0x10, 2), Maker(0x20, 3, knows_time=False)).replies(heard).time_us is None
-
-
 def test_motors_not_confirmed_off_are_given_by_joint() -> None:
     driver = mixed(Maker(0x10, 2, on=(True, False)), Maker(0x20, 3, on=(False, False, True)))
     assert driver.not_confirmed_off().tolist() == [False, False, True, False, True]

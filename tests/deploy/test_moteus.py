@@ -16,14 +16,11 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.moteus import Subframe, subframes
 from footfall.deploy.drivers.moteus_driver import TURN
 from footfall.deploy.frames import EXTENDED, FD, Frames, bits_of, fd_bits, joined
-from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.log_analysis.candump import write_candump
-from footfall.deploy.loop import ControlLoop
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.plant.motor_ends.motor_end import Report, Request
+from footfall.plant.motor_ends.motor_end import Report
 from footfall.plant.motors import SimulatedMotors
-from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
 TWO = two_motors("moteus", "moteus")
@@ -54,11 +51,6 @@ class TestSubframes:
             Subframe(0x20, 0x000, 4, "h", (10, 80, 256, -144)),
             Subframe(0x20, 0x00D, 3, "b", (24, 20, 0)),
         ]
-
-    def test_floats_and_registers_beyond_127(self) -> None:
-        content = bytes.fromhex("01000a0e200000803f0000004011001f01130d")
-        assert [each.values for each in subframes(content)][:2] == [(10,), (1.0, 2.0)]
-        assert next(subframes(moteus.ZERO)) == Subframe(0x00, 0x131, 1, "f", (0.0,))
 
     @pytest.mark.parametrize("content", ["01 00", "0e 20 00 00 80 3f", "7f 00", "04 ff"])
     def test_a_short_or_foreign_subframe_is_refused(self, content: str) -> None:
@@ -91,16 +83,6 @@ class TestFrames:
         sent = end.reply(slice(None), report)
         assert sent.id.tolist() == [FD | 0x37D] * 2
         assert hexed(sent)[0] == "21 00 0a 2f 01 00 00 80 3e 00 00 00 bf 00 00 c0 3f 23 0d 18 14 00 50 50"
-
-    def test_both_ends_agree(self) -> None:
-        driver, end = open_driver(TWO), open_motor_end(TWO)
-        values = np.array([[0.3, -1.2], [2.0, -4.0], [30.0, 159.0], [2.0, 0.0], [-7.0, 40.0]])
-        requests = end.requests(driver.command(values))
-        np.testing.assert_allclose(requests.values, values, rtol=1e-6)
-        report = Report(READINGS, np.zeros(2, np.uint64), np.ones(2, bool), 41)
-        found = driver.replies(end.reply(slice(None), report))
-        np.testing.assert_allclose(found.values, READINGS, rtol=1e-6)
-        assert (found.temperature_c.tolist(), found.voltage.tolist()) == ([41.0] * 2, [24.0] * 2)
 
     def test_gains_end_at_the_drives_own(self) -> None:
         driver, end = open_driver(TWO), open_motor_end(TWO)
@@ -155,28 +137,6 @@ class TestMotors:
         motors.answer(123, driver.enable(), np.zeros((3, 2)))
         assert motors.enabled.all()
 
-    def test_requests_have_their_kinds(self) -> None:
-        driver, end = open_driver(TWO), open_motor_end(TWO)
-        for frames, kind in (
-            (driver.enable(), Request.RUN),
-            (driver.disable(), Request.STOP),
-            (driver.zero(), Request.ZERO),
-        ):
-            requests = end.requests(frames)
-            assert requests.kind is not None
-            assert requests.kind.tolist() == [kind] * 2
-
-    def test_a_robot_of_them_stops_where_one_reboots(self, go1: Robot) -> None:
-        robot = with_motors(go1, hip="moteus", knee="moteus")
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.3 < loop.walking_s < 0.3021:
-                body.faults.motors.latched[8] = 38
-
-        trace = run_episode(robot, Hold(robot), short_episode(), watch)
-        assert len(trace.faults) == 1
-        assert "over-temperature" in trace.faults[0]
-
 
 class TestBuses:
     def test_the_time_of_a_frame(self) -> None:
@@ -186,22 +146,6 @@ class TestBuses:
         plain = Frames(np.array([0]), np.array([1]), np.zeros((1, 8), np.uint8), np.array([8]))
         both = joined([open_driver(TWO).disable(), plain])
         assert bits_of(both).tolist() == [fd_bits(12, True)] * 2 + [135]
-
-    def test_python_can_carries_them_beside_plain_ones(self) -> None:
-        filters = (*open_driver(TWO).filters, {"can_id": 0, "can_mask": 0, "extended": True, "fd": True})
-        names = ("moteus0", "moteus1")
-        here, there = (open_interfaces("virtual", names, filters) for _ in range(2))
-        sent = open_driver(TWO).command(np.ones((5, 2)))
-        data = np.arange(8, dtype=np.uint8).reshape(1, 8)
-        plain = Frames(np.array([0]), np.array([0x17D]), data, np.array([8]))
-        assert here.send(joined([sent, plain]), 0) == 0
-        (found,) = there.receive(0)
-        np.testing.assert_array_equal(found.fd_frames().data, sent.data)
-        assert found.fd_frames().id.tolist() == sent.id.tolist()
-        assert found.fd_frames().length.tolist() == sent.length.tolist()
-        np.testing.assert_array_equal(found.can_frames().data, plain.data)
-        here.close()
-        there.close()
 
     def test_a_log_has_can_fd_frames_in_candumps_format(self, go1: Robot, tmp_path: Path) -> None:
         robot: Any = with_motors(go1, hip="moteus", knee="moteus")

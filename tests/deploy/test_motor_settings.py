@@ -9,16 +9,9 @@ from some_motors import MAKERS, two_motors, with_motors
 from watched_simulation import Simulation
 
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers import damiao, robstride
-from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.settings import ASK_AGAIN, Settings, TimeOut
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wiring_of
 from footfall.plant.frame_changes import late
-from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
-from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
-from footfall.plant.motors import SimulatedMotors
 from footfall.robots.description import Robot
 
 
@@ -33,29 +26,6 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_u
     session = Session(stand_still, 0.05, realtime=False, config=DeployConfig(stand_s=0.1), lie_down=False)
     outcome = run_session(robot, Hold(robot), simulated.bus, session)
     assert (outcome.faults, outcome.final_state) == ((), "IDLE")
-
-
-@pytest.mark.parametrize("maker", ["Damiao", "RobStride"])
-def test_motors_without_timeout_are_disabled_a_tenth_of_a_second_later(go1: Robot, maker: str) -> None:
-    wiring = wiring_of(with_motors(go1, **MAKERS[maker]))
-    driver, end = open_driver(wiring), open_motor_end(wiring)
-    assert isinstance(end, DamiaoMotorEnd | RobstrideMotorEnd)
-    for own in end.registers if isinstance(end, DamiaoMotorEnd) else end.parameters:
-        own[damiao.TIME_OUT if isinstance(end, DamiaoMotorEnd) else robstride.TIME_OUT] = 0
-    motors = SimulatedMotors(end, go1.motor, 12, {}, step_s=0.001, timeout_s=60.0)
-    step, still = 0, np.zeros(12)
-    while driver.not_ready():
-        step += 1
-        assert step < 20, driver.not_ready()
-        if (result := motors.answer(step, driver.query_settings(), np.zeros((3, 12)))) is not None:
-            driver.replies(result)
-    motors.answer(step, driver.enable(), np.zeros((3, 12)))
-    on = []
-    for later in range(1, 121):
-        motors.torque(step + later, still, still)
-        on.append(bool(motors.enabled.all()))
-    assert on[:100] == [True] * 100
-    assert on[105:] == [False] * 15
 
 
 class TestQuestions:
@@ -88,10 +58,3 @@ class TestQuestions:
         assert (0, 9, 2000) in settings.questions()
         settings.note(0, 9, 2000)
         assert "hip" not in settings.problem()
-
-    @pytest.mark.parametrize("count", [1, 999, 1000])
-    def test_a_timeout_that_is_short_enough_is_not_changed(self, settings: Settings, count: int) -> None:
-        """0.05 s is 1000 steps."""
-        settings.note(1, 9, count)
-        settings.note(1, 10, 1)
-        assert settings.questions() == [(0, 9, None)]

@@ -7,9 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, short_episode, stand_still
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from reports import report
 from some_motors import MAKERS, frame, two_motors, with_motors
 from some_motors import hexed as contents
@@ -18,15 +15,12 @@ from watched_simulation import Simulation
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
-from footfall.deploy.drivers.choice import open_driver, open_imu
-from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.frames import Frames, joined
-from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
@@ -101,12 +95,6 @@ class TestFrames:
         assert hexed(gain)[1] == (0x07B, "e4 cb 96 3e 00 00 00 00")
         assert hexed(mode)[1] == (0x06B, "02 00 00 00 01 00 00 00")
 
-    def test_a_position_is_in_turns_of_the_rotor(self, driver: OdriveDriver) -> None:
-        for channel, gear in ((0, 1.0), (1, 8.0)):
-            replies = driver.replies(pair(0x069, 0.25, -2.0, channel))
-            assert np.arange(2)[replies.motor].tolist() == [channel]
-            np.testing.assert_allclose(replies.values[:2, 0], [0.25 * TURN / gear, -2.0 * TURN / gear])
-
     def test_the_estimated_torque_is_read_not_its_target(self, driver: OdriveDriver) -> None:
         assert not driver.replies(pair(0x07C, 9.0, 0.5, 1)).values.size  # no reading by itself
         assert driver.replies(pair(0x069, 0.0, 0.0, 1)).values[2, 0] == 4.0
@@ -152,18 +140,6 @@ class TestFrames:
         driver.replies(pair(0x07C, 0.0, float("inf")))
         assert driver.replies(pair(0x069, 0.0, 0.0)).values[2, 0] == 0.0
 
-    @given(arrays.arrays(float, 2, elements=st.floats(-500.0, 500.0)))
-    def test_torques_arrive_as_floats_carry_them(self, torque: np.ndarray) -> None:
-        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
-        for channel in (0, 1):
-            driver.replies(pair(0x069, 0.0, 0.0, channel))
-        end.requests(driver.query_settings())
-        values = np.zeros((5, 2))
-        values[4] = torque
-        requests = end.requests(driver.command(values))
-        np.testing.assert_allclose(requests.values[4], torque, rtol=1e-6, atol=1e-30)
-        assert requests.kind is None
-
 
 class TestJointLaw:
     def test_stiffness_and_damping_act_on_the_latest_reading(self, driver: OdriveDriver) -> None:
@@ -180,20 +156,6 @@ class TestJointLaw:
             hip, knee = command(driver, kp=10.0, position=1.0)
             assert hip == pytest.approx(10.0)
             assert (knee == 0.0) == (tick >= 5), tick
-
-    def test_a_command_is_clamped_to_the_motors_limit(self, go1: Robot) -> None:
-        """Frames have no limit: only the motor's own counts."""
-        robot = with_motors(go1, **MAKERS["ODrive"])
-        wiring = wiring_of(robot)
-        driver = open_driver(wiring)
-        for channel in range(4):
-            for node in (1, 2, 3):
-                driver.replies(pair(node << 5 | 9, 0.0, 0.0, channel))
-        layer = JointLayer(robot, driver, open_imu(wiring), 0.002)
-        one = np.ones(12)
-        frames = layer.command(JointCommand(0 * one, 0 * one, 5 * one, one, 500 * one))
-        torque = frames.data[:, :4].copy().view("<f4")[:, 0] * wiring.gear_ratio
-        np.testing.assert_allclose(torque, robot.motor.peak_torque, rtol=1e-6)
 
     def test_positions_without_torques_are_at_fault(self, driver: OdriveDriver) -> None:
         codes = [int(driver.replies(pair(0x069, 0.0, 0.0)).error[0]) for _ in range(26)]
@@ -233,11 +195,6 @@ class TestStart:
         assert driver.not_enabled().startswith(KNEE)
         assert driver.not_confirmed_off().tolist() == [True, False]
 
-    def test_an_axis_is_enabled_again_every_100_ticks(self) -> None:
-        """More often would restart an axis that is on."""
-        driver = OdriveDriver(TWO)
-        assert [tick for tick in range(250) if driver.enable().id[0] & 0x1F == odrive.STATE] == [0, 100, 200]
-
     @pytest.mark.parametrize(
         ("on", "waits_s", "reason"),
         [
@@ -276,10 +233,6 @@ class TestStart:
         ]
         assert end.settings_replies(driver.command(np.zeros((5, 2)))) is None
 
-    @pytest.mark.parametrize(("filters", "message"), [(OdriveDriver.filters, 5), (OdriveMotorEnd.filters, 4)])
-    def test_reads_and_replies_pass_the_filters(self, filters: tuple[CanFilter, ...], message: int) -> None:
-        assert any((0x060 | message) & each["can_mask"] == each["can_id"] for each in filters)
-
     def test_a_node_that_does_not_exist_or_shares_identifiers_is_refused(self) -> None:
         """0x300 is node 24's 0x00; node 1 has 0x020 to 0x03f, commands of the motor with id 0x21."""
         mixed = replace(TWO, models=("AK80-9", "ODrive"), motor_id=np.array([0x21, 1]))
@@ -311,22 +264,6 @@ class TestMotorEnd:
         np.testing.assert_allclose(braked.values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])
         assert braked.kind is not None
         assert braked.kind.tolist() == [Request.COMMAND] * 2
-
-    def test_a_velocity_is_in_turns_of_the_rotor(self, driver: OdriveDriver) -> None:
-        """Half a turn a second is 3.1416 rad/s, behind a gear of 8 an eighth of it; 0.25 N m are 2."""
-        end = OdriveMotorEnd(TWO)
-        _, _, mode = driver.damping(np.full(2, 3.0))
-        end.requests(mode)
-        asked = end.requests(joined([pair(0x06D, 0.5, 0.25, channel) for channel in (0, 1)]))
-        np.testing.assert_allclose(asked.values[1], [TURN / 2, TURN / 16])
-        np.testing.assert_allclose(asked.values[4], [0.25, 2.0])
-
-    def test_supply_and_temperature_come_ten_times_a_second(self, driver: OdriveDriver) -> None:
-        """24 V, as the others have."""
-        self.hear(driver, np.zeros(2))
-        for channel in (0, 1):
-            reading = driver.replies(pair(0x069, 0.0, 0.0, channel))
-            assert (reading.voltage.tolist(), reading.temperature_c.tolist()) == ([24.0], [41.0])
 
     def hear(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
         """All reports of two axes at rest, at 41 degrees, in a tenth of a second."""
@@ -366,15 +303,6 @@ class TestRobots:
         config = DeployConfig(stand_s=0.2, safety=SafetyConfig(damping_s=0.1))
         episode = short_episode(duration_s=0.2, config=config)
         return run_episode(robot, policy or Hold(robot), episode, at).faults  # type: ignore[arg-type]
-
-    def test_an_axis_that_falls_silent_is_named(self, go1: Robot) -> None:
-        robot = with_motors(go1, **MAKERS["ODrive"])
-
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and loop.walking_s > 0.05:
-                body.faults.motors.silent[4] = True
-
-        assert self.faults(robot, watch) == (f"no reply from {wiring_of(robot).label(4)} for 50 ms",)
 
     def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
         """Every axis sends a position every other millisecond, on or off.

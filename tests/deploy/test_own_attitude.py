@@ -57,14 +57,6 @@ def test_a_wrong_tilt_is_all_of_a_horizontal_bias_of_the_accelerometer() -> None
     assert np.linalg.norm(left) < 0.02 * np.linalg.norm(bias)
 
 
-def test_an_upward_bias_is_the_accelerometers_own() -> None:
-    config = AttitudeConfig()
-    attitude = at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
-    corrected, left = leveled(attitude, [0.0, 0.0, 0.3], config)
-    assert corrected == attitude
-    assert left == (0.0, 0.0, 0.3)
-
-
 def test_tilt_that_legs_keep_correcting_is_the_gyros_bias() -> None:
     """Legs pull the vertical towards the body's x axis: the body turns more about y than the gyro does."""
     config = AttitudeConfig()

@@ -137,14 +137,6 @@ class TestLateness:
             counts.append(runner.signals.late_steps)
         assert max(counts) == most
 
-    @pytest.mark.parametrize(("realtime", "seconds"), [(True, 0.101), (False, 0.0)])
-    def test_a_steps_duration(self, go1: Robot, watch: Stopwatch, realtime: bool, seconds: float) -> None:
-        runner = runner_of(Dawdle(go1, watch, 0.101), realtime=realtime)
-        walk(runner, [0])
-        assert runner.signals.step_s == pytest.approx(seconds)
-        assert runner.signals.late_steps == realtime
-        assert runner.durations_ms.values() == pytest.approx([101.0])
-
     def test_an_interrupted_step_has_no_end_and_disarms_the_deadline(self, go1: Robot) -> None:
         class Hung(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:

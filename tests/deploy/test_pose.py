@@ -45,12 +45,6 @@ def test_a_position_may_be_off_by_whole_turns_alone(go1: Robot, position: float,
     assert ("of the joint" in fault) is bool(turns)
 
 
-@pytest.mark.parametrize(("position", "turns"), [(15.0, "+1 turn "), (-1.0, "-1 turn ")])
-def test_the_smallest_number_of_turns_is_named(go1: Robot, position: float, turns: str) -> None:
-    """A range from 0 to 14 rad spans two turns."""
-    assert f"off by {turns}" in found(go1, position, 0.0, 14.0)
-
-
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_joint_may_begin_beyond_its_range_by_a_margin_also_after_a_turn(go1: Robot, side: float) -> None:
     """0.09 rad beyond a range."""

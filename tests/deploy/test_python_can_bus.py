@@ -12,7 +12,7 @@ from fake_time import FakeTime
 from footfall.common.errors import UserError
 from footfall.common.installation import install_command
 from footfall.deploy import interface_time, python_can_bus
-from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.python_can_bus import PythonCanBus
 
 
@@ -114,18 +114,6 @@ class TestPythonCanBus:
             monkeypatch.setattr(can, "Bus", fail)
             with pytest.raises(UserError, match=rf"cannot open bus 'can0' on {interface}: {reason}$"):
                 PythonCanBus(interface, ("can0",), ())
-
-    @pytest.mark.parametrize("error", [OSError, FakeCan.CanError])
-    def test_a_frame_for_a_full_queue_is_counted(self, can: FakeCan, error: type[Exception]) -> None:
-        bus = PythonCanBus("slcan", ("can0",), ())
-
-        def full(_: Any) -> None:
-            raise error
-
-        can.buses[0].send = full
-        one = Frames(np.array([0]), np.array([1]), np.zeros((1, 8), np.uint8), np.array([8]))
-        assert [bus.send(one, 0), bus.send(one, 0)] == [1, 1]
-        assert bus.statistics()[0].frames_refused == 2
 
     def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
@@ -230,25 +218,6 @@ class TestPythonCanBus:
         assert bus.fault().startswith(reason)
         assert (bus.fault() == "") == (reason == "")
         assert [each.errors for each in bus.statistics()] == [0, 1]
-
-    def test_an_empty_error_frame_keeps_the_state_before_it(self, can: FakeCan) -> None:
-        bus = PythonCanBus("slcan", ("can0",), ())
-        for identifier in (0x040, 0x088, 0x088):
-            can.waiting = {0: [received(identifier, bytes(8), is_error_frame=True)]}
-            bus.receive(0)
-        assert bus.fault().startswith("bus can0 is bus-off")
-        assert [each.errors for each in bus.statistics()] == [3]
-
-    def test_writes_are_paced_by_queue_length(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Two interfaces that queue three frames: of four on each, the last waits."""
-        fake = FakeTime()
-        monkeypatch.setattr(interface_time, "time", fake)
-        bus = PythonCanBus("virtual", ("can0", "can1"), (), queue_frames=3)
-        frames = Frames(np.repeat([0, 1], 4), np.ones(8, int), np.zeros((8, 8), np.uint8), np.full(8, 8))
-        bus.send(frames.take(np.array([0, 1, 2, 4, 5, 6])), 0)
-        assert fake.slept == []
-        bus.send(frames.take(np.array([3])), 0)
-        assert fake.slept == pytest.approx([frame_bits(8) * 1e-6])
 
     @pytest.mark.parametrize(
         ("state", "reason"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]

@@ -149,11 +149,3 @@ class TestPythonCan:
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
         assert all(bus.frames_received >= 3 for bus in outcome.buses)
-
-    @pytest.mark.usefixtures("alone")
-    def test_an_empty_bus_is_an_emergency_stop_that_names_the_first_motor(self, go1: Robot) -> None:
-        config = replace(UNHURRIED, safety=replace(RELAXED.safety, start_timeout_s=0.5))
-        session = Session(stand_still, 1.0, config=config)
-        outcome = run_on_interface(go1, Hold(go1), "udp_multicast", session)
-        assert outcome.final_state == "ESTOP"
-        assert "no answer from any motor" in outcome.faults[0]

@@ -155,12 +155,6 @@ class TestOnFrames:
         loop, *_ = fallen(go1, safety=asked, command_source=Wishing(wish))
         assert (Mode.RECOVERING in to_the_end(loop)) is (wish is Wish.GET_UP)
 
-    def test_a_run_without_recover_refuses_the_wish(self, go1: Robot) -> None:
-        source = Wishing(Wish.GET_UP)
-        loop, *_ = fallen(go1, consent=False, command_source=source)
-        to_the_end(loop)
-        assert any("--recover" in note for note in source.seen[-1].notes)
-
     def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
         walks, rises = Hold(go1), Hold(go1)
         rises.name = "rises"
@@ -243,18 +237,6 @@ def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tm
     standing = trace.time_s > trace.time_s[-1] - 0.5
     np.testing.assert_allclose(trace.estimated_velocity[standing], 0.0, atol=0.05)
     np.testing.assert_allclose(trace.estimated_height[standing], trace.base_position[standing, 2], atol=0.03)
-
-
-def test_legs_that_unfold_while_the_base_rests_on_its_back_raise_no_alarm(go1: Robot) -> None:
-    """Without noise the IMU repeats itself then."""
-    recovery = RecoveryConfig(tries=1, try_s=1.2)
-    config = DeployConfig(stand_s=0.4, safety=SafetyConfig(recovery=recovery))
-    watch = PutDown(go1, (0.07, 0.0, 1.0, 0.0, 0.0))
-    episode = short_episode(duration_s=5.0, get_up=GetUp(Hold(go1)), config=config)
-    walks = Hold(go1)
-    walks.name = "walks"
-    trace = run_episode(go1, walks, episode, watch)
-    assert watch.modes[-2:] == [Mode.RECOVERING, Mode.FALLING], trace.faults
 
 
 def test_a_robot_or_policy_that_cannot_get_up_is_refused_before_it_moves(go1: Robot) -> None:

@@ -27,7 +27,6 @@ from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.process import FLUSH_EVERY_S
 from footfall.deploy.telemetry.topics import TOPICS
-from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -85,15 +84,6 @@ class TestReplay:
     def joints(self, go1: Robot) -> list[str]:
         return list(go1.joint_names)
 
-    def test_a_policy_is_reset_once(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
-        policy, path = Counts(go1), write_steps(tmp_path / "a.mcap", decided(4), 4, joints)
-        result = replay(path, policy)
-        assert (result.steps, result.worst_difference, result.first_difference) == (4, 0.0, "")
-        assert (policy.resets, policy.steps) == (1, 4)
-        log = read_log(path)
-        assert [entry.time_ns for entry in log.entries] == [1000, 1000, 1001, 1001, 1002, 1002, 1003, 1003]
-        assert (log.metadata, log.complete) == ({"joints": joints}, True)
-
     def test_the_first_and_the_worst_difference_are_found(
         self, go1: Robot, joints: list[str], tmp_path: Path
     ) -> None:
@@ -114,12 +104,6 @@ class TestReplay:
         result = replay(path, Counts(go1), tolerance)
         assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
         assert result.worst_difference == pytest.approx(2.0)
-
-    def test_a_truncated_log_may_end_without_a_decision(
-        self, go1: Robot, joints: list[str], tmp_path: Path
-    ) -> None:
-        result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
-        assert (result.steps, result.first_difference) == (2, "")
 
     def test_unfit_logs_and_failing_policies_are_refused(
         self, go1: Robot, joints: list[str], tmp_path: Path
@@ -153,16 +137,6 @@ class TestReplay:
         log.policy_step(40_000, inputs(0.04), decisions[1], Hold(go1))
         log.close()
         assert replay(path, Counts(go1)).first_difference == ""
-
-    def test_another_programs_log_is_refused(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "a.mcap"
-        with path.open("wb") as file:
-            writer = PlainWriter(file)
-            writer.start()
-            writer.add_metadata("other", {"joints": "[]"})
-            writer.finish()
-        with pytest.raises(UserError, match=r"a\.mcap is not the log of a footfall run: it has no metadata"):
-            read_log(path)
 
 
 class TestRecover:
@@ -320,15 +294,6 @@ class TestWritten:
             "contract": None,
             "seed": 5,
         }
-
-    def test_a_learned_policys_contract_is_kept(self, go1: Robot, contract: Contract, tmp_path: Path) -> None:
-        policy = Hold(go1)
-        policy.contract = contract
-        log = McapLog(tmp_path / "b.mcap", go1, policy, {}, may_wait=True)
-        log.begin(0)
-        log.close()
-        kept = read_log(tmp_path / "b.mcap").metadata["contract"]
-        assert Contract.from_json(json.dumps(kept), "log") == contract
 
     def test_messages_reach_the_file_before_the_end(self, log: McapLog, tmp_path: Path) -> None:
         assert FLUSH_EVERY_S <= 0.1  # with as much again for writing, a killed run loses at most 0.2 s

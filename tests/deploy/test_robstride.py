@@ -118,15 +118,6 @@ class TestParameters:
         assert answer is not None
         assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
 
-    def test_a_timeout_is_encoded_as_in_the_manual(self) -> None:
-        driver = RobstrideDriver(TWO)
-        for result in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
-            driver.replies(frame(0x110007FD, result, channel=1))
-        assert hexed(driver.query_settings())[1:] == [
-            ("1200fd07", "2870 0000 d007 0000"),  # 2000
-            ("1100fd07", "2870 0000 0000 0000"),
-        ]
-
 
 def test_simulated_motors_keep_their_faults_when_they_are_stopped(driver: RobstrideDriver) -> None:
     end = RobstrideMotorEnd(TWO)

@@ -31,13 +31,10 @@ def reversed_gyro(injector: FaultInjector) -> None:
 REPEATS = "the motor repeats one torque"
 NAMED = [
     ("acceleration frames lost", 0, "no new IMU reading (acceleration)", 0.06),
-    ("quaternion frames cut to 2 bytes", 0, "no new IMU reading (quaternion)", 0.06),
     ("IMU frozen, its counters go on", 0, "the IMU: its ", 0.1),
-    ("acceleration frozen", 0, "the IMU: its acceleration has repeated itself", 0.1),
     (reversed_gyro, 0, "the IMU: its quaternion turned by", 0.6),
     ("quaternion off by 30 degrees", 0, "the IMU: its quaternion turned by", 0.05),
     ("position frozen", 4, "FL_thigh_joint (can1, id 2): its position ", 0.3),
-    ("velocity frozen", 4, "FL_thigh_joint (can1, id 2): its ", 0.4),
     ("torque frozen", 5, f"FL_calf_joint (can1, id 3): {REPEATS}", 0.3),
     ("acceleration's signs turned round", 0, "the IMU: on average its acceleration is off gravity by", 0.6),
     ("encoder jumps by 0.3 rad", 10, "RL_thigh_joint (can3, id 2): its position changed", 0.05),
@@ -83,25 +80,22 @@ def walk(**changes: object) -> Episode:
     return Episode(**{**settings, "record": False, **changes})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", ["quaternion off by 15 degrees", "quaternion off by 30 degrees"])
-def test_a_misaligned_imu_is_noticed_before_the_robot_walks(go1: Robot, kind: str) -> None:
+def test_a_misaligned_imu_is_noticed_before_the_robot_walks(go1: Robot) -> None:
     run = Injected(go1, load_policy("stand", go1), PlantConfig(), config=DeployConfig(stand_s=1.0))
-    FAULTS[kind](run.injector)
+    FAULTS["quaternion off by 15 degrees"](run.injector)
     modes: set[Mode] = set()
     outcome = run.run(2.0, lambda loop: modes.add(loop.state.mode))
     assert "the IMU: " in outcome.faults[0]
     assert Mode.WALKING not in modes
 
 
-@pytest.mark.parametrize(("policy", "seed"), [("go1-flat", 3), ("trot", 4)])
-def test_a_pushed_randomised_robot_raises_no_alarm(go1: Robot, policy: str, seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def test_a_pushed_randomised_robot_raises_no_alarm(go1: Robot) -> None:
+    rng = np.random.default_rng(3)
     sample = draw(load_randomisation(), lambda count: rng.uniform(size=count), 12, 13)
     sample["action_delay_s"] = np.array(0.004)
     pushes = (Push(0.4, (0.5, 0.5, 0.0)), Push(1.4, (-0.5, 0.5, 0.0)))
-    episode = walk(seed=seed, duration_s=2.5, noise=NOISE, sample=sample, pushes=pushes)
-    trace = run_episode(go1, load_policy(policy, go1), episode)
-    assert trace.faults == ()
+    episode = walk(seed=3, duration_s=2.5, noise=NOISE, sample=sample, pushes=pushes)
+    assert run_episode(go1, load_policy("go1-flat", go1), episode).faults == ()
 
 
 @pytest.mark.parametrize(

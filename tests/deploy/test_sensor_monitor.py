@@ -1,12 +1,12 @@
 """All sensor checks together: limit of each row, times of comparison, adding a check."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
-from sensor_readings import LIMITS, SAMPLE_US, STILL
+from sensor_readings import SAMPLE_US, STILL
 
 from footfall.deploy import rules
 from footfall.deploy.drivers.imu import Inertial
@@ -14,11 +14,10 @@ from footfall.deploy.modes import Mode
 from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows
 from footfall.deploy.sensor_checks.monitor import SensorMonitor
-from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
+from footfall.deploy.sensor_checks.table import JOINT_CHECKS, SensorLimits
 from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import wiring_of
-from footfall.robots.description import Robot, load_robot
-from footfall.robots.robot_yaml import MotorType
+from footfall.robots.description import Robot
 
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 LOOSE = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
@@ -85,11 +84,6 @@ class TestFigures:
         assert fault.startswith("FR_calf_joint (can0, id 3)")
         assert message in fault
 
-    def test_the_limit_of_temperature_is_the_motors(self, go1: Robot) -> None:
-        warm = with_motors(go1, temperature_limit_c=60.0)
-        assert found(warm, "temperature_c", 60.0) == ""
-        assert "61 degrees" in found(warm, "temperature_c", 61.0)
-
     @pytest.mark.parametrize(("voltage", "off"), [(9.5, "0.5 V"), (10.0, ""), (14.8, ""), (16.8, "2.0 V")])
     def test_a_supply_has_to_be_in_the_motors_range(self, go1: Robot, voltage: float, off: str) -> None:
         fault = found(with_motors(go1, voltage_v=(10.0, 14.8)), "voltage", voltage)
@@ -100,21 +94,6 @@ class TestFigures:
     def test_nan_is_a_fault_where_motors_do_report(self, go1: Robot) -> None:
         assert found(with_motors(go1, voltage_v=(10.0, 14.8))) == ""  # without voltage and temperature
         assert found(go1, "torque", math.nan).startswith("FR_calf_joint")
-
-    def test_a_setting_scales_a_motors_figure(self, go1: Robot) -> None:
-        strict = replace(LOOSE, speed_share=1.0)
-        assert "turns at" in found(go1, "velocity", 20.07, strict)
-        assert found(go1, "velocity", 20.05, strict) == ""
-
-    def test_every_row_has_a_name_of_its_own_and_a_limit_of_a_setting_or_a_motor(self, go1: Robot) -> None:
-        rows = (*LINK_CHECKS, *JOINT_CHECKS, *BODY_CHECKS)
-        assert len({row.quantity for row in rows}) == len(rows)
-        settings = {field.name for field in fields(SensorLimits)}
-        for row in rows:
-            assert {row.limit.setting, row.limit.motor} != {""}
-            assert row.limit.setting in settings | {""}
-            assert row.limit.motor in {field.name for field in fields(MotorType)} | {""}
-            assert np.all(np.isfinite(row.limit.of(go1, LIMITS)))
 
 
 class Twitch(JointCheck):
@@ -211,14 +190,6 @@ class TestBody:
             monitor.body_contradiction(on_legs)
         assert seen[-1].slope_rad == pytest.approx(0.2 * tilted, abs=0.01)
 
-    def test_a_robot_without_feet_has_no_attitude_by_its_legs(self, seen: list) -> None:
-        robot = load_robot("go1")
-        bare = replace(robot, description=replace(robot.description, feet=()))
-        monitor = monitor_of(bare, body_checks=[Seen])
-        window(monitor, np.array([bare.default_pose, ZEROS, ZEROS]))
-        monitor.body_contradiction(True)
-        assert seen[0].slope_rad == 0.0
-
 
 class TestWindows:
     @pytest.mark.parametrize(
@@ -229,11 +200,3 @@ class TestWindows:
         windows = JointWindows(12, period_s, 0.002)
         windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), ZEROS)
         assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
-
-    def test_readings_are_added_every_four_milliseconds_of_ticks_of_two(self) -> None:
-        windows, joints = JointWindows(12, 0.04, 0.002), np.zeros((3, 12))
-        windows.begin(10_000, np.zeros(12, np.int64), joints, ZEROS)
-        due = [windows.due(now_us) for now_us in (10_000, 12_000, 14_000, 16_000)]
-        assert due == [False, False, True, True]
-        windows.add(14_000, 0, np.zeros(12, np.int64), STILL, joints, ZEROS)
-        assert [windows.due(now_us) for now_us in (16_000, 18_000)] == [False, True]

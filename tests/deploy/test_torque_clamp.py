@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -117,13 +116,6 @@ def test_a_command_stays_within_motor_limits(
 
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
-def test_damping_stays_within_motor_limits(wiring: Wiring, kd: float, share: np.ndarray) -> None:
-    ends = Ends(wiring, share, ROBOT.default_pose)
-    assert ends.excess(ends.layer.damping(kd)).max() <= 0.0
-
-
-@settings(max_examples=60, deadline=None)
-@given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
 def test_damping_without_readings_stays_within_motor_limits(
     wiring: Wiring, kd: float, share: np.ndarray
 ) -> None:
@@ -159,14 +151,3 @@ def test_a_possible_command_is_sent_unchanged(decision: np.ndarray, share: np.nd
     possible = (torque + whole[4] < most - 1e-9) & (torque + whole[4] > least + 1e-9)
     sent = ends.layer.command(JointCommand(*decision)).data
     assert np.array_equal(sent[possible], ends.driver.command(whole).data[possible])
-
-
-def test_a_motor_past_its_no_load_speed_is_not_pushed_on() -> None:
-    """40 rad/s of 30.1: torque along the motion is removed, torque against it is kept."""
-    ends = Ends(WIRING, np.array([[0.0], [0.8], [0.0]]) * np.ones((1, N)), ROBOT.default_pose)
-    zero, hip, other = np.zeros(N), 0, 3
-    torque = np.zeros(N)
-    torque[hip], torque[other] = 10.0, -10.0
-    heard = ends.heard(ends.layer.command(JointCommand(ROBOT.default_pose, zero, zero, zero, torque)))
-    assert heard.torque[hip] == pytest.approx(0.0, abs=0.01)
-    assert heard.torque[other] == pytest.approx(-10.0, abs=0.01)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -79,11 +78,8 @@ def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..., None]) -> None:
-    """Without doubt: in doubt it takes ten seconds to find that no wrong wiring explains the errors.
-
-    Commands act late, as on robots whose bus or computer is slow.
-    """
-    motions(doubtful=0.125, settle_s=0.8, move_s=0.4)
+    """Commands act late, as on robots whose bus or computer is slow."""
+    motions(alike=0.25, doubtful=0.25, settle_s=0.8, move_s=0.4)
     late: Sample = {"action_delay_s": np.array(0.012)}
     proven: list[Verdict] = []
     outcome = checked(go1, lambda _: None, lying=True, proven=proven, sample=late)
@@ -102,12 +98,11 @@ def test_a_biped_with_another_centre_of_mass_stands_still(motions: Callable[...,
 
 
 @pytest.mark.parametrize(
-    ("inject", "lying", "limits", "names"),
+    ("inject", "lying", "names"),
     [
-        (exchanged("can0", "can2"), True, {}, ["can0", "can2", "exchanged"]),
-        (geared(-1.0), False, {}, ["opposite direction"]),
-        (geared(1.25), False, {"alike": 1.0}, ["gear ratio", "0.8 times"]),  # errors that would pass
-        (imu_turned(2, 90.0), False, {}, ["IMU is turned", "about z"]),
+        (exchanged("can0", "can2"), True, ["can0", "can2", "exchanged"]),
+        (geared(-1.0), False, ["opposite direction"]),
+        (imu_turned(2, 90.0), False, ["IMU is turned", "about z"]),
     ],
 )
 def test_wrong_wiring_is_named_before_the_robot_walks(
@@ -115,25 +110,19 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
     motions: Callable[..., None],
     inject: Callable[[FaultInjector], None],
     lying: bool,
-    limits: dict[str, Any],
     names: list[str],
 ) -> None:
-    motions(settle_s=0.8, move_s=0.3, **limits)
+    motions(settle_s=0.8, move_s=0.3)
     outcome = checked(go1, inject, lying)
     assert outcome.final_state == "ESTOP"
     assert outcome.walked_s == 0.0
     assert all(name in outcome.faults[0] for name in names), outcome.faults
 
 
-@pytest.mark.parametrize(
-    ("other", "times"), [("left_ankle_roll_joint", (0.5, 0.25)), ("right_hip_yaw_joint", (1.5, 0.6))]
-)
-def test_exchanged_motors_of_a_biped_are_named(
-    other: str, times: tuple[float, float], motions: Callable[..., None]
-) -> None:
-    """One pair has different ranges: each torque is read as a share of the other's. One pair moves alike."""
-    motions(settle_s=times[0], move_s=times[1])
-    g1, yaw = load_robot("g1"), "left_hip_yaw_joint"
+def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> None:
+    """Their ranges differ: each torque is read as a share of the other's."""
+    motions(settle_s=0.5, move_s=0.25)
+    g1, yaw, other = load_robot("g1"), "left_hip_yaw_joint", "left_ankle_roll_joint"
     outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
     assert outcome.final_state == "ESTOP"
     assert all(name in outcome.faults[0] for name in (yaw, other, "exchanged")), outcome.faults

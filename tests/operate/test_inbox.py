@@ -126,15 +126,6 @@ def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, 
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
 
 
-def test_other_requests_do_not_renew_a_velocity(inbox: Inbox, watch: Watch) -> None:
-    inbox.put("page", velocity=[0.4, 0, 0])
-    for _ in range(8):
-        watch.now_s += 0.5
-        assert inbox.put("page", settings={"step_height_m": 0.03}) == ""
-        request = inbox.poll(WALKING)
-        assert (request.wish, request.velocity[0]) == (Wish.WALK, 0.0)
-
-
 def test_silence_counts_from_the_start_of_walking(inbox: Inbox, watch: Watch) -> None:
     watch.now_s += 50.0
     assert inbox.poll(STANDING).wish is Wish.WALK

@@ -77,13 +77,6 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
     assert termios.tcgetattr(program) == before
 
 
-def test_the_terminal_is_restored_when_the_run_fails(terminal: tuple[int, int]) -> None:
-    before = termios.tcgetattr(terminal[1])
-    with pytest.raises(RuntimeError), steered_by_keyboard(Inbox(), abilities, QUICK, terminal[1]):
-        raise RuntimeError
-    assert termios.tcgetattr(terminal[1]) == before
-
-
 def test_input_that_is_not_a_terminal_is_refused() -> None:
     with (
         open(os.devnull, encoding="utf-8") as file,
@@ -91,17 +84,3 @@ def test_input_that_is_not_a_terminal_is_refused() -> None:
         steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()),
     ):
         pass
-
-
-def test_a_terminal_that_is_gone_is_silent() -> None:
-    person, program = pty.openpty()
-    inbox = Inbox()
-    inbox.poll(WALKING)
-    config = KeyboardConfig()
-    object.__setattr__(config, "first_s", 90.0)  # longer than the test waits
-    with steered_by_keyboard(inbox, abilities, config, program):
-        os.write(person, b"w")
-        polled_until(inbox, lambda r: r.velocity.any())
-        os.close(person)
-        polled_until(inbox, lambda r: not r.velocity.any())
-    os.close(program)

@@ -92,29 +92,6 @@ def test_each_step_reaches_its_goal() -> None:
         assert walker.requests[-1].wish is Wish.LIE_DOWN
 
 
-def test_the_goal_is_that_of_the_latest_movement() -> None:
-    there = {"go_to": {"to": [0.5, 0.2], "heading_deg": 90.0}}
-    for steps, ahead, left in (
-        ([there, {"stand": 1.0}], 0.5, 0.2),
-        ([{"rectangle": "1x0.5"}, {"wait": 0.5}], 0.0, 0.0),
-        ([{"walk": {"velocity": [0.5, 0, 0], "for_s": 1.0}}, {"wait": 0.5}], 0.5, 0.0),
-    ):
-        goal = Walker(steps).run().source.goal
-        assert math.dist(goal[:2], (ahead, left)) < 0.01
-
-
-def test_the_path_is_followed_closely() -> None:
-    walker = Walker([{"rectangle": "2x1"}])
-    farthest = 0.0
-    while not walker.source.progress.outcome:
-        walker.step()
-        x, y, _ = walker.moved()
-        inside = min(x, 2.0 - x, y, 1.0 - y)
-        outside = math.hypot(max(-x, x - 2.0, 0.0), max(-y, y - 1.0, 0.0))
-        farthest = max(farthest, outside, inside)
-    assert farthest < 0.1
-
-
 def test_remaining_time_is_about_right() -> None:
     walker = Walker([{"stand": 2.0}, {"rectangle": "2x1"}, {"turn": 180}])
     walker.step()

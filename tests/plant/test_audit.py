@@ -71,13 +71,3 @@ class TestAudit:
         self.update(go1, audit, go1.default_pose + jump_rad, 1.0)
         rate = go1.description.target_rate_rad_s
         assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
-
-    def test_a_target_after_damping_is_the_first(self, go1: Robot, audit: Audit) -> None:
-        for position, kp in ((0.0, 1.0), (0.0, 0.0), (0.3, 1.0)):
-            self.update(go1, audit, go1.default_pose + position, kp)
-        assert audit.rate_share == 0.0
-
-    def test_damping_has_no_target(self, go1: Robot, audit: Audit) -> None:
-        self.update(go1, audit, go1.default_pose + 9.0, 0.0)
-        assert not audit.stiff
-        assert audit.outside_rad == 0.0

@@ -9,7 +9,7 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.plant.engines.choice import open_engine
 from footfall.plant.engines.engine import Engine
-from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.episode import Episode, run_episode
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import read_plant
@@ -128,11 +128,3 @@ def test_a_controller_walks_over_the_bus_as_far_as_in_mujoco(go1: Robot, other_e
     assert other.distance_m != ours.distance_m
     weight = 9.81 * read_plant(go1).model.body_mass.sum()
     assert other.foot_force.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
-
-
-def test_a_push_changes_the_velocity(go1: Robot, other_engine: str) -> None:
-    episode = Episode(
-        lambda _: np.zeros(3), duration_s=0.6, pushes=(Push(0.2, (0.0, 0.6, 0.0)),), engine=other_engine
-    )
-    trace = run_episode(go1, load_policy("stand", go1), episode)
-    assert trace.base_velocity[:, 1].max() > 0.4

@@ -11,7 +11,6 @@ from footfall.deploy.bus import BusStatistics
 from footfall.deploy.modes import Mode
 from footfall.deploy.session import SessionResult
 from footfall.plant.episode import Episode, Push, Trial, true_base_state
-from footfall.plant.trace import Recorder
 from footfall.robots.description import Robot
 
 
@@ -144,13 +143,6 @@ class TestTrial:
             trial.tick(loop)  # type: ignore[arg-type]
         assert [delta[0] for delta in body.pushes] == [2.0]
 
-    def test_time_before_the_robot_walks_uses_up_no_push(self, go1: Robot) -> None:
-        trial, body, loop = trial_of(go1, pushes=(Push(0.01, (1.0, 0.0, 0.0)),))
-        times = {0.8: Mode.STANDING, 0.0: Mode.WALKING, 0.01: Mode.WALKING}
-        for loop.walking_s, loop.state.mode in times.items():
-            trial.tick(loop)  # type: ignore[arg-type]
-        assert [delta[0] for delta in body.pushes] == [1.0]
-
     def test_without_a_record_it_still_measures_and_sees_falls(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1, record=False)
         for tick in range(3):
@@ -190,16 +182,6 @@ class TestTrial:
         assert (trace.fell, trace.fall_reason) == (True, "tilt of 1.2 rad")
         stopped = trial.trace(replace(OUTCOME, final_state="ESTOP", faults=("no reply",)))
         assert (stopped.fell, stopped.fall_reason) == (False, "")
-
-
-def test_a_recorder_stacks_rows_in_their_order() -> None:
-    recorder = Recorder(2, 1, 9)
-    recorder.add(a=1.0, b=np.array([1, 2]))
-    recorder.add(a=2.0, b=np.array([3, 4]))
-    arrays = recorder.arrays()
-    assert arrays["a"].tolist() == [1.0, 2.0]
-    assert arrays["b"].tolist() == [[1, 2], [3, 4]]
-    assert Recorder(2, 1, 9).rows == {}
 
 
 def test_a_policys_true_height_is_above_the_feet_that_stand() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tiny_policy import write_network
 
-from footfall.deploy.height_scan import NoScans
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.replay import replay
@@ -54,25 +53,6 @@ def test_scans_come_at_their_rate_and_after_their_lag() -> None:
     )[: len(taken) - 3]
 
 
-def test_a_shifted_scan_reads_another_position() -> None:
-    errors = HeightScanErrors(shift_m=0.5)
-    exact, shifted = scanner().newest(0), scanner(errors).newest(0)
-    assert exact is not None
-    assert shifted is not None
-    assert np.ptp(shifted.heights - exact.heights) < 1e-9
-    assert abs(shifted.heights[0] - exact.heights[0]) > 1e-3
-
-
-def test_the_same_seed_gives_the_same_scans() -> None:
-    errors = HeightScanErrors(0.02, 0.03, 0.01, 0.05, (0.01, 0.1), 0.3)
-    one, other = scanner(errors), scanner(errors)
-    for now_us in range(0, 400_000, 20_000):
-        first, second = one.newest(now_us), other.newest(now_us)
-        assert (first is None) == (second is None)
-        if first is not None and second is not None:
-            np.testing.assert_array_equal(first.heights, second.heights)
-
-
 @pytest.fixture
 def seeing(tmp_path: Path, contract: Contract, go1: Robot) -> LearnedPolicy:
     """A policy that holds the default pose, with an offset from the height scan."""
@@ -103,13 +83,6 @@ def test_a_policy_sees_the_stairs_ahead(go1: Robot, seeing: LearnedPolicy) -> No
     np.testing.assert_allclose(heights[4], -go1.description.standing_height_m, atol=0.05)
     np.testing.assert_allclose(heights[-1] - heights[4], 0.1, atol=0.01)
     assert observed[-1][-1] == 1.0
-
-
-def test_without_scans_it_continues_with_a_note(go1: Robot, seeing: LearnedPolicy) -> None:
-    trace, observed = walked(go1, seeing, height_scans=NoScans())
-    assert trace.final_state == "IDLE"
-    assert len(trace.notes) == 1
-    assert not observed.any()
 
 
 def test_a_log_with_scans_replays_to_the_bit(go1: Robot, seeing: LearnedPolicy, tmp_path: Path) -> None:

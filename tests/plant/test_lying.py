@@ -86,13 +86,6 @@ def test_check_reports_the_lying_pose(
     )
 
 
-@pytest.mark.usefixtures("no_controllers")
-def test_check_reports_that_it_cannot_lie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    robot = make(tmp_path, quadruped(), "urdf", find_lying_pose=lambda _: None)[0]
-    main(["robot", "check", str(robot.folder), "--duration", "0.2"])
-    assert "without lying_rad in robot.yaml" in capsys.readouterr().out
-
-
 def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
     """With both front knees a hundredth as strong, it is no harder than with one of them."""
     pose = go1.lying_pose

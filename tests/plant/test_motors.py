@@ -4,7 +4,6 @@ from typing import Any
 
 import jax
 import numpy as np
-import pytest
 from some_net import some_net
 
 from footfall.deploy.drivers.driver import Motors
@@ -140,19 +139,6 @@ class TestMotors:
         assert stand.motors.enabled.all()
         assert stand.end.replied[-1][2] == [0, 0, 0]
 
-    @pytest.mark.parametrize("latches", [False, True])
-    def test_a_latched_timeout_keeps_it_off_too(self, latches: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-        """None gets a frame for 20 ms and more."""
-        monkeypatch.setattr(End, "time_out_latches", latches)
-        stand = Stand()
-        stand.on()
-        stand.torque(25)
-        stand.on(26)
-        assert stand.motors.enabled.tolist() == [not latches] * 3
-        stand.ask(27, slice(None), [Request.CLEAR] * 3, VALUES)
-        stand.on(28)
-        assert stand.motors.enabled.all()
-
     def test_a_delay_holds_back_commands_but_not_switching(self) -> None:
         """2.6 ms are three steps; two commands are on their way at once."""
         stand = Stand(action_delay_s=0.0026)
@@ -238,25 +224,6 @@ class TestMotors:
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
 
-    def test_a_disabled_motor_stays_marked_when_another_follows(self) -> None:
-        stand = Stand()
-        stand.on()
-        for step in range(1, 46):
-            heard = [0, 2] if step < 15 else [0]
-            stand.ask(step, np.array(heard), None, VALUES[:, heard])
-            stand.torque(step)
-        assert stand.motors.enabled.tolist() == [True, False, False]
-        stand.ask(46, slice(None), None, VALUES)
-        assert stand.end.replied[-1][2] == [0, 13, 13]
-
-    def test_they_answer_in_the_order_of_the_requests_with_their_own_readings(self) -> None:
-        stand = Stand()
-        assert stand.ask(0, np.array([], dtype=int), None, np.zeros((5, 0))) is None
-        stand.ask(0, np.array([2, 0]), None, VALUES[:, [2, 0]])
-        motors, values, errors = stand.end.replied[-1]
-        assert (motors, errors) == ([2, 0], [0, 0])
-        np.testing.assert_array_equal(values, READINGS[:, [2, 0]])
-
     def test_silent_and_stuck_motors_are_distinguished_from_their_neighbours(self) -> None:
         stand = Stand()
         first = stand.on()
@@ -291,12 +258,3 @@ def test_torque_follows_a_first_order_lag() -> None:
     stand.motors.reboot(np.arange(3))
     assert (stand.torque(20) > 0.5).all()
     assert (stand.torque(60) < 2.0).all()
-
-
-def test_friction_grows_with_the_load_that_the_gearbox_transmits() -> None:
-    stand = Stand(load_friction=np.full(3, 0.1), stribeck_friction=np.full(3, 0.2))
-    torque = np.array([1.0, -2.0, 3.0])
-    more = stand.motors.drivetrain.friction(VELOCITY, torque) - friction_torque(VELOCITY, MOTOR)
-    half = 5.0 * MOTOR.friction_speed
-    expected = 0.1 * np.abs(torque) + 0.2 / (1.0 + (VELOCITY / half) ** 2)
-    np.testing.assert_allclose(more, -np.sign(VELOCITY) * expected)

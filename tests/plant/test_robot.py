@@ -77,24 +77,6 @@ class TestStart:
         body.faults.imu_silent = body.faults.imu_stuck = False
         assert heard(15_000) == [5]
 
-    def test_enabled_motors_are_returned_as_a_copy(self, go1: Robot) -> None:
-        body = body_of(go1)
-        on = body.motors_on
-        on[:] = True
-        assert not body.motors_on.any()
-
-
-def test_a_robot_with_cut_wires_finally_lies_still(go1: Robot) -> None:
-    """No frame, no torque: it sinks, and its joints come to rest by friction alone."""
-    wiring = wiring_of(go1)
-    wires = SimulatedWires(wiring.buses)
-    body = SimulatedRobot(go1, wiring, wires)
-    body.advance(1_500_000)
-    truth = body.truth()
-    assert not truth.motor_torque.any()
-    assert np.abs(truth.joint_velocity).max() < 0.3
-    assert wires.receive(Side.HOST, 1_500_000)  # the IMU reports all the same
-
 
 def test_a_shifted_centre_of_mass_removes_no_contact(go1: Robot, tmp_path: Path) -> None:
     """Bounding volumes lie in a body's inertial frame, which moves. A block makes MuJoCo use them."""

@@ -34,7 +34,6 @@ from footfall.robots.model import training_model
 from footfall.robots.readings import (
     READINGS,
     SENSED,
-    Reading,
     Readings,
     Sensed,
     as_vector,
@@ -236,11 +235,6 @@ class TestRefusals:
         with pytest.raises(ValueError, match=f"'mine'.*{word}"):
             declared_quantities(cls)
 
-    def test_unsimulated_readings_are_refused(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setitem(READINGS, "weight", Reading(kinds.VECTOR, "acceleration"))
-        with pytest.raises(UserError, match=r"'weight'.*acceleration"):
-            observer_of(go1, MoreNoise()).readings(jnp.zeros(7 + N), jnp.zeros(6 + N), jnp.zeros(N))
-
     def test_impossible_noise(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         squared = MORE_READINGS["joint_torque"]._replace(source=lambda torque: torque**2)
         monkeypatch.setitem(READINGS, "joint_torque", squared)
@@ -292,29 +286,6 @@ class TestSensors:
         np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=0.06)
         np.testing.assert_allclose(errors.std(axis=0), 0.5 / np.sqrt(3.0), rtol=0.1)
         np.testing.assert_allclose([each.gyro for each in readings], [[1, 2, 3]] * 400)
-
-    def test_the_accelerometers_noise_leaves_that_of_other_readings_as_it_is(self) -> None:
-        gyros = []
-        for sample in ({}, {"accelerometer_noise_m_s2": np.array(0.5)}):
-            past = Past(MoreNoise(gyro=0.1), **sample)
-            past.step(1)
-            gyros.append(past.sensors.inertial().gyro)
-        np.testing.assert_array_equal(*gyros)
-
-    def test_biases_are_the_same_at_every_reading(self) -> None:
-        gyro, gravity = np.array([0.1, -0.2, 0.3]), np.array([0.03, -0.05, 0.02])
-        past = Past(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
-        past.step(1)
-        turn = Rotation.from_euler("xyz", [0.1, 0.2, -0.3])
-        down = turn.inv().apply([0.0, 0.0, -1.0]) + gravity
-        for _ in range(3):
-            joints, inertial = past.sensors.joints(np.array([0.5, -0.25])), past.sensors.inertial()
-            np.testing.assert_allclose(joints, [[3.5, 1.75], [21, 11], [101, 201]])
-            np.testing.assert_allclose(inertial.gyro, [1.1, 1.8, 3.3])
-            biased = Rotation.from_quat(inertial.quaternion, scalar_first=True)
-            felt = biased.inv().apply([0.0, 0.0, -1.0])
-            np.testing.assert_allclose(felt, down / np.linalg.norm(down), atol=1e-12)
-            assert (biased * turn.inv()).magnitude() < 0.1  # the heading stays
 
     def test_noise_has_its_half_width_and_differs_for_each_reading(self) -> None:
         widths = MoreNoise(gyro=0.4, gravity=0.01, joint_position=0.02, joint_velocity=3.0)

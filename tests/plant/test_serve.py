@@ -16,7 +16,6 @@ from footfall.deploy.wiring import wiring_of
 from footfall.plant import serve as module
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import MAX_STEP_US, not_before, serve
-from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
 
 
@@ -53,12 +52,6 @@ def test_a_stall_is_not_made_up_for() -> None:
     assert max(steps) <= MAX_STEP_US
     assert min(steps) > 0
     assert times_us[-1] * 1e-6 < took_s - 0.09
-
-
-def test_without_one_it_keeps_to_the_clock_or_behind() -> None:
-    times_us, took_s = served(stall_s=0.0)
-    assert times_us[-1] * 1e-6 > 0.025
-    assert times_us[-1] * 1e-6 <= took_s + 0.001
 
 
 def arrived(times_us: list[float] | None) -> Frames:
@@ -107,38 +100,6 @@ class FakeBus:
 
     def send(self, frames: Frames, now_us: int) -> None:
         self.sent.append((now_us, frames.id.tolist()))
-
-
-def test_serving_carries_frames_both_ways_every_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
-    stop, periods, heard = threading.Event(), [], []
-
-    class Clock:
-        def __init__(self, period_us: int) -> None:
-            periods.append(period_us)
-            self.now_us = 0
-
-        def next_tick(self) -> int:
-            self.now_us += 1000
-            if self.now_us == 4000:
-                stop.set()
-            return self.now_us
-
-    wires = SimulatedWires(("a",))
-    answer = Frames(np.zeros(1, int), np.array([77]), np.zeros((1, 8), np.uint8), np.array([8]))
-
-    class Body:
-        def advance(self, now_us: int) -> None:
-            for frames in wires.receive(Side.ROBOT, now_us):
-                heard.append((now_us, frames.id.tolist()))
-                wires.send(Side.ROBOT, answer, now_us)
-
-    bus = FakeBus(answer._replace(id=np.array([5])))
-    monkeypatch.setattr(module, "WallClock", Clock)
-    serve(Body(), wires, bus, stop)  # type: ignore[arg-type]
-    assert periods == [1000]
-    assert bus.called_us == [1000, 2000, 3000, 4000]
-    assert heard == [(3000, [5])]  # a frame takes 0.135 ms
-    assert bus.sent == [(4000, [77])]
 
 
 def test_the_plant_has_the_given_settings_and_ends_with_the_context(

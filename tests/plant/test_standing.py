@@ -82,14 +82,6 @@ def test_it_stood_if_it_neither_fell_nor_had_a_fault(
     assert (found.fall_reason, found.stood) == (reason, is_up)
 
 
-def test_a_run_that_ended_early_has_figures_too(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:
-    widths = {"time_s": (), "base_position": (3,), "base_quaternion": (4,), "motor_torque": (12,)}
-    empty = {name: np.zeros((0, *width)) for name, width in widths.items()}
-    found, _ = stood(monkeypatch, strong, **empty, foot_contact=np.zeros((0, 4), bool))
-    assert (found.sank_m, found.tilt_rad, found.moved_m) == (0.0, 0.0, 0.0)
-    assert (found.torque_share.tolist(), found.feet_down.tolist()) == ([0.0] * 12, [0.0] * 4)
-
-
 def test_it_stands_with_the_robots_own_gains(go1: Robot) -> None:
     policy = HoldDefaultPose(go1)
     command = policy.act(None)  # type: ignore[arg-type]

@@ -1,7 +1,6 @@
 """Simulated wires take their time, keep order, and refuse what does not fit their queues."""
 
 import math
-from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,12 +31,6 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 
 class TestTime:
-    def test_a_frame_arrives_when_its_last_bit_does(self) -> None:
-        wires = SimulatedWires(("a",))
-        wires.send(Side.HOST, frames(0), 1000)
-        assert wires.receive(Side.ROBOT, 1134) == []
-        assert numbers(wires.receive(Side.ROBOT, 1135)) == [0]
-
     def test_frames_with_29_bits_take_longer(self) -> None:
         """160 us with the most stuff bits, 135 with 11 bits; also where both kinds follow one another."""
         wires = SimulatedWires(("a",))
@@ -197,17 +190,6 @@ class TestFaults:
         assert beyond % (135 + 23) == pytest.approx(0.0)
         assert wires.fault() == "" or "passive" in wires.fault()
 
-    def test_later_frames_wait_for_a_repeated_frame(self) -> None:
-        """Of three frames of 135 bits on a bus the first is destroyed once, the third twice; 23 bits each."""
-        wires = SimulatedWires(("a", "b"), faults=WireFaults(destroyed=0.4))
-        assert wires._faulty is not None
-        tries = SimpleNamespace(geometric=lambda *_: np.array([2, 1, 1, 3]))
-        wires._faulty._random = tries  # type: ignore[assignment]
-        wires.send(Side.ROBOT, frames(0, 0, 1, 0), 0)
-        arrived = [numbers(wires.receive(Side.HOST, now)) for now in (134, 135, 292, 293, 427, 428, 878, 879)]
-        assert arrived == [[], [2], [], [0], [], [1], [], [3]]
-        assert wires.busy_us().tolist() == [879, 135]
-
     def test_an_error_counts_eight_and_a_sent_frame_minus_one(self) -> None:
         """ISO 11898-1; frames destroyed one time in ten never make a controller passive."""
         draws = iter([np.ones(4, np.intp), np.array([3, 1, 2, 1]), np.array([3, 1, 2, 1])])
@@ -244,12 +226,6 @@ class TestFaults:
         assert [batch.channel.tolist() for batch in wires.receive(Side.HOST, 1000)] == [[0]]
         assert wires.fault().startswith("bus b is error-passive")
 
-    @pytest.mark.parametrize("name", ["lost", "corrupted", "destroyed"])
-    @pytest.mark.parametrize("share", [-0.1, 1.0, math.nan])
-    def test_a_share_is_a_share(self, name: str, share: float) -> None:
-        with pytest.raises(ValueError, match=f"{name} is"):
-            WireFaults(**{name: share})
-
 
 def test_a_robot_with_a_loose_cable_is_stopped_with_the_reason(go1: Robot) -> None:
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -259,69 +235,3 @@ def test_a_robot_with_a_loose_cable_is_stopped_with_the_reason(go1: Robot) -> No
     trace = run_episode(go1, Hold(go1), short_episode(), watch)
     assert trace.final_state == "ESTOP"
     assert trace.faults[0].startswith("bus can2 is error-passive")
-
-
-class PlainWires:
-    """The same rules, a frame at a time."""
-
-    def __init__(self, wires: int, queue: int) -> None:
-        self.free = [0.0] * wires
-        self.queue = queue
-        self.flying: tuple[deque, deque] = deque(), deque()
-        self.sent, self.refused = np.zeros((2, wires), int), np.zeros((2, wires), int)
-        self.busy = np.zeros(wires)
-
-    def send(self, side: int, frames: list[tuple[int, int, int]], now: float) -> None:
-        begun = list(self.free)
-        waiting = [sum(w == k and due > now for due, w, _ in self.flying[side]) for k in range(len(begun))]
-        for at, length, name in frames:
-            waiting[at] += 1
-            full = waiting[at] > self.queue if side == 0 else begun[at] > now + 20_000
-            if full:
-                self.refused[side, at] += 1
-                continue
-            self.free[at] = max(self.free[at], now) + frame_bits(length)
-            self.busy[at] += frame_bits(length)
-            self.sent[side, at] += 1
-            self.flying[side].append((self.free[at], at, name))
-
-    def receive(self, side: int, now: float) -> list[int]:
-        """Names of what arrived."""
-        arrived = [name for due, _, name in self.flying[1 - side] if due <= now]
-        rest = [item for item in self.flying[1 - side] if item[0] > now]
-        self.flying[1 - side].clear()
-        self.flying[1 - side].extend(rest)
-        return arrived
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 9, 10])
-def test_wires_carry_random_traffic_like_a_plain_model(seed: int) -> None:
-    """Unequal buses and lengths, some batches sent again, both sides, from idle to jammed."""
-    rng = np.random.default_rng(seed)
-    wires, plain = SimulatedWires(("a", "b", "c"), host_queue=4), PlainWires(3, 4)
-    usual = rng.integers(0, 3, 5), rng.integers(0, 9, 5)
-    now, name = 0.0, 0
-    for _ in range(60):
-        now += float(rng.choice([0, 40, 135, 500, 3000]))
-        side = Side(int(rng.integers(2)))
-        k = int(rng.integers(0, 6 if seed < 9 else 60))
-        if rng.random() < 0.4:
-            channel, length = usual
-        else:
-            channel, length = rng.choice([0, 0, 1, 2], k), rng.integers(0, 9, k)
-        names = np.arange(name, name + len(channel))
-        name += len(channel)
-        batch = Frames(channel, names, np.zeros((len(channel), 8), np.uint8), length)
-        before = plain.refused.sum()
-        lost = wires.send(side, batch, now)
-        plain.send(side, list(zip(channel.tolist(), length.tolist(), names.tolist(), strict=True)), now)
-        assert lost == plain.refused.sum() - before
-        now += float(rng.choice([0, 100, 135, 400]))
-        for end in Side:
-            arrived = [int(n) for each in wires.receive(end, now) for n in each.id]
-            assert sorted(arrived) == sorted(plain.receive(end, now))
-    for side in Side:
-        np.testing.assert_array_equal(wires.sent(side), plain.sent[side])
-        np.testing.assert_array_equal(wires.refused[side], plain.refused[side])
-    np.testing.assert_allclose(wires.busy_us(), plain.busy)
-    assert plain.sent.sum() > 50

@@ -32,12 +32,6 @@ def test_numbers_follow_labels_of_any_length(label: str) -> None:
     assert decode(NUMBERS, multi_array(label, 3, 4).fill(0, three)) == [0.5, -0.25, 1.0]
 
 
-def test_numbers_before_the_offset_and_without_dimensions() -> None:
-    little = struct.pack("<3I3f", 0, 1, 3, 9.0, 0.5, -0.25)
-    big = struct.pack(">3I3f", 0, 1, 3, 9.0, 0.5, -0.25)
-    assert decode(NUMBERS, b"\0\1\0\0" + little) == decode(NUMBERS, b"\0\0\0\0" + big) == [0.5, -0.25]
-
-
 @pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER, NUMBERS])
 @pytest.mark.parametrize("message", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff", b"\0\1\0\0" + b"\xff" * 7])
 def test_bytes_without_a_message_are_refused(kind: str, message: bytes) -> None:
