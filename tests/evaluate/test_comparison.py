@@ -11,7 +11,7 @@ from scenario_file import FILE, OWN, bare
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.scenarios import ScenarioFile
-from footfall.evaluate.table import print_results, warnings
+from footfall.evaluate.table import print_results
 
 
 class TestComparison:
@@ -41,15 +41,3 @@ def test_brackets_in_a_name_are_not_markup() -> None:
     print_results({"[bold]mine": {"scenarios": {"one": bare("x")}}}, console)
     printed = console.file.getvalue()  # type: ignore[attr-defined]
     assert printed.count("[bold]mine") == 2  # over its column and in the verdict
-
-
-def test_failed_episodes_are_listed_by_policy_and_scenario_before_notes() -> None:
-    failed = bare("a") | {"failed_episodes": ["episode 3: no"], "notes": ["no floor"]}
-    results = {
-        "mine": {"scenarios": {"one": bare("x"), "two": failed}},
-        "trot": {"scenarios": {"one": failed}},
-    }
-    assert warnings(results) == [
-        "mine, two: 1 of 25 episodes failed: no (1)", "trot, one: 1 of 25 episodes failed: no (1)",
-        "no floor",
-    ]  # fmt: skip

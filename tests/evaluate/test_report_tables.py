@@ -42,14 +42,6 @@ class TestTables:
             Cell("0.21 / 0.40", "of 20 ms"),
         ]
 
-    def test_falls_stand_by_scenario(self, two: Comparison) -> None:
-        table = tables.falls_table(two)
-        assert table.columns == [Heading("nominal"), Heading("push")]
-        shown = [(row.label, row.index, [cell.text for cell in cells]) for row, cells in table.rows]
-        assert shown == [
-            ("mine", 0, ["0 of 24", "11 of 24"]), ("trot", 1, ["12 of 24", "11 of 24"]),
-        ]  # fmt: skip
-
     def test_each_scenario_has_its_own_figures_and_endings(self, two: Comparison) -> None:
         nominal, push = tables.scenario_parts(two)
         assert (nominal.name, push.name) == ("nominal", "push")

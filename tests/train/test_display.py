@@ -1,36 +1,14 @@
 """The display of a training: a live table on a terminal, plain lines elsewhere."""
 
 import io
-import re
 from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
 from rich.console import Console
-from training_metrics import METRICS
 
 from footfall.train.runs import display
 from footfall.train.runs.display import Display
-
-
-class TestTerminal:
-    def shown(self, metrics: dict[str, float]) -> list[str]:
-        """The lines of a terminal of 80 × 24 when the display closes."""
-        file = io.StringIO()
-        display = Display(
-            1024, Console(width=80, height=24, force_terminal=True, color_system=None, file=file)
-        )
-        with display:
-            display.doing("compiling")
-            display.update(512, 1000.0, metrics)
-        text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\n", file.getvalue())
-        lines = text.splitlines()
-        return lines[len(lines) - 1 - lines[::-1].index("512 of 1,024 steps, 1,000 per s") :]
-
-    def test_it_fits_a_small_terminal(self) -> None:
-        last = self.shown(METRICS | {f"reward/term_{k}": 0.0 for k in range(40)})
-        assert len(last) < 24
-        assert max(map(len, last)) <= 80
 
 
 class TestLines:
