@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import ROBOT, SMOKE, N
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
@@ -14,12 +15,9 @@ from footfall.envs.actuation import Actuation
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.interface import Drive, joint_effort
 from footfall.robots.actuator import JointCommand, joint_torque, motor_torque
-from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-N, SUBSTEPS = 12, 4
-CONFIG = replace(load_preset("smoke").env, control_rate_hz=40.0, substeps=SUBSTEPS)
+SUBSTEPS = 4
+CONFIG = replace(SMOKE, control_rate_hz=40.0, substeps=SUBSTEPS)
 
 
 class TestActuation:

@@ -1,30 +1,25 @@
 """The learned part of the joint law in training; tests/plant/test_motors.py compares the simulated robot."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import pytest
+from go1_smoke import IN_C, ROBOT
 from some_net import with_net
 
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.engines import make_engine
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import Robot
 from footfall.robots.model import training_model
-from footfall.train.config import load_preset
-
-GO1 = load_robot("go1")
-IN_C = replace(load_preset("smoke").env, physics="c")
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return with_net(GO1, tmp_path_factory.mktemp("net") / "go1")
+    return with_net(ROBOT, tmp_path_factory.mktemp("net") / "go1")
 
 
 def test_it_moves_a_robot_in_training_and_each_episode_begins_at_rest(robot: Robot) -> None:
     moved = []
-    for each in (GO1, robot):
+    for each in (ROBOT, robot):
         env = LocomotionEnv(each, IN_C)
         state = jax.jit(env.reset)(jax.random.PRNGKey(3))[0]
         moved.append(jax.jit(env.simulate)(state._replace(goals=state.goals + 0.2))[0])

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from go1_smoke import MODEL, ROBOT, SMOKE
 from scipy.spatial.transform import Rotation
 
 from footfall.domain_rand.noise import Noise
@@ -17,11 +18,7 @@ from footfall.envs.base import Base
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-CONFIG = load_preset("smoke").env
-MODEL = training_model(ROBOT, CONFIG.timestep_s)
 QUATERNION = Rotation.from_euler("xyz", [0.3, -0.4, 2.0]).as_quat()[[3, 0, 1, 2]]
 
 
@@ -48,7 +45,7 @@ def test_it_is_found_behind_other_joints(tmp_path: Path) -> None:
     flag = '<body name="flag" pos="5 5 1"><joint name="wind" axis="0 0 1"/><geom size=".1" mass="1"/></body>'
     path.write_text(re.sub(r"(<worldbody>)", rf"\1{flag}", path.read_text(), count=1))
     robot = load_robot(str(folder))
-    env = LocomotionEnv(robot, replace(CONFIG, noise=Noise()))
+    env = LocomotionEnv(robot, replace(SMOKE, noise=Noise()))
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(1))
     data = mujoco.MjData(training_model(robot, env.timestep_s))
     assert data.qpos.shape == (20,)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
+from go1_smoke import ROBOT, SMOKE
 
 from footfall.common.config import merged
 from footfall.domain_rand.distributions import Distribution
@@ -17,11 +18,7 @@ from footfall.envs.config import (
 from footfall.envs.contract import make_contract
 from footfall.envs.old_settings import with_event_steps, with_terms
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-SMOKE = load_preset("smoke").env
 CONFIG = replace(SMOKE, control_rate_hz=40.0)
 RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
 

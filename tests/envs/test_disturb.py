@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import MODEL, ROBOT, SCENE, SMOKE
 from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
@@ -14,7 +15,6 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.envs.config import CurriculumConfig, EventConfig, ObservationConfig
 from footfall.envs.disturb import Disturbances
-from footfall.envs.feet import Feet
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.interface import GRAVITY
 from footfall.envs.state import State
@@ -23,16 +23,8 @@ from footfall.envs.terms import data
 from footfall.envs.terms.commands import velocity
 from footfall.envs.terms.data import Scene
 from footfall.envs.terms.events import Occasion, drop, gravity, push, reset_pose, slope
-from footfall.robots.description import load_robot
 from footfall.robots.kinds import Parts
-from footfall.robots.model import training_model
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-CONFIG = load_preset("smoke").env
-MODEL = training_model(ROBOT, CONFIG.timestep_s)
-FEET = Feet(MODEL, ROBOT, CONFIG.timestep_s, None)
-SCENE = Scene(MODEL, ROBOT, FEET, 0.02)
 STRONG = {"horizontal_m_s": 1.0, "vertical_m_s": 0.4, "angular_rad_s": 0.8}
 SPREAD = {
     "joint_rad": 0.11,
@@ -50,14 +42,14 @@ class Rest(NamedTuple):
 
 @pytest.fixture(scope="module")
 def begun() -> State:
-    return jax.jit(LocomotionEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
+    return jax.jit(LocomotionEnv(ROBOT, SMOKE).reset)(jax.random.PRNGKey(0))[0]
 
 
 class TestCommands:
-    RANGES = CONFIG.commands.ranges
+    RANGES = SMOKE.commands.ranges
 
     def drawn(self, *u: float, **changes: float) -> np.ndarray:
-        return np.asarray(velocity.draw(jnp.array(u), replace(CONFIG.commands, **changes)))
+        return np.asarray(velocity.draw(jnp.array(u), replace(SMOKE.commands, **changes)))
 
     def test_the_ranges_are_reached_axis_by_axis(self) -> None:
         low, high = self.drawn(0, 0, 0, 0, 1, 1), self.drawn(1, 1, 1, 0, 1, 1)
@@ -79,8 +71,8 @@ class TestDisturbances:
     PUSH = EventConfig("push", interval_s=Distribution(2.0, 2.0), settings=STRONG)
 
     def make(self, **changes: object) -> Disturbances:
-        commands = replace(CONFIG.commands, standing_probability=0.0, single_axis_probability=0.0)
-        config = replace(CONFIG, events=(self.PUSH,), **{"commands": commands} | changes)
+        commands = replace(SMOKE.commands, standing_probability=0.0, single_axis_probability=0.0)
+        config = replace(SMOKE, events=(self.PUSH,), **{"commands": commands} | changes)
         return Disturbances(Task(config, SCENE), config, SCENE)
 
     def after(self, state: State, **changes: object) -> State:
@@ -132,7 +124,7 @@ def test_only_due_commands_and_events_change(begun: State) -> None:
 
 class TestResetPose:
     def draw(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        scene = Scene(MODEL, ROBOT, FEET, 0.02)  # a new scene: the ground may have changed
+        scene = Scene(MODEL, ROBOT, SCENE.feet, 0.02)  # a new scene: the ground may have changed
         rest: Any = Rest(jnp.asarray(scene.standing), jnp.zeros(18))
         state = reset_pose.change(
             rest, Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0), **SPREAD
@@ -172,7 +164,7 @@ class TestSlope:
         """A robot that stands square to the ground reads the slope."""
         events = (EventConfig("reset_pose", settings={"tilt_rad": 0.0}), EventConfig("slope"))
         observation = (ObservationConfig("gravity"),)
-        env = LocomotionEnv(ROBOT, replace(CONFIG, events=events, observation=observation, noise=Noise()))
+        env = LocomotionEnv(ROBOT, replace(SMOKE, events=events, observation=observation, noise=Noise()))
         state, seen = jax.jit(env.reset)(jax.random.PRNGKey(3))
         down = Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).inv().apply(state.fields[GRAVITY])
         np.testing.assert_allclose(seen["state"], down / 9.81, atol=1e-5)
@@ -180,7 +172,7 @@ class TestSlope:
 
     def test_other_physics_are_refused(self) -> None:
         with pytest.raises(UserError, match="generated"):
-            LocomotionEnv(ROBOT, replace(CONFIG, physics="c", events=(EventConfig("slope"),)))
+            LocomotionEnv(ROBOT, replace(SMOKE, physics="c", events=(EventConfig("slope"),)))
 
 
 def test_gravity_follows_its_curriculum_and_keeps_the_slope(begun: State) -> None:
@@ -192,7 +184,7 @@ def test_gravity_follows_its_curriculum_and_keeps_the_slope(begun: State) -> Non
 
 class TestDrop:
     def test_it_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
-        scene, heights, tilts = Scene(MODEL, ROBOT, FEET, 0.02), [], []
+        scene, heights, tilts = Scene(MODEL, ROBOT, SCENE.feet, 0.02), [], []
         lower, upper = ROBOT.soft_limits
         for u in np.random.default_rng(0).random((40, drop.numbers(Parts(12)))):
             occasion = Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0)

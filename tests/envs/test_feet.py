@@ -3,16 +3,10 @@
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from go1_smoke import MODEL, ROBOT, SMOKE
 
 from footfall.envs.feet import Feet
 from footfall.envs.ground import in_contact
-from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
-from footfall.train.config import load_preset
-
-ROBOT = load_robot("go1")
-CONFIG = load_preset("smoke").env
-MODEL = training_model(ROBOT, CONFIG.timestep_s)
 
 
 class TestFeet:
@@ -25,7 +19,7 @@ class TestFeet:
         radius = [MODEL.geom(foot.geoms[0]).size[0] for foot in ROBOT.description.feet]
         on_ground = feet - np.array([0, 0, 1]) * (feet[:, 2] - radius)[:, None]
         lifted = on_ground + np.array([[0, 0, 0.0], [0, 0, 0.001], [0, 0, 0.003], [0, 0, 0.05]])
-        clearance = Feet(MODEL, ROBOT, CONFIG.timestep_s, None).clearance(jnp.asarray(lifted, jnp.float32))
+        clearance = Feet(MODEL, ROBOT, SMOKE.timestep_s, None).clearance(jnp.asarray(lifted, jnp.float32))
         np.testing.assert_allclose(clearance, [0.0, 0.001, 0.003, 0.05], atol=1e-6)
         np.testing.assert_array_equal(in_contact(clearance), [1.0, 1.0, 0.0, 0.0])
         assert np.abs(feet[:, 2] - radius).max() < 0.005  # so standing_height_m is right

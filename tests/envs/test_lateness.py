@@ -6,19 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import IN_C, ROBOT
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import EnvConfig, ObservationConfig
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.state import State
-from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
 CONFIG = replace(
-    load_preset("smoke").env,
-    physics="c",
+    IN_C,
     observation=(ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05)),
 )
 ENVIRONMENTS, STEPS = 16, 6

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import MODEL, ROBOT, SMOKE, N
 from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
@@ -25,14 +26,8 @@ from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
 from footfall.envs.state import State, Step
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CommandRange
-from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-SMOKE = load_preset("smoke").env
-MODEL = training_model(ROBOT, SMOKE.timestep_s)
-N, SUBSTEPS = 12, 4
+SUBSTEPS = 4
 TILTED = Rotation.from_euler("xyz", [0.3, -0.4, 2.0])
 QUATERNION = TILTED.as_quat()[[3, 0, 1, 2]]
 TORQUE = np.linspace(-3.0, 4.0, N)

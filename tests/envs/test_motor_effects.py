@@ -5,16 +5,14 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from go1_smoke import IN_C, ROBOT
 from physics_parity import compare, random_arguments
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
-from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
 EFFECTS = Randomisation(
     torque_lag_s=Distribution(0.001, 0.006),
     stribeck_friction=Distribution(0.1, 0.4),
@@ -22,7 +20,6 @@ EFFECTS = Randomisation(
     backlash_rad=Distribution(0.005, 0.02),
     gear_compliance=Distribution(0.001, 0.004),
 )
-SMOKE = load_preset("smoke").env
 
 
 def test_the_generated_physics_moves_as_mujoco_with_every_effect() -> None:
@@ -35,7 +32,7 @@ def test_the_generated_physics_moves_as_mujoco_with_every_effect() -> None:
 
 
 def test_the_lag_of_one_episode_does_not_reach_the_next() -> None:
-    env = LocomotionEnv(ROBOT, replace(SMOKE, physics="c", randomisation=EFFECTS))
+    env = LocomotionEnv(ROBOT, replace(IN_C, randomisation=EFFECTS))
     state = jax.jit(env.reset)(jax.random.PRNGKey(3))[0]
     assert not state.lagged_torque.any()
     later = jax.jit(env.simulate)(state._replace(goals=state.goals + 0.2))[0]

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from go1_smoke import MODEL, ROBOT, SMOKE, N
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
@@ -17,19 +18,11 @@ from footfall.envs.contract import make_contract
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.observe import Observer
 from footfall.envs.state import State
-from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
-from footfall.train.config import load_preset
-
-ROBOT = load_robot("go1")
-CONFIG = load_preset("smoke").env
-MODEL = training_model(ROBOT, CONFIG.timestep_s)
-N = 12
 
 
 @pytest.fixture(scope="module")
 def begun() -> State:
-    return jax.jit(LocomotionEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
+    return jax.jit(LocomotionEnv(ROBOT, SMOKE).reset)(jax.random.PRNGKey(0))[0]
 
 
 class TestObserver:
@@ -42,7 +35,7 @@ class TestObserver:
 
     def make(self, noise: Noise, **biases: float) -> tuple[Observer, LocomotionEnv]:
         ranges = {name: Distribution(value, value) for name, value in biases.items()}
-        config = replace(CONFIG, observation=self.TERMS, noise=noise, randomisation=Randomisation(**ranges))
+        config = replace(SMOKE, observation=self.TERMS, noise=noise, randomisation=Randomisation(**ranges))
         env = LocomotionEnv(ROBOT, config)
         return env.observer, env
 
@@ -53,7 +46,7 @@ class TestObserver:
         data.qvel[:] = np.linspace(-1, 1, 18)
         mujoco.mj_forward(MODEL, data)
         gravity = data.body(ROBOT.description.base).xmat.reshape(3, 3).T @ [0, 0, -1]
-        observer = Observer(MODEL, ROBOT, CONFIG, make_contract(ROBOT, CONFIG))
+        observer = Observer(MODEL, ROBOT, SMOKE, make_contract(ROBOT, SMOKE))
         read = observer.readings(jnp.asarray(data.qpos), jnp.asarray(data.qvel), jnp.zeros(N))
         expected = [*data.qvel[3:6], *gravity, *data.qpos[7:], *data.qvel[6:]]
         np.testing.assert_allclose(read, expected, atol=1e-6)
@@ -76,7 +69,7 @@ class TestObserver:
         np.testing.assert_allclose(seen[3:6], noisy / np.linalg.norm(noisy), atol=1e-6)
 
     def test_the_last_action_is_the_newest_for_actor_and_critic(self, begun: State) -> None:
-        config = replace(CONFIG, observation=(ObservationConfig("last_action"), ObservationConfig("command")))
+        config = replace(SMOKE, observation=(ObservationConfig("last_action"), ObservationConfig("command")))
         observer = Observer(MODEL, ROBOT, config, make_contract(ROBOT, config))
         actions = jnp.array([[1.0], [2.0], [3.0]]) * jnp.ones(N)
         state = begun._replace(actions=actions, frames=observer.no_frames())
@@ -86,7 +79,7 @@ class TestObserver:
         np.testing.assert_array_equal(observer.clean_frame(state, jnp.zeros(N)), np.float32(expected))
 
     def test_an_episode_begins_with_its_first_frame_as_the_whole_history(self) -> None:
-        config = replace(CONFIG, observation=(ObservationConfig("gyro", 1.0, 3),), noise=Noise())
+        config = replace(SMOKE, observation=(ObservationConfig("gyro", 1.0, 3),), noise=Noise())
         env = LocomotionEnv(ROBOT, config)
         state, first = env.reset(jax.random.PRNGKey(0))
         np.testing.assert_array_equal(first["state"][:3], first["state"][6:])

@@ -5,20 +5,14 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import ROBOT, SCENE, SMOKE
 
 from footfall.common.errors import UserError
 from footfall.envs.config import RewardConfig
-from footfall.envs.feet import Feet
 from footfall.envs.task import Task
-from footfall.envs.terms.data import Scene, example_data
+from footfall.envs.terms.data import example_data
 from footfall.envs.terms.rewards import REWARDS
-from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
-from footfall.train.config import load_preset
 
-ROBOT, CONFIG = load_robot("go1"), load_preset("smoke").env
-MODEL = training_model(ROBOT, CONFIG.timestep_s)
-SCENE = Scene(MODEL, ROBOT, Feet(MODEL, ROBOT, CONFIG.timestep_s, None), 0.02)
 POSE = ROBOT.default_pose
 PARAMETERS = {"track_linear": {"sigma_m2_s2": 0.25}, "track_yaw": {"sigma_rad2_s2": 0.5}}
 
@@ -113,4 +107,4 @@ def test_joints_count_in_pose_by_the_first_pattern_that_fits() -> None:
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
     entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
     with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint matches '\*_toe'"):
-        Task(replace(CONFIG, rewards=(entry,)), SCENE)
+        Task(replace(SMOKE, rewards=(entry,)), SCENE)

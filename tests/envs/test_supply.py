@@ -6,20 +6,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import IN_C, ROBOT
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.robots.battery import Battery
-from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
 
-GO1 = load_robot("go1")
 PACK = Battery(8, 230.0, 0.05, idle_w=20.0)
-POWERED = replace(GO1, description=replace(GO1.description, battery=PACK))
+POWERED = replace(ROBOT, description=replace(ROBOT.description, battery=PACK))
 DRAWN = Randomisation(battery_charge=Distribution(0.2, 0.4))
-CONFIG = replace(load_preset("smoke").env, physics="c", randomisation=DRAWN)
+CONFIG = replace(IN_C, randomisation=DRAWN)
 
 
 def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_speed_line() -> None:
@@ -31,14 +29,14 @@ def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_sp
     after, trace = env.simulate(state)
     speed = np.concatenate([state.qvel[None], trace.qvel])[:, env.scene.dofs]
     shaft = (trace.torque * 0.5 * (speed[:-1] + speed[1:])).sum(axis=-1)
-    power_w = float((shaft + (GO1.copper_loss * trace.torque**2).sum(axis=-1)).mean()) + PACK.idle_w
+    power_w = float((shaft + (ROBOT.copper_loss * trace.torque**2).sum(axis=-1)).mean()) + PACK.idle_w
     volts = float(after.supply) * PACK.nominal_v
     lost_v = PACK.open_circuit_v(charge) - volts
     assert lost_v > 0.2
     assert volts * lost_v / PACK.internal_resistance_ohm == pytest.approx(power_w, rel=1e-3)
     motor = env.actuation.drive(jnp.zeros((1, 12)), after.sample, after.supply).motor
-    np.testing.assert_allclose(motor.stall_torque, GO1.motor.stall_torque * after.supply, rtol=1e-6)
-    np.testing.assert_allclose(motor.no_load_speed, GO1.motor.no_load_speed * after.supply, rtol=1e-6)
+    np.testing.assert_allclose(motor.stall_torque, ROBOT.motor.stall_torque * after.supply, rtol=1e-6)
+    np.testing.assert_allclose(motor.no_load_speed, ROBOT.motor.no_load_speed * after.supply, rtol=1e-6)
     assert env.restart(after)[0].supply > after.supply
 
 
@@ -49,4 +47,4 @@ def test_without_a_drawn_charge_the_supply_is_nominal() -> None:
 
 def test_a_charge_is_refused_for_a_robot_without_a_battery() -> None:
     with pytest.raises(UserError, match="battery_charge"):
-        LocomotionEnv(GO1, CONFIG)
+        LocomotionEnv(ROBOT, CONFIG)

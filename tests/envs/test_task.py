@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import IN_C, ROBOT
 
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
@@ -22,11 +23,6 @@ from footfall.envs.config import (
 )
 from footfall.envs.make import made_from, make_environment
 from footfall.envs.workarounds.program_cache import fingerprint
-from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
-
-ROBOT = load_robot("go1")
-SMOKE = replace(load_preset("smoke").env, physics="c")
 
 OWN = '''
 from dataclasses import dataclass, replace
@@ -121,7 +117,7 @@ def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 
 def refusal(**changes: object) -> str:
     with pytest.raises(UserError) as refused:
-        make_environment(ROBOT, replace(SMOKE, **changes))
+        make_environment(ROBOT, replace(IN_C, **changes))
     assert "\n" not in str(refused.value)
     return str(refused.value)
 
@@ -129,7 +125,7 @@ def refusal(**changes: object) -> str:
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     """Its state restarts with the episode, each robot has its own, and a program carries it on."""
     entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
-    env = make_environment(ROBOT, replace(SMOKE, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
+    env = make_environment(ROBOT, replace(IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
     state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 3))
     high = state._replace(qpos=state.qpos.at[1, 2].set(2.0))  # the second robot is in the air
     step = jax.jit(lambda state: step_batch(env, state, jnp.zeros((3, 12))))
@@ -152,14 +148,14 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
 
 def test_terms_of_every_kind_come_from_a_users_module() -> None:
     config = replace(
-        SMOKE,
+        IN_C,
         rewards=(RewardConfig("own_terms:knees", 1.0, settings={"share": 0.5}),),
-        critic=(*SMOKE.critic, NamedTermConfig("own_terms:foot_speed")),
+        critic=(*IN_C.critic, NamedTermConfig("own_terms:foot_speed")),
         terminations=(NamedTermConfig("own_terms:too_long", settings={"limit_s": 1.0}),),
         events=(EventConfig("own_terms:lifted"), EventConfig("own_terms:hop")),
         curricula=(CurriculumConfig("own_terms:late", "hop", settings={"after": 0.3}),),
     )
-    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, SMOKE)
+    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, IN_C)
     assert env.observation_sizes["privileged_state"] == plain.observation_sizes["privileged_state"] + 4
     step, speeds = jax.jit(env.step), []
     for level in (0.2, 0.4):  # below and above the level at which hops begin
@@ -174,13 +170,13 @@ def test_terms_of_every_kind_come_from_a_users_module() -> None:
 
 
 def test_a_users_task_makes_the_environment() -> None:
-    env = make_environment(ROBOT, replace(SMOKE, task="own_terms:kneel"))
+    env = make_environment(ROBOT, replace(IN_C, task="own_terms:kneel"))
     assert env.episode_steps == 25
     assert env.config.weights == {"alive": 2.0}
 
 
 def test_a_changed_term_makes_another_program(own_module: Path) -> None:
-    config = replace(SMOKE, rewards=(RewardConfig("own_terms:knees", 1.0),))
+    config = replace(IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
     helper = own_module.with_name("own_helper.py")
     helper.write_text("")
     made = [fingerprint(made_from(ROBOT, config))]
@@ -190,12 +186,12 @@ def test_a_changed_term_makes_another_program(own_module: Path) -> None:
     helper.write_text("GAIN = 2.0")  # what a term's module imports is part of the term
     made.append(fingerprint(made_from(ROBOT, config)))
     assert len(set(made)) == 3
-    assert fingerprint(made_from(ROBOT, SMOKE)) == fingerprint(made_from(ROBOT, SMOKE))
+    assert fingerprint(made_from(ROBOT, IN_C)) == fingerprint(made_from(ROBOT, IN_C))
     sys.modules.pop("own_helper")
 
 
 def test_refusals_name_the_entry() -> None:
-    reward, named = SMOKE.rewards[0], NamedTermConfig
+    reward, named = IN_C.rewards[0], NamedTermConfig
     cases: list[tuple[dict[str, object], str]] = [
         ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance'"),
         ({"rewards": (reward, reward)}, "env.rewards[1]"),
@@ -237,7 +233,7 @@ def test_names_distinguish_two_entries_of_one_term() -> None:
         RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
         for name in ("hip", "calf")
     )
-    config: EnvConfig = replace(SMOKE, rewards=(hips, knees))
+    config: EnvConfig = replace(IN_C, rewards=(hips, knees))
     env = make_environment(ROBOT, config)
     state, _ = env.reset(jax.random.PRNGKey(0))
     _, result = jax.jit(env.step)(state, jnp.zeros(12))

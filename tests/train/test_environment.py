@@ -6,21 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import IN_C, ROBOT
 
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs.config import CurriculumConfig
 from footfall.envs.delays import delayed_readings
 from footfall.envs.locomotion import LocomotionEnv
-from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
-from footfall.train.config import load_preset
-
-ROBOT = load_robot("go1")
-SMOKE = replace(load_preset("smoke").env, physics="c")  # compiled faster
 
 
 def make(**changes: object) -> LocomotionEnv:
-    return LocomotionEnv(ROBOT, replace(SMOKE, **changes))
+    return LocomotionEnv(ROBOT, replace(IN_C, **changes))
 
 
 def curriculum(of: str, start: float) -> CurriculumConfig:
@@ -29,7 +25,7 @@ def curriculum(of: str, start: float) -> CurriculumConfig:
 
 @pytest.fixture(scope="module")
 def env() -> LocomotionEnv:
-    return make(randomisation=load_randomisation(), gait=SMOKE.gait)
+    return make(randomisation=load_randomisation(), gait=IN_C.gait)
 
 
 @pytest.fixture(scope="module")

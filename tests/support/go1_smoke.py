@@ -1,0 +1,16 @@
+"""Go1 in the environment of the preset smoke."""
+
+from dataclasses import replace
+
+from footfall.envs.feet import Feet
+from footfall.envs.terms.data import Scene
+from footfall.robots.description import load_robot
+from footfall.robots.model import training_model
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+N = len(ROBOT.joint_names)
+SMOKE = load_preset("smoke").env
+IN_C = replace(SMOKE, physics="c")  # compiled faster
+MODEL = training_model(ROBOT, SMOKE.timestep_s)
+SCENE = Scene(MODEL, ROBOT, Feet(MODEL, ROBOT, SMOKE.timestep_s, None), 0.02)
