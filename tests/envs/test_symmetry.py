@@ -17,8 +17,7 @@ from footfall.train.config import load_preset
 ROBOT = load_robot("go1")
 QUIET = Noise()
 PRESETS = {
-    name: LocomotionEnv(ROBOT, replace(load_preset(name).env, noise=QUIET))
-    for name in ("smoke", "cpu", "gpu")
+    name: LocomotionEnv(ROBOT, replace(load_preset(name).env, noise=QUIET)) for name in ("smoke", "gpu")
 }
 
 

