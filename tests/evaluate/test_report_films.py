@@ -1,16 +1,12 @@
 """Films of the test course, their scene and their captions."""
 
-import io
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
-from PIL import Image
 from report_pages import walked
 
 from footfall.evaluate.pool import TaskResult
@@ -51,21 +47,6 @@ class TestFilms:
         tried.clear()
         assert films.render_films([task]) == [TaskResult("film")]
         assert [environment["MUJOCO_GL"] for _, environment in tried] == ["glfw"]
-
-    def test_frames_are_in_order_with_a_poster(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-        def frames(task: FilmTask) -> Iterator[np.ndarray]:
-            for number in range(len(films.frame_times(task))):
-                yield np.full((films.HEIGHT, films.WIDTH, 3), 10 + 10 * number, np.uint8)
-
-        monkeypatch.setattr(films, "frames", frames)
-        film = films.film(self.task(walked(1.0), duration_s=0.48))
-        assert np.asarray(Image.open(io.BytesIO(film.poster_jpeg))).mean() == pytest.approx(50.0, abs=2.0)
-        path = tmp_path / "film.mp4"
-        path.write_bytes(film.mp4)
-        reader = imageio_ffmpeg.read_frames(str(path))
-        assert next(reader)["fps"] == films.FRAME_RATE_HZ == 25
-        shown = [np.frombuffer(frame, np.uint8).mean() for frame in reader]
-        assert shown == pytest.approx([10.0 + 10.0 * k for k in range(12)], abs=3.0)
 
     def test_arrows_of_command_and_motion_differ_and_are_level(self) -> None:
         trace = walked(5.0)

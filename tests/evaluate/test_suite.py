@@ -3,26 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from outcomes import GOOD, outcome
 from scenario_file import FILE, OWN_NOISE
-from traces import walk
 
-from footfall.evaluate import episodes, suite
+from footfall.evaluate import suite
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.episodes import EpisodeTask, run_with
-from footfall.evaluate.metrics import score
-from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes
+from footfall.evaluate.episodes import EpisodeTask
+from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario
 from footfall.evaluate.suite import CourseWalk
-from footfall.plant.episode import Push
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
 from footfall.terrain.declaration import GroundConfig
 
 PLANT = Path("other.xml")
@@ -106,50 +100,3 @@ class TestSuite:
         ]
         assert {name: list(by) for name, by in walks.items()} == {"b": ["stairs"], "a": ["stairs"]}
         assert walks["a"]["stairs"].trace == "trace of a"
-
-
-class TestEpisode:
-    PLAN = EpisodePlan(
-        "own", 4, 11, 2.5, CommandSchedule((0.0,), ((0.5, 0.0, 0.0),)), (Push(1.0, (0.0, 0.3, 0.0)),),
-        {"payload_kg": 2.0, "friction": 0.3}, False,
-    )  # fmt: skip
-
-    @pytest.fixture
-    def ran(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """Arguments of the simulation's call; it returns `trace`."""
-        seen = SimpleNamespace(trace=replace(walk(), compute_ms=np.array([0.1, 0.7]), notes=("no floor",)))
-
-        def run_episode(*given: Any) -> Any:
-            seen.given = given
-            return seen.trace
-
-        monkeypatch.setattr(episodes, "run_episode", run_episode)
-        return seen
-
-    def task(self, **changes: Any) -> EpisodeTask:
-        return replace(EpisodeTask("stand", "go1", self.PLAN, OWN_NOISE), **changes)
-
-    def test_all_of_a_task_reaches_the_episode(self, ran: SimpleNamespace, go1: Robot) -> None:
-        policy = load_policy("stand", go1)
-        found = run_with(policy, self.task(plant=go1.xml_path, ground_truth=True, keep_trace=True))
-        robot, acting, episode = ran.given
-        assert (robot.name, acting) == ("go1", policy)
-        assert (episode.command_source, episode.duration_s, episode.seed) == (self.PLAN.schedule, 2.5, 11)
-        assert (episode.plant, episode.noise, episode.pushes) == (go1.xml_path, OWN_NOISE, self.PLAN.pushes)
-        assert episode.ground_truth
-        assert {name: float(value) for name, value in episode.sample.items()} == self.PLAN.levels
-        assert found.levels == self.PLAN.levels
-        assert (found.period_ms, found.notes, found.trace) == (2.0, ("no floor",), ran.trace)
-        assert found.compute_ms.tolist() == pytest.approx([0.1, 0.7])
-        assert found.compute_ms.dtype == np.float32
-        weight_n = found.metrics.weight_n
-        assert found.metrics == replace(
-            score(ran.trace, go1, weight_n), estimate_mse=found.metrics.estimate_mse
-        )
-
-    def test_trouble_is_each_reason_once_the_fall_first(self, ran: SimpleNamespace, go1: Robot) -> None:
-        faults = ("motor 3 is hot", "it tilted", "motor 3 is hot")
-        ran.trace = replace(ran.trace, fell=True, fall_reason="it tilted", faults=faults)
-        assert run_with(load_policy("stand", go1), self.task()).trouble == "it tilted; motor 3 is hot"
-        ran.trace = replace(ran.trace, fall_reason="", faults=())
-        assert run_with(load_policy("stand", go1), self.task()).trouble == ""
