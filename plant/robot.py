@@ -115,8 +115,9 @@ class SimulatedRobot:
         )  # fmt: skip
         self._connection = Connection(wires, sample, seed)
         self._sensors = SimulatedSensors(
-            self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
-        )
+            self.data, self._layout, sample, config.noise, step_s, len(qpos), seed,
+            mean_velocity=config.engine != DEFAULT_ENGINE,
+        )  # fmt: skip
         self._energy = EnergyMeter(robot)
         declared, self.battery = robot.description.battery, None
         if declared is not None:

@@ -69,14 +69,32 @@ class SimulatedSensors:
         step_s: float,
         joints: int,
         seed: int,
+        mean_velocity: bool = False,
     ) -> None:
-        """Raises UserError if a reading with bias or noise has no `shift`."""
+        """Sensors of a plant.
+
+        Args:
+            data: its state.
+            layout: where its joints and base are.
+            sample: delays and biases.
+            noise: half-widths of the noise; None: no noise.
+            step_s: physics step.
+            joints: number of joints.
+            seed: seed of the noise and of swinging delays.
+            mean_velocity: whether motors report a joint's mean velocity over two steps, as drives do that
+                take it from an encoder. Velocities may alternate from step to step: if readings show every
+                other one, their sum leaves the positions.
+
+        Raises:
+            UserError: a reading with bias or noise has no `shift`.
+        """
         self._qpos, self._qvel, self._acceleration = data.qpos, data.qvel, data.sensordata[:3]
         at = layout.base_qpos + 3
         self._quaternion = data.qpos[at : at + 4]
         at = layout.base_qvel + 3
         self._gyro = data.qvel[at : at + 3]
         self._layout, self._n = layout, joints
+        self._mean_velocity, self._velocity_before = mean_velocity, self._qvel[layout.qvel].copy()
         self._past: Past[_Moment] = Past(sample, step_s, seed)
         self._noise = None if noise is None else _Noise(noise, joints, seed)
         self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
@@ -96,8 +114,15 @@ class SimulatedSensors:
         joints = np.empty((3, self._n))
         joints[0], joints[1], joints[2] = self._qpos[layout.qpos], self._qvel[layout.qvel], torque
         inertial = self._gyro.tolist(), self._acceleration.tolist(), self._quaternion.tolist()
-        self._past.remember(_Moment(joints, inertial))
+        self._past.remember(_Moment(self._as_reported(joints) if self._mean_velocity else joints, inertial))
         return joints
+
+    def _as_reported(self, joints: np.ndarray) -> np.ndarray:
+        """A step's true values with the mean velocity over it and the step before."""
+        reported = joints.copy()
+        reported[1] = 0.5 * (self._velocity_before + joints[1])
+        self._velocity_before = joints[1].copy()
+        return reported
 
     def joints(self, encoder_bias: np.ndarray) -> np.ndarray:
         """Joint positions rad, velocities rad/s and motor torques N m, (3, n), as motors report them.

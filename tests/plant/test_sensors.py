@@ -246,10 +246,21 @@ class TestRefusals:
 class Past:
     """Sensors of two joints, listed in reverse, over a state that differs at each step."""
 
-    def __init__(self, noise: Noise | None = None, seed: int = 3, **sample: Any) -> None:
+    def __init__(
+        self, noise: Noise | None = None, seed: int = 3, mean_velocity: bool = False, **sample: Any
+    ) -> None:
         self.data = SimpleNamespace(qpos=np.zeros(10), qvel=np.zeros(9), sensordata=np.zeros(4))
         layout = Layout(np.array([9, 8]), np.array([8, 7]), 1, 1)
-        self.sensors = SimulatedSensors(self.data, layout, Sample(**sample), noise, 0.001, 2, seed)  # type: ignore[arg-type]
+        self.sensors = SimulatedSensors(
+            self.data,  # type: ignore[arg-type]
+            layout,
+            Sample(**sample),
+            noise,
+            0.001,
+            2,
+            seed,
+            mean_velocity,
+        )
 
     def step(self, k: int) -> None:
         data = self.data
@@ -275,6 +286,17 @@ class TestSensors:
             np.testing.assert_allclose(inertial.acceleration, [k, 5 * k, 7 * k])
             turn = Rotation.from_euler("xyz", [0.1 * k, 0.2, -0.3])
             np.testing.assert_allclose(inertial.quaternion, turn.as_quat(scalar_first=True), atol=1e-12)
+
+    def test_mean_velocities_add_up_to_the_positions(self) -> None:
+        """An engine's velocities may alternate from step to step, and readings take every other one."""
+        past, travel = Past(mean_velocity=True), np.zeros(2)
+        for k in range(100):
+            past.data.qvel[7:9] = (3.0, -3.0) if k % 2 else (-1.0, 2.0)
+            past.data.qpos[8:10] += 0.001 * past.data.qvel[7:9]
+            past.sensors.remember(np.zeros(2))
+            if k % 2:
+                travel += 0.002 * past.sensors.joints(np.zeros(2))[1]
+        np.testing.assert_allclose(travel, past.data.qpos[[9, 8]], atol=0.002)
 
     def test_the_accelerometer_has_its_bias_and_noise_and_the_rest_of_the_imu_has_none(self) -> None:
         bias = np.array([0.3, -0.2, 0.1])
