@@ -111,6 +111,7 @@ def judged(
     fault = search.cause(every, prediction.highest, left, thorough=fails)
     if passes:
         return verdict._replace(fault=fault or search.twin(every, prediction.highest, config))
+    fault = fault or search.motor(every, config)
     if not fault and askew > config.askew_rad and not strange:
         fault = (
             f"the IMU is askew by {askew:.2f} rad, or the ground is not level: align it with the base's axes"
@@ -191,14 +192,31 @@ class Search(NamedTuple):
             if len(cause.key) != 2 or self.right.errors(rough, self.least)[0].max() > TWIN * config.alike:
                 continue
             moved = _responses(np.array(list(self.simulated(cause)))).torque
-            size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)
-            errors, right = (
-                (((self.measured.torque - each)[:, cause.key].T / size) ** 2).sum()
-                for each in (moved, self.right.torque)
-            )
-            if errors <= config.explained_in_doubt * right:
+            right = self._own_error(cause, self.right.torque)
+            if self._own_error(cause, moved) <= config.explained_in_doubt * right:
                 return cause.text
         return ""
+
+    def motor(self, every: list[Cause], config: WiringCheckConfig) -> str:
+        """The text of one motor's mistake that explains that motor's torques; empty if there is none.
+
+        A foot that slips adds errors to all joints, which no cause explains. It hardly changes the torques
+        that one motor reports in the motions of all joints. A robot whose masses or friction differ from its
+        model's has causes that explain much of the error, too, but with these torques they do not agree.
+        """
+        best = config.explained_in_part * self.measured.cost(self.right, self.least, self.noise), ""
+        for cause in (each for each in every if len(each.key) == 1):
+            cost, moved = self._simulation(cause, best[0])
+            right = self._own_error(cause, self.right.torque)
+            if moved and self._own_error(cause, moved.torque) <= config.explained_of_motor * right:
+                best = cost, cause.text
+        return best[1]
+
+    def _own_error(self, cause: Cause, torque: np.ndarray) -> float:
+        """Squared error of the torques of the motors that a cause affects, by the right responses."""
+        size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)
+        errors = (self.measured.torque - torque)[:, cause.key].T / size
+        return float((errors**2).sum())
 
     def _turned_imu(self) -> tuple[float, str]:
         """Cost and text of an IMU that is turned about z; infinite if it is not."""
@@ -215,20 +233,22 @@ class Search(NamedTuple):
         """The lowest cost of some causes, and its text; an infinite one above the limit."""
         best = math.inf, ""
         for cause in some:
-            best = min(best, (self._cost(cause, min(best[0], limit)), cause.text))
+            best = min(best, (self._simulation(cause, min(best[0], limit))[0], cause.text))
         return best
 
-    def _cost(self, cause: Cause, limit: float) -> float:
-        """Cost of a simulated cause; infinite above the limit, where the simulation need not go on."""
+    def _simulation(self, cause: Cause, limit: float) -> tuple[float, Responses | None]:
+        """Cost and responses of a simulated cause; infinite and None above the limit, where the simulation
+        need not go on."""
         rows, cost, torque = [], 0.0, self.measured.torque
         for row, measured in zip(self.simulated(cause), torque, strict=True):
             rows.append(row)
             size = max(float(np.linalg.norm(row[:-2])), self.least)
             cost += float(np.linalg.norm(measured - row[:-2]) / size) ** 2 / len(torque)
             if cost > limit:
-                return math.inf
-        cost = self.measured.cost(_responses(np.array(rows)), self.least, self.noise)
-        return cost if cost <= limit else math.inf
+                return math.inf, None
+        responses = _responses(np.array(rows))
+        cost = self.measured.cost(responses, self.least, self.noise)
+        return (cost, responses) if cost <= limit else (math.inf, None)
 
     def _rough_cost(self, cause: Cause, highest: np.ndarray) -> float:
         """Squared error of the joints if a cause only permuted and scaled the right responses."""
