@@ -19,12 +19,11 @@ class LevellingConfig:
     """Reaction of the ankles to a pitch of the base while the robot stands up."""
 
     gain: float = 1.0  # share of the pitch; 0 for none
-    rate_gain_s: float = 0.05  # correction per pitch rate; twice as much shakes a g1
     most_rad: float = 0.15  # largest correction
     fade_s: float = 0.1  # duration of the fade-in
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "gain", "rate_gain_s", "most_rad")
+        require_not_negative(self, "gain", "most_rad")
         require_positive(self, "fade_s")
 
 
@@ -34,6 +33,9 @@ class Levelling:
     Held joints are springs that are hardly stiff enough for a biped: with its centre of mass 2 to 3 cm ahead
     of the model's, the robot falls within a second. Sideways, two legs are a stiff frame. A robot with
     more feet, or with point feet, needs no correction.
+
+    The joints' own damping is enough. A correction for the pitch rate, which comes late, shakes a robot with
+    stiff joints, and a shaking robot walks off.
     """
 
     def __init__(self, robot: Robot, config: LevellingConfig) -> None:
@@ -52,9 +54,8 @@ class Levelling:
             return command
         config = self._config
         pitch = -float(rotation_matrix(sensed.quaternion)[2, 0])
-        demand = config.gain * pitch + config.rate_gain_s * float(sensed.gyro[1])
         share = min(max(time_s / config.fade_s, 0.0), 1.0)
-        correction = share * min(max(demand, -config.most_rad), config.most_rad)
+        correction = share * min(max(config.gain * pitch, -config.most_rad), config.most_rad)
         return command._replace(position=command.position + correction * self._turn)
 
 

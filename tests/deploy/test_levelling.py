@@ -1,13 +1,17 @@
 """A biped whose centre of mass differs from its model's stands up without tipping over."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from footfall.deploy.config import DeployConfig
+from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.postures import Postures
+from footfall.domain_rand.noise import Noise
 from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import Sensed
@@ -32,6 +36,18 @@ class TestABipedThatStandsUp:
         """Without levelling it does."""
         episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE)
         assert not run_episode(g1, load_policy("step", g1), episode).fell
+
+    def test_comes_to_rest(self, g1: Robot) -> None:
+        """With gyro noise, the delays of the bus and stiff joints, as those of a Talos."""
+        rates: list[float] = []
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            rates.append(float(body.data.qvel[4]))
+
+        config = replace(deploy_config(g1), stand_kp_scale=8.0)
+        episode = Episode(lambda _: np.zeros(3), 0.05, noise=Noise(gyro=0.02), config=config)
+        run_episode(g1, load_policy("stand", g1), episode, watch)
+        assert np.abs(rates[400:500]).max() < 0.2
 
     def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
         """The soles turn down by the pitch of the base, about a point under it."""
