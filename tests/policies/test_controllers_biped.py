@@ -127,14 +127,13 @@ class TestStep:
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
 
-    @pytest.mark.parametrize("ahead", [1.5, 2.0])  # at 1.5 the feet are on both sides of it as one lifts
-    def test_a_swing_is_the_same_across_the_heading_of_pi(self, ahead: float) -> None:
+    def test_a_swing_is_the_same_across_the_heading_of_pi(self) -> None:
         """A turn across pi gives the same commands as a quarter of a circle earlier.
 
         A quarter, because the friction pyramids are square. The joints stand still, toes outwards; the test
         turns the body.
         """
-        over_half_a_circle, earlier = self.turned(np.pi - ahead), self.turned(np.pi / 2 - ahead)
+        over_half_a_circle, earlier = self.turned(np.pi - 1.5), self.turned(np.pi / 2 - 1.5)
         np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)
 
     @staticmethod

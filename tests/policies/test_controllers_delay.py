@@ -47,11 +47,10 @@ def test_commands_that_do_not_change_leave_the_delay() -> None:
     assert measured(16, change_nm=0.0) == 1
 
 
-@pytest.mark.parametrize("controller", ["mpc", "mpc-wbc"])
-def test_walks_and_turns_though_commands_act_30_ms_late(controller: str) -> None:
+def test_walks_and_turns_though_commands_act_30_ms_late() -> None:
     schedule = CommandSchedule((0.0, 0.8), ((0.5, 0.2, 0.0), (0.8, 0.0, 0.6)))
     episode = Episode(schedule, duration_s=1.7, sample={"action_delay_s": np.array(0.03)})
-    trace = run_episode(ROBOT, load_policy(controller, ROBOT), episode)
+    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), episode)
     assert not trace.fell, trace.fall_reason
     assert trace.base_velocity[-25:, 0].mean() == pytest.approx(0.8, abs=0.1)
 

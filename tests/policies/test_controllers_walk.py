@@ -81,11 +81,10 @@ class TestAll:
 
 
 class TestGaits:
-    @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (0.0, 0.2, 0.5)])
-    def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
-        result = go(Trot(ROBOT), command, 3.0)
+    def test_it_follows_the_command(self) -> None:
+        result = go(Trot(ROBOT), (0.2, 0.2, 0.5), 3.0)
         assert not result.fell
-        np.testing.assert_allclose(result.mean_velocity(1.4), command, atol=0.05)
+        np.testing.assert_allclose(result.mean_velocity(1.4), (0.2, 0.2, 0.5), atol=0.05)
 
     @pytest.mark.parametrize("gait", ["walk", "bound"])
     def test_every_gait_follows_the_command_with_a_level_body(self, gait: str) -> None:
@@ -138,9 +137,8 @@ class TestGaits:
 
 
 class TestMpc:
-    @pytest.mark.parametrize("command", [(-0.6, 0.5, 0.0), (0.6, 0.3, 1.0)])
-    def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
-        result = go(Mpc(ROBOT), command, 3.0)
+    def test_it_follows_the_command(self) -> None:
+        result = go(Mpc(ROBOT), (0.6, 0.3, 1.0), 3.0)
         assert not result.fell
         velocity, yaw_rate = result.errors(settle_s=1.5)
         assert velocity < 0.12

@@ -37,13 +37,12 @@ def run(policy: Policy, command: tuple[float, float, float], duration_s: float =
     return run_episode(ROBOT, policy, episode)
 
 
-@pytest.mark.parametrize(("gait", "share"), [("pronk", 0.35), ("gallop", 0.1)])
-def test_no_foot_touches_for_a_part_of_each_cycle(gait: str, share: float) -> None:
-    trace = run(load_policy(gait, ROBOT), (0.6, 0.0, 0.4))
+def test_no_foot_touches_for_a_part_of_each_cycle() -> None:
+    trace = run(load_policy("pronk", ROBOT), (0.6, 0.0, 0.4))
     assert not trace.fell
     assert trace.faults == ()
     walking = trace.time_s > 1.0
-    assert (~trace.foot_contact[walking].any(axis=1)).mean() > share
+    assert (~trace.foot_contact[walking].any(axis=1)).mean() > 0.35
     assert trace.base_velocity[walking, 0].mean() == pytest.approx(0.6, abs=0.12)
     assert (np.abs(trace.motor_torque) <= ROBOT.motor.peak_torque * 1.001).all()
 

@@ -45,21 +45,20 @@ class Landings:
         self.touched.append(touches)
 
 
-@pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.1), ("wave", 0.03)])
-def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str, least_m: float) -> None:
-    policy = load_policy(gait, ROBOT)
+def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit() -> None:
+    policy = load_policy("tripod", ROBOT)
     assert isinstance(policy, Walk)
     landings = Landings(policy)
     trace = run_episode(ROBOT, policy, AHEAD(lambda _: np.array([0.12, 0.0, 0.0]), 2.4), watch=landings)
     walked = trace.base_position[-1] - trace.base_position[0]
     assert not trace.fell
     assert trace.faults == ()
-    assert walked[0] > least_m
+    assert walked[0] > 0.1
     assert abs(walked[1]) < 0.05 * walked[0] + 0.01  # the body sways by a centimetre within a cycle
     assert abs(float(heading(trace.base_quaternion[-1]))) < 0.05
     assert trace.base_position[:, 2].min() > 0.18
     assert np.abs(trace.joint_velocity).max() < 3.6  # targets move at 3.0 at most; the motors' PD lags behind
-    assert [note.split(":")[0] for note in trace.notes] == [gait]
+    assert [note.split(":")[0] for note in trace.notes] == ["tripod"]
     # No foot in the air counts as standing: there it carries only its own leg's inertia.
     assert all(touched for _, _, touched in landings.early)
     planned, touched = np.array(landings.planned), np.array(landings.touched)
