@@ -26,7 +26,7 @@ from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
-SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.8, chirp_s=1.2, burst_s=0.6)
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=0.8, burst_s=0.4)
 N = len(ROBOT.joint_names)
 TRUTH: Sample = {
     "armature": np.full(N, 1.2),
