@@ -250,23 +250,20 @@ def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp
     assert plant.notes == ()
 
 
-@pytest.mark.parametrize(
-    ("ground", "planes"),
-    [
-        ('<geom type="plane" size="0 0 1"/>', 1),
-        ('<geom type="plane" size="0 0 1" contype="0"/>', 1),
-        ('<geom type="plane" size="0 0 1" conaffinity="0"/>', 1),
-        ('<geom type="plane" size="0 0 1" contype="0" conaffinity="0"/>', 2),
-        ('<geom type="hfield" hfield="hill"/>', 0),
-        ('<geom type="box" size="1 1 1" pos="9 0 0"/>', 1),
-    ],
-)
-def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path, ground: str, planes: int) -> None:
+def test_a_floor_is_added_where_none_is(go1: Robot, tmp_path: Path) -> None:
     hill = '<hfield name="hill" nrow="2" ncol="2" size="5 5 1 1" elevation="0 0 1 1"/>'
-    changes = ("<asset>", f"<asset>{hill}"), ("<worldbody>", f"<worldbody>{ground}")
-    plant = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes))
-    kinds = plant.model.geom_type[plant.model.geom_bodyid == 0]
-    assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes
+    for ground, planes in (
+        ('type="plane" size="0 0 1"', 1),
+        ('type="plane" size="0 0 1" contype="0"', 1),
+        ('type="plane" size="0 0 1" conaffinity="0"', 1),
+        ('type="plane" size="0 0 1" contype="0" conaffinity="0"', 2),
+        ('type="hfield" hfield="hill"', 0),
+        ('type="box" size="1 1 1" pos="9 0 0"', 1),
+    ):
+        changes = ("<asset>", f"<asset>{hill}"), ("<worldbody>", f"<worldbody><geom {ground}/>")
+        model = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes)).model
+        kinds = model.geom_type[model.geom_bodyid == 0]
+        assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes, ground
 
 
 def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp_path: Path) -> None:
