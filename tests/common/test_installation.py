@@ -134,15 +134,6 @@ def test_pages_install_from_the_clone(page: Path) -> None:
             assert found is None or set(found[1].split(",")) <= set(EXTRAS), line
 
 
-def test_no_source_has_an_install_line_of_its_own() -> None:
-    rooms = [
-        path.parent for path in ROOT.glob("*/__init__.py") if not path.parent.is_relative_to(ROOT / "tests")
-    ]
-    assert len(rooms) > 8
-    sources = {path: path.read_text() for room in rooms for path in room.rglob("*.py")}
-    assert [path for path, text in sources.items() if re.search(r"pip install|\[[a-z-]+\]'\"", text)] == []
-
-
 def test_sources_are_all_files_of_their_kinds_at_any_depth_of_their_packages(tmp_path: Path) -> None:
     files = ("b/two.py", "a/one.py", "a/deep/er/three.py", "a/own.yaml", "a/notes.md", "c/four.py", "five.py")
     for file in files:

@@ -44,10 +44,6 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     ],
 )
 class TestAgainstMujoco:
-    def test_one_in_numpy(self, ours, mujocos, arguments) -> None:
-        for each in zip(*arguments, strict=True):
-            np.testing.assert_allclose(ours(*each), mujocos(*each), atol=1e-12)
-
     def test_a_batch_in_numpy_and_in_jax(self, ours, mujocos, arguments) -> None:
         expected = [mujocos(*each) for each in zip(*arguments, strict=True)]
         np.testing.assert_allclose(ours(*arguments), expected, atol=1e-12)

@@ -33,10 +33,6 @@ def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     assert invented <= 0.5 * touching
 
 
-def test_without_them_only_the_listed_pairs_meet() -> None:
-    assert training_model(load_robot("go1")).npair == 2
-
-
 def test_true_limbs_are_those_of_the_simulated_robot() -> None:
     """A shank's thick stand-in cannot hook behind another leg as a sphere foot on a thin shank does."""
     robot = load_robot("go1")
