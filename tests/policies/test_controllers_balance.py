@@ -91,6 +91,11 @@ class TestAct:
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
         np.testing.assert_allclose(desired.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
 
+    def test_it_damps_its_angular_momentum(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+        spinning = seen(gyro=np.array([0.3, -0.2, 0.1]))
+        dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, spinning)
+        np.testing.assert_allclose(desired.momentum_rate, -2.0 * dynamics.angular_momentum)
+
     def test_from_its_reset_it_goes_to_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """After a fifth of the time the targets have moved by a fifth, in joints and height."""
         policy = Balance(G1, CONFIG)
