@@ -19,6 +19,7 @@ from brax.training.types import Transition
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
+from footfall.envs.workarounds.partitioner import permutation
 from footfall.train.brax.devices import mean_over_devices
 from footfall.train.brax.networks import normalised
 from footfall.train.brax.state import TrainState, make_optimizer
@@ -80,11 +81,11 @@ class Ppo:
     def _orders(self, keys: jax.Array, environments: int) -> jax.Array:
         """The order of the environments in each epoch, (epoch, environment).
 
-        Over several devices XLA's older partitioner, which jax 0.11 needs (envs/workarounds/partitioner.py),
-        aborts at the sort of several rows, and at a sort inside the epochs: each row is sorted by itself.
+        Drawn before the epochs. Over several devices XLA's older partitioner aborts at other sorts
+        (envs/workarounds/partitioner.py).
         """
         if self.devices > 1:
-            return jnp.stack([jax.random.permutation(key, environments) for key in keys])
+            return jnp.stack([permutation(key, environments) for key in keys])
         return jax.vmap(jax.random.permutation, (0, None))(keys, environments)
 
     def _epoch(self, learner: Learner, order: jax.Array, **common: Any) -> tuple[Learner, Any]:
