@@ -135,7 +135,7 @@ def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: P
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     assert deploy_config(go1, path, simulated=True).motor_timeout_s == 0.5
-    with pytest.raises(UserError, match=r"0\.5 s: go1's motors disable themselves after 0\.1 s"):
+    with pytest.raises(UserError, match=r"motor_timeout_s.* 0\.1 s"):
         deploy_config(go1, path)
 
 
@@ -153,7 +153,7 @@ class TestLimitsOfARobot:
             assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (tilt_rad, 0.5)
             assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
             assert config.stand_s == stand_s
-        with pytest.raises(UserError, match=r"go1/robot.yaml: safety: no setting tilt \("):
+        with pytest.raises(UserError, match=r"go1/robot.yaml: safety: .*\btilt\b"):
             deploy_config(self.with_limits(go1, tilt=0.7))
 
     def test_depend_on_the_motors_timeout(self, go1: Robot) -> None:
@@ -161,7 +161,7 @@ class TestLimitsOfARobot:
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}
         robot = replace(go1, description=replace(go1.description, motors=motors))
-        with pytest.raises(UserError, match=r"motors without commands for 0\.06 s"):
+        with pytest.raises(UserError, match=r"0\.06 s"):
             deploy_config(robot)
         sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)  # 57 ms with a tick
         assert deploy_config(sooner).motor_timeout_s == 0.06

