@@ -42,7 +42,7 @@ from footfall.robots.description import Robot
 STAND_S, DAMPING_S = 0.8, 0.1
 CHARGE, LOW_CHARGE = 0.7, 0.35  # initial charge of a battery, and of one that runs empty, shares
 SAFE = (*DAMPED, Mode.LOWERING)
-BETWEEN_S = (0.5, 1.0)  # time in walking at which the fault comes, or the push that fells the robot
+BETWEEN_S = (0.5, 1.0)  # time in walking at which the fault comes, or the push that makes the robot fall
 UNFOLDED_S = RecoveryConfig().unfold_s  # time in getting up from which the get-up policy decides
 UP_BETWEEN_S = (0.1, 0.6)  # time in getting up at which the fault comes
 FALL_CHECK_S = 0.01  # period of the check whether the robot is down

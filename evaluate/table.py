@@ -58,7 +58,9 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
 
 def weakest_table(policy: str, found: Mapping[str, Any]) -> Table:
     """Disturbances that make a policy fall, one a row (`footfall.evaluate.weakest.weakest`)."""
-    table = Table(title=f"what fells {policy}", title_justify="left", title_style="bold")
+    table = Table(
+        title=f"smallest disturbances that make {policy} fall", title_justify="left", title_style="bold"
+    )
     for heading in ("", "smallest", "median", "95 % interval", "walked on"):
         table.add_column(heading, justify="right" if heading else "left")
     for name, each in found.items():

@@ -1,6 +1,6 @@
 """Checks of a joint that need one reading: range, speed, torque, temperature and supply.
 
-They can also prevent that motors get stiffness at the start.
+They also run before motors are enabled.
 """
 
 from dataclasses import dataclass

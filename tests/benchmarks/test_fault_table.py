@@ -59,9 +59,7 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
         ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
     ],
 )
-def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(
-    kind: str, message: str
-) -> None:
+def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: str) -> None:
     """A robot at rest feels 9.81 m/s^2: 1 instead is off by 90 %."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
     assert message in run["fault"]
@@ -80,7 +78,7 @@ class TestARun:
         draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
-    def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
+    def test_uses_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
         config = fault_runs.config_of(own)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from memory import grown
+from memory import memory_growth
 
 from footfall.deploy.drivers.driver import Motors, Replies
 from footfall.deploy.drivers.imu import ImuReader
@@ -65,7 +65,7 @@ def test_health_is_of_each_motor_and_the_imus_age_comes_last(driver: Scripted, r
 def test_layouts_that_never_repeat_do_not_fill_the_memory(driver: Scripted, receiver: Receiver) -> None:
     """As with a protocol that carries values in its identifiers."""
     driver.next = replies(slice(None), [30.0] * 3, [24.0] * 3, [0] * 3)
-    with grown() as kilobytes:
+    with memory_growth() as kilobytes:
         for number in range(2000):
             receiver.absorb([ONE_FRAME._replace(id=np.array([number + 0x400]))], number)
     assert kilobytes() < 200

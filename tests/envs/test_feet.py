@@ -26,7 +26,7 @@ class TestFeet:
 
     def test_speed_is_horizontal_and_of_the_last_physics_step(self) -> None:
         feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
-        places = np.zeros((3, 4, 3))
-        places[0] = 7.0
-        places[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
-        np.testing.assert_allclose(feet.speed(jnp.asarray(places)), [1.0, 0.0, 2.0, 4.0], rtol=1e-5)
+        positions = np.zeros((3, 4, 3))
+        positions[0] = 7.0
+        positions[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
+        np.testing.assert_allclose(feet.speed(jnp.asarray(positions)), [1.0, 0.0, 2.0, 4.0], rtol=1e-5)

@@ -82,7 +82,7 @@ def test_bodies_of_any_limbs_move_as_mujocos(bodies: dict[str, Robot]) -> None:
 
 OPTIONS = """<option timestep="0.005" integrator="Euler" cone="pyramidal" impratio="1" solver="Newton"
   iterations="1"><flag eulerdamp="disable"/></option>"""
-CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
+EVERY_FEATURE = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
 <worldbody>
   <body pos="0.1 -0.2 0.01" euler="0.05 0 0.3"><geom name="slope" type="plane" size="1 1 1" pos="0 0 0.01"
     euler="0.1 -0.15 0" contype="1" conaffinity="1" friction="0.3 0 0" margin="0.003" gap="0.002"/></body>
@@ -129,7 +129,7 @@ def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
 
 def test_every_kind_of_joint_and_contact_is_mujocos() -> None:
     """Several hinges of a body off its origin, a body without any, a spring, a slope, spheres, capsules."""
-    model, robot = mujoco.MjModel.from_xml_string(CHIMERA), stand_in(("a", "b", "c"), "sphere")
+    model, robot = mujoco.MjModel.from_xml_string(EVERY_FEATURE), stand_in(("a", "b", "c"), "sphere")
     assert not [*refusals(model), *contact_refusals(model)]
     given = random_arguments(robot, model, 300, Randomisation())
     given["qpos"][:, 2] -= np.linspace(-0.05, 0.1, 300)
@@ -189,7 +189,7 @@ def on_step(robot: Robot, low: float, high: float, away: np.ndarray, edge: float
 
 class TestRefusals:
     @pytest.mark.parametrize(
-        ("old", "new", "said"),
+        ("old", "new", "named"),
         [
             ('name="c" axis="1 0 0" armature="0.01"', 'name="c" type="ball"', "joint 'c'"),
             ('name="c" axis="1 0 0"', 'name="c" type="slide" axis="1 0 0"', "joint 'c'"),
@@ -210,10 +210,10 @@ class TestRefusals:
             ('<body name="two"', '<body name="two" gravcomp="1"', "gravity compensation"),
         ],
     )
-    def test_features_that_are_not_generated_are_named(self, old: str, new: str, said: str) -> None:
-        assert old in CHIMERA
-        model = mujoco.MjModel.from_xml_string(CHIMERA.replace(old, new))
-        assert said in "; ".join([*refusals(model), *contact_refusals(model)])
+    def test_features_that_are_not_generated_are_named(self, old: str, new: str, named: str) -> None:
+        assert old in EVERY_FEATURE
+        model = mujoco.MjModel.from_xml_string(EVERY_FEATURE.replace(old, new))
+        assert named in "; ".join([*refusals(model), *contact_refusals(model)])
 
     def test_another_engine_takes_over_with_a_note(self, bodies: dict[str, Robot]) -> None:
         robot = load_robot("go1")

@@ -137,7 +137,7 @@ class TestMany:
     def test_an_ended_episode_is_reset_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
         assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
         many.reset(seed=6)
-        observations, ended, info = thrash(many)
+        observations, ended, info = step_until_some_end(many)
         assert np.array_equal(info["_final_obs"], ended)
         for last, observation, end in zip(info["final_obs"], observations, ended, strict=True):
             assert last is None if not end else (last != observation).any()
@@ -153,7 +153,7 @@ class TestMany:
             assert made.env.config.physics == "generated"
 
 
-def thrash(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
+def step_until_some_end(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
     """Step with large actions until some episodes have ended, but not all.
 
     Observations, which ended, information.

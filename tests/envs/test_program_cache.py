@@ -111,7 +111,7 @@ def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
     assert make.made == 2
 
 
-def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_inputs_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "settings", b"model")
     kept(make, "settings", b"another model")
     kept(make, "other settings", b"model")
@@ -145,7 +145,7 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
         assert (make.made, len(list(cache.rglob("programs/*")))) == (made, files)
 
 
-class Hostile:
+class CreatesFile:
     """Reading it from a pickle makes a folder."""
 
     def __init__(self, folder: Path) -> None:
@@ -158,12 +158,12 @@ class Hostile:
 def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, tmp_path: Path) -> None:
     kept(make)
     file = only_file(cache)
-    file.write_bytes(pickle.dumps(Hostile(tmp_path / "made")))
+    file.write_bytes(pickle.dumps(CreatesFile(tmp_path / "made")))
     file.chmod(0o620)
-    said: list[str] = []
-    assert float(kept(make, say=said.append)(STATE)[1]["total"]) == 6.0
+    lines: list[str] = []
+    assert float(kept(make, say=lines.append)(STATE)[1]["total"]) == 6.0
     assert not (tmp_path / "made").exists()
-    assert (make.made, len(said)) == (2, 1)
+    assert (make.made, len(lines)) == (2, 1)
 
 
 def test_the_least_recently_used_program_is_deleted(

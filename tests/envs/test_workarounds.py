@@ -57,7 +57,7 @@ def test_a_permutation_by_single_sorts_is_that_of_jax(count: int) -> None:
     np.testing.assert_array_equal(partitioner.permutation(jax.random.key(count), count), expected)
 
 
-def test_mujoco_is_undisturbed_until_the_last_of_those_inside_has_left() -> None:
+def test_mujocos_settings_stay_until_the_last_training_ends() -> None:
     before = mujoco.get_mju_user_warning()
     with UNDISTURBED:
         inside = mujoco.get_mju_user_warning()

@@ -57,7 +57,7 @@ def test_a_policy_gets_the_true_velocity_only_on_request() -> None:
     assert not np.allclose(estimating.estimated_velocity, estimating.base_velocity, atol=1e-3)
 
 
-def test_transport_is_paid_for_the_weight_of_the_robot_and_its_load() -> None:
+def test_cost_of_transport_uses_the_weight_of_robot_and_load() -> None:
     bare, loaded = (
         run("stand", levels={"payload_kg": load}, duration_s=0.1).metrics.weight_n for load in (0.0, 3.0)
     )

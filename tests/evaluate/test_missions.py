@@ -83,7 +83,7 @@ def test_the_final_error_is_true_and_in_the_frame_of_the_beginning() -> None:
     assert not score_mission(Over(), replace(walk(2.06), fell=True)).done
 
 
-def test_figures_count_missions_and_take_errors_of_those_that_were_done() -> None:
+def test_figures_count_missions_and_errors_are_of_complete_ones() -> None:
     scores = [MissionScore(True, "", 10.0, 0.02), MissionScore(True, "", 20.0, 0.3)]
     figures = mission_figures([*scores, MissionScore(False, "it is blocked", 40.0, 2.0)])
     assert (figures["missions_done"], figures["missions_arrived"]) == (2, 1)

@@ -24,7 +24,7 @@ class TestFilms:
     def task(self, trace: Trace, pushes: tuple[Push, ...] = (), duration_s: float = 1.0) -> FilmTask:
         return FilmTask("go1", None, trace, pushes, duration_s)
 
-    def test_the_next_way_to_render_is_tried_where_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_another_renderer_is_tried_if_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tried: list[Any] = []
         works = {"osmesa"}
 

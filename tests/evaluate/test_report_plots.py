@@ -180,7 +180,7 @@ class TestTracking:
 
 
 class TestGait:
-    def test_the_steady_window_is_of_the_longest_motion_though_a_stand_be_longer(self) -> None:
+    def test_the_steady_window_is_in_the_longest_motion_not_in_a_longer_stand(self) -> None:
         def window(from_s: tuple[float, ...], *forward: float) -> tuple[float, float]:
             schedule = CommandSchedule(from_s, tuple((each, 0.0, 0.0) for each in forward))
             return course_plots.steady_window(replace(PLAN, schedule=schedule))

@@ -124,7 +124,7 @@ FRICTION = "friction: {low: 0.6, high: 1.1}"
         ("  substeps: 4", "  control_rate_hz: 1.0e+9", "control_rate_hz"),
         ("  substeps: 4", "  initial: {tilt_rad: 180}", "tilt_rad"),
         ("gyro: 0.1", "gyro: -1", "gyro"),
-        # what a mistaken unit makes: degrees, millimetres, percents
+        # values in a wrong unit: degrees, millimetres, per cent
         ("horizontal_m_s: 0.4", "horizontal_m_s: 500", "horizontal_m_s"),
         ("frequency_hz: 2.5", "frequency_hz: 1000", "frequency_hz"),
         ("weight: 1.5", "weight: 1.5, sigma_m2_s2: 0", "env.rewards[0].sigma_m2_s2"),
@@ -137,7 +137,7 @@ FRICTION = "friction: {low: 0.6, high: 1.1}"
     ],
 )
 def test_presets_that_cannot_be_trained(
-    shell: Shell, tmp_path: Path, line: str, instead: str, wanted: str
+    shell: Shell, tmp_path: Path, line: str, instead: str, named: str
 ) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
     assert line in smoke
@@ -145,7 +145,7 @@ def test_presets_that_cannot_be_trained(
     path.write_text(smoke.replace(line, instead))
     complaint = shell.refuses("train", "--preset", path)
     assert "preset.yaml" in complaint
-    assert wanted in complaint
+    assert named in complaint
 
 
 @pytest.mark.parametrize("verb", ["deploy", "bring-up"])
@@ -198,7 +198,7 @@ def _folder(path: Path) -> Path:
     ],
 )
 def test_outputs_that_cannot_be_written(shell: Shell, command: str, tmp_path: Path) -> None:
-    """Checked before the work: each of these returns at once."""
+    """Outputs are checked first: each of these commands returns at once."""
     (tmp_path / "file").write_text("")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     places = [tmp_path / "absent" / "out", _folder(tmp_path / "out"), tmp_path / "file" / "out"]

@@ -54,11 +54,11 @@ def test_a_robot_that_tips_over_has_fallen_with_status_1(shell: Shell, tmp_path:
 
 
 def test_a_torn_log_is_recovered_under_another_name(shell: Shell, stood: Made, tmp_path: Path) -> None:
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(stood.log.read_bytes()[:-2000])
-    assert shell("log", "recover", torn).status == 0
-    assert shell("replay", tmp_path / "torn.recovered.mcap").status == 0
-    shell.refuses("log", "recover", torn, "--out", torn)
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(stood.log.read_bytes()[:-2000])
+    assert shell("log", "recover", damaged).status == 0
+    assert shell("replay", tmp_path / "damaged.recovered.mcap").status == 0
+    shell.refuses("log", "recover", damaged, "--out", damaged)
 
 
 def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
@@ -180,6 +180,6 @@ class TestOptions:
         shell("deploy", "stand", "--bus", bus, "--no-lie-down")
         assert called.of("run_on_interface")[0][3].lie_down is False
 
-    def test_that_need_a_simulated_robot_are_refused_on_an_interface(self, shell: Shell) -> None:
+    def test_options_for_simulation_are_refused_on_an_interface(self, shell: Shell) -> None:
         for options in (("--start", "lying"), ("--ground-truth",), ("--plant", "x.xml")):
             assert options[0] in shell.refuses("deploy", "stand", "--bus", "virtual", *options)

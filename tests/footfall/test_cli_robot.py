@@ -116,10 +116,10 @@ class TestNew:
     def test_options_reach_the_import(
         self, shell: Shell, tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        asked: list[Any] = []
+        recorded: list[Any] = []
         made = SimpleNamespace(folder="there", guesses=["a guess", "another"])
         monkeypatch.setattr(
-            "footfall.robots.importer.create.import_robot", lambda request: asked.append(request) or made
+            "footfall.robots.importer.create.import_robot", lambda request: recorded.append(request) or made
         )
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: go1)
         outcome = shell(
@@ -129,7 +129,7 @@ class TestNew:
             "--actuator", "hip=A, knee=B",
         )  # fmt: skip
         assert outcome.status == 0, outcome.err
-        (request,) = asked
+        (request,) = recorded
         assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
         assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
         assert (request.forward, request.up) == ("-y", "z")

@@ -31,14 +31,14 @@ def test_with_yes_no_question_is_asked(questions: list[str], monkeypatch: pytest
 
 
 @pytest.mark.parametrize("answer", ["", "n", "yep"])
-def test_any_other_answer_is_a_no(asked: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+def test_any_other_answer_is_a_no(questions: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", lambda _: answer)
     with pytest.raises(UserError):
         confirm("shall it move?", yes=False)
 
 
-def test_without_a_terminal_it_is_refused(asked: list[str]) -> None:
+def test_without_a_terminal_it_is_refused(questions: list[str]) -> None:
     with pytest.raises(UserError, match="--yes"):
         confirm("shall it move?", yes=False)
     assert questions == []

@@ -14,7 +14,7 @@ from footfall.service_manager import notifying_service_manager
 
 
 @pytest.fixture
-def heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         manager.settimeout(5.0)
@@ -28,13 +28,13 @@ def run(heartbeat_s: float) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
-def test_it_gets_heartbeats_while_the_loop_ticks(heard: socket.socket, age_s: float, alive: bool) -> None:
+def test_it_gets_heartbeats_while_the_loop_ticks(manager: socket.socket, age_s: float, alive: bool) -> None:
     with notifying_service_manager(run(time.perf_counter() - age_s)):  # type: ignore[arg-type]
-        first, second = heard.recv(1000), heard.recv(1000)
+        first, second = manager.recv(1000), manager.recv(1000)
     assert first == b"READY=1\nSTATUS=IDLE, battery 42%"
     assert (b"WATCHDOG=1" in second) is alive
-    heard.settimeout(0.0)
-    *_, last = iter(lambda: receive(heard), b"")
+    manager.settimeout(0.0)
+    *_, last = iter(lambda: receive(manager), b"")
     assert last.startswith(b"STOPPING=1")
 
 

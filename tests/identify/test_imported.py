@@ -44,14 +44,14 @@ def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
 
 def imported(shell: Shell, pair: Pair, folder: Path, **changes: Any) -> Recording:
     """The CSV file, read through a map with changes."""
-    assert shell(*typed(pair, folder, **changes)).status == 0
+    assert shell(*import_command(pair, folder, **changes)).status == 0
     return read_recording(folder / "theirs.mcap", ROBOT)
 
 
-def typed(pair: Pair, folder: Path, **changes: Any) -> list[str | Path]:
-    chart = folder / "map.yaml"
-    chart.write_text(yaml.safe_dump({**MAP, **changes}))
-    return ["log", "import", pair[1], "--map", chart, "--robot", "go1", "--out", folder / "theirs.mcap"]
+def import_command(pair: Pair, folder: Path, **changes: Any) -> list[str | Path]:
+    map_file = folder / "map.yaml"
+    map_file.write_text(yaml.safe_dump({**MAP, **changes}))
+    return ["log", "import", pair[1], "--map", map_file, "--robot", "go1", "--out", folder / "theirs.mcap"]
 
 
 def test_a_file_of_another_program_is_read_and_compared_like_a_log(
@@ -91,7 +91,7 @@ def test_a_gain_may_be_a_number_for_all_joints(shell: Shell, pair: Pair, tmp_pat
 def test_incomplete_commands_are_refused(
     shell: Shell, pair: Pair, tmp_path: Path, changes: dict[str, Any], named: str
 ) -> None:
-    assert named in shell.refuses(*typed(pair, tmp_path, **changes))
+    assert named in shell.refuses(*import_command(pair, tmp_path, **changes))
 
 
 def test_one_wrong_reading_is_not_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
@@ -100,5 +100,5 @@ def test_one_wrong_reading_is_not_noise(pair: Pair, tmp_path: Path, shell: Shell
     cells = lines[200].split(",")
     cells[3] = "6.4"  # a full turn more
     (tmp_path / "theirs.csv").write_text("\n".join([*lines[:200], ",".join(cells), *lines[201:]]))
-    assert shell(*typed((pair[0], tmp_path / "theirs.csv"), tmp_path)).status == 0
+    assert shell(*import_command((pair[0], tmp_path / "theirs.csv"), tmp_path)).status == 0
     assert JOINTS[2] in shell.refuses("log", "compare", tmp_path / "theirs.mcap")

@@ -43,8 +43,8 @@ def topics_seen(viewer: ClientConnection, expected: set[str], beat: Callable[[],
             continue
         if isinstance(answer, bytes):
             seen.add(names[struct.unpack_from("<BIQ", answer)[1]])
-        elif (said := json.loads(answer))["op"] == "advertise":
-            for channel in (each for each in said["channels"] if each["topic"] in expected):
+        elif (message := json.loads(answer))["op"] == "advertise":
+            for channel in (each for each in message["channels"] if each["topic"] in expected):
                 assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
                 names[channel["id"]] = channel["topic"]
                 subscriptions = [{"id": channel["id"], "channelId": channel["id"]}]

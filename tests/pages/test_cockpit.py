@@ -43,7 +43,7 @@ def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim
 
 
 class Visitor:
-    """A program that speaks as the page does."""
+    """A program that sends what the page sends."""
 
     def __init__(self, served: SimpleNamespace, token: str | None = None, origin: str | None = None) -> None:
         address = f"ws://localhost:{served.port}/steer?token={served.token if token is None else token}"
@@ -127,20 +127,20 @@ class TestCommands:
         assert "take control" in visitor.refusal()
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
-        assert eventually(lambda: asked(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
         other = Visitor(served)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
         assert "take control" in other.refusal()
         other.take_control(served.inbox)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
-        assert eventually(lambda: asked(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
         other.socket.close()  # at once: the server has not learned yet who has control
-        assert eventually(lambda: not asked(served.inbox).any(), PATIENCE_S)
+        assert eventually(lambda: not requested_velocity(served.inbox).any(), PATIENCE_S)
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.take_control(served.inbox)
         visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
-        assert eventually(lambda: asked(served.inbox)[0] == 0.2, PATIENCE_S)
+        assert eventually(lambda: requested_velocity(served.inbox)[0] == 0.2, PATIENCE_S)
         for message in (
             {"number": 1, "answer": visitor.challenge},
             {"number": 99, "answer": visitor.challenge + 1},
@@ -161,9 +161,9 @@ class TestCommands:
             visitor.socket.send(content)
             if isinstance(content, str):
                 assert visitor.refusal()
-        assert asked(served.inbox).tolist() == [0.2, 0.0, 0.0]
+        assert requested_velocity(served.inbox).tolist() == [0.2, 0.0, 0.0]
 
-    def test_anyone_may_stop_at_any_age_and_pages_repeat_it(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_stop_of_any_page_and_age_counts_and_is_repeated(self, go1: Robot, tmp_path: Path) -> None:
         port, inbox = free_port(), Inbox()
         with cockpit(inbox, "localhost", port, go1, tmp_path / "feed") as (_, address):
             token = parse_qs(urlsplit(address).query)["token"][0]
@@ -182,7 +182,7 @@ class TestCommands:
                 pytest.fail("the port is taken")
 
 
-def asked(inbox: Inbox) -> np.ndarray:
+def requested_velocity(inbox: Inbox) -> np.ndarray:
     """The owner's last requested velocity, of any age."""
     return inbox.poll(STANDING).velocity
 

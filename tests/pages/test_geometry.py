@@ -11,7 +11,7 @@ from footfall.robots.model import plant_model
 
 
 class TestGeometry:
-    def test_meshes_are_not_mixed_up(self) -> None:
+    def test_each_mesh_has_its_own_shape(self) -> None:
         corners = " ".join(f"{x} {y} {z}" for x in (0, 1) for y in (0, 2) for z in (0, 3))
         box = f'<mesh name="box" vertex="{corners}"/>'
         shapes = " ".join(

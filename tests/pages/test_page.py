@@ -20,7 +20,7 @@ FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno
 
 
 def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
-    """Check a name that stands for two addresses, each as given here."""
+    """Check a host name with two addresses, each in a given state."""
     answers = iter(found)
     addresses = [
         (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 80, 0, 0)),
@@ -66,7 +66,7 @@ def test_viser_is_an_extra(shell: Shell, finished: Path, monkeypatch: pytest.Mon
     assert "[watch]'" in shell.refuses("train", "--watch")
 
 
-# Early on, packages are imported that swallow a KeyboardInterrupt; later on, a robot walks.
+# Early, packages are imported that swallow a KeyboardInterrupt; later, a robot walks.
 @pytest.mark.parametrize(("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGTERM, 2.0)])
 def test_it_ends_quietly(finished: Path, number: signal.Signals, delay_s: float) -> None:
     port = free_port()

@@ -36,7 +36,7 @@ class TestSnapshots:
         exporter.wake = lambda: setattr(exporter, "woken", exporter.woken + 1)
         return Snapshots(run, run.parent / "out", exporter), exporter  # type: ignore[arg-type]
 
-    def test_a_checkpoint_is_exported_once_and_handed_out_when_it_is_ready(self, run: Path) -> None:
+    def test_a_checkpoint_is_exported_once_and_returned_when_ready(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         checkpoint = self.write(run / "checkpoints" / "00000012.ckpt", 100)
         out = run.parent / "out" / "00000012.onnx"

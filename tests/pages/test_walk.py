@@ -75,7 +75,7 @@ class Visitor:
     """A page whose visitor does something after each frame, by a clock that passes while it is waited for."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, most_frames: int = 300) -> None:
-        self.now_s, self.frames, self.said = 1000.0, 0, [""]
+        self.now_s, self.frames, self.texts = 1000.0, 0, [""]
         self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
         self.command = np.array([0.5, 0.0, 0.0])
         self.paused, self.follow, self.seen, self.policy = False, True, True, NEWEST
@@ -109,7 +109,7 @@ class Visitor:
         self.finished = finished
 
     def say(self, text: str) -> None:
-        self.said.append(text)
+        self.texts.append(text)
 
     def names(self) -> list[str]:
         return ["a name"]
@@ -158,7 +158,7 @@ class TestWalk:
         assert command is visitor.command
         np.testing.assert_allclose(velocity, [0.4, 0.0, 0.0], atol=0.15)  # smoothed
         assert visitor.starts == 2
-        assert len(visitor.said) < visitor.frames / 20  # it looks once a second
+        assert len(visitor.texts) < visitor.frames / 20  # it looks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
     def test_newer_networks_take_over_during_a_visit(
@@ -170,8 +170,8 @@ class TestWalk:
         visitor.ready += [Snapshot(POLICY, 5), Snapshot(other, 6)]
         visitor.most_frames = 130
         visitor.walk(finished, go1)
-        assert "of iteration 5," in visitor.said[-1]
-        assert "Not usable" in visitor.said[-1]
+        assert "of iteration 5," in visitor.texts[-1]
+        assert "Not usable" in visitor.texts[-1]
         assert visitor.polls > 3
         assert [each for each in visitor.offered if each != ["a name"]] == [open_network(POLICY)[1].commands]
 

@@ -57,11 +57,11 @@ class TestFrames:
         assert [int(frames.id[0]) for frames in hold([batch(8)], 3000)] == [imu.GYRO_ID, 0x100]
 
     def test_one_frame_of_a_reading_changes_and_the_others_do_not(self) -> None:
-        heard, changed = of_imu(), each_imu_frame(imu.ACCELERATION_ID, emptied)(of_imu())
+        received, changed = of_imu(), each_imu_frame(imu.ACCELERATION_ID, emptied)(of_imu())
         result = dict(zip(changed.id.tolist(), changed.data.tolist(), strict=True))
-        was = dict(zip(heard.id.tolist(), heard.data.tolist(), strict=True))
-        assert result == {**was, imu.ACCELERATION_ID: [0] * 8}
-        left = each_imu_frame(imu.QUATERNION_ID, nothing)(heard)
+        before = dict(zip(received.id.tolist(), received.data.tolist(), strict=True))
+        assert result == {**before, imu.ACCELERATION_ID: [0] * 8}
+        left = each_imu_frame(imu.QUATERNION_ID, nothing)(received)
         assert sorted(left.id.tolist()) == [imu.GYRO_ID, imu.ACCELERATION_ID]
 
     def test_a_share_of_frames_gets_lost(self) -> None:
@@ -109,7 +109,7 @@ class TestReadings:
         command, rng = InjectingCommandSource(np.zeros(3)), np.random.default_rng(1)
         return FaultInjector(go1, wiring_of(go1), anything, InjectingBus(bus), anything, command, rng)
 
-    def heard(self, injector: FaultInjector) -> list[list[list[int]]]:
+    def received(self, injector: FaultInjector) -> list[list[list[int]]]:
         return [frames.data.tolist() for frames in injector.bus.receive(0)]
 
     def test_one_motors_reading_changes(self, injector: FaultInjector, arriving: list[Frames]) -> None:
@@ -120,7 +120,7 @@ class TestReadings:
             temperature[injector.joint] = 90
 
         injector.on_values(change)
-        motors, of_the_imu = self.heard(injector)
+        motors, of_the_imu = self.received(injector)
         differ = [one != other for one, other in zip(motors, arriving[0].data.tolist(), strict=True)]
         assert np.flatnonzero(differ).tolist() == [injector.joint]
         assert of_the_imu == arriving[1].data.tolist()
@@ -146,8 +146,8 @@ class TestLooseImu:
     def read(self, time_s: float, axis: int) -> imu.Inertial:
         """At a time, on a body that spins evenly, where the acceleration is 9.81 m/s^2 up and 2 ahead."""
         body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
-        felt = body.inv().apply([2.0, 0.0, 9.81])
-        there = imu.Inertial(self.SPIN.tolist(), felt.tolist(), body.as_quat(scalar_first=True).tolist())
+        measured = body.inv().apply([2.0, 0.0, 9.81])
+        there = imu.Inertial(self.SPIN.tolist(), measured.tolist(), body.as_quat(scalar_first=True).tolist())
         return mounted(there, axis, self.ANGLE + self.RATE * time_s, self.RATE)
 
     def turn(self, reading: imu.Inertial) -> Rotation:

@@ -59,7 +59,7 @@ class TestStart:
         wires = SimulatedWires(wiring.buses)
         body = SimulatedRobot(go1, wiring, wires)
 
-        def heard(until_us: int) -> list[int]:
+        def received_ids(until_us: int) -> list[int]:
             """Counters of the gyro frames that arrived; they are on the IMU's bus alone."""
             body.advance(until_us)
             frames = wires.receive(Side.HOST, until_us)
@@ -67,15 +67,15 @@ class TestStart:
             assert all(batch.id.tolist() == [0x300, 0x301, 0x302] for batch in frames)
             return [int.from_bytes(batch.data[0, 6:].tobytes(), "big") for batch in frames]
 
-        assert heard(1000) == [1]
-        assert heard(2500) == []
-        assert heard(7000) == [2, 3, 4]
+        assert received_ids(1000) == [1]
+        assert received_ids(2500) == []
+        assert received_ids(7000) == [2, 3, 4]
         body.faults.imu_stuck = True
-        assert heard(9000) == [4]
+        assert received_ids(9000) == [4]
         body.faults.imu_silent = True
-        assert heard(13_000) == []
+        assert received_ids(13_000) == []
         body.faults.imu_silent = body.faults.imu_stuck = False
-        assert heard(15_000) == [5]
+        assert received_ids(15_000) == [5]
 
 
 def test_a_shifted_centre_of_mass_removes_no_contact(go1: Robot, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
-from memory import grown
+from memory import memory_growth
 
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.loop import ControlLoop
@@ -69,7 +69,7 @@ def test_a_bus_counts_sent_and_received_frames() -> None:
 def test_layouts_that_never_repeat_are_counted_and_do_not_fill_the_memory() -> None:
     """As with a protocol that carries values in its identifiers."""
     wires = SimulatedWires(("can0", "can1"))
-    with grown() as kilobytes:
+    with memory_growth() as kilobytes:
         for number in range(2000):
             batch = frames(0, 1, 1)
             wires.send(Side.HOST, batch._replace(id=batch.id + number), 1000 * number)
@@ -159,32 +159,32 @@ def by_hand(sent: list[tuple[float, int, int, int]]) -> dict[int, float]:
 
 class TestFaults:
     def test_a_share_of_frames_is_lost_by_seed(self) -> None:
-        def heard(seed: int) -> list[int]:
+        def received(seed: int) -> list[int]:
             wires = SimulatedWires(("a",), faults=WireFaults(lost=0.3, seed=seed))
             for tick in range(200):
                 wires.send(Side.ROBOT, named(0x101, 0x102), tick * 1000)
             return [identifier for batch in wires.receive(Side.HOST, 1e9) for identifier in batch.id.tolist()]
 
-        assert 230 < len(heard(1)) < 330  # of 400
-        assert heard(1) == heard(1) != heard(2)
+        assert 230 < len(received(1)) < 330  # of 400
+        assert received(1) == received(1) != received(2)
 
     def test_corruption_changes_one_bit_of_the_data(self) -> None:
         wires = SimulatedWires(("a",), host_queue=100, faults=WireFaults(corrupted=0.5))
         sent = named(*range(1, 41), length=3)
         wires.send(Side.HOST, sent, 0)
-        (heard,) = wires.receive(Side.ROBOT, 1e9)
-        changed = np.unpackbits(heard.data ^ sent.data, axis=1).sum(axis=1)
+        (received,) = wires.receive(Side.ROBOT, 1e9)
+        changed = np.unpackbits(received.data ^ sent.data, axis=1).sum(axis=1)
         assert set(changed.tolist()) == {0, 1}
         assert 10 < changed.sum() < 30
-        assert not heard.data[:, 3:].any()
+        assert not received.data[:, 3:].any()
         assert not sent.data.any()
 
     def test_a_destroyed_frame_is_sent_again_and_takes_its_time(self) -> None:
         """135 bits and 23 for the error, each time."""
         wires = SimulatedWires(("a",), host_queue=100, faults=WireFaults(destroyed=0.4, seed=3))
         wires.send(Side.HOST, named(*range(1, 41)), 0)
-        (heard,) = wires.receive(Side.ROBOT, 1e9)
-        assert heard.id.tolist() == list(range(1, 41))
+        (received,) = wires.receive(Side.ROBOT, 1e9)
+        assert received.id.tolist() == list(range(1, 41))
         beyond = wires.busy_us()[0] - 40 * 135
         assert beyond > 0
         assert beyond % (135 + 23) == pytest.approx(0.0)
@@ -207,13 +207,13 @@ class TestFaults:
 
     def test_too_many_errors_end_in_bus_off(self) -> None:
         wires = SimulatedWires(("a", "b"), host_queue=1000, faults=WireFaults(destroyed=0.8))
-        said = []
+        faults = []
         for tick in range(30):
             wires.send(Side.HOST, frames(1), tick * 100_000)
-            said.append(wires.fault())
-        assert said[0] == ""
-        assert "bus b is error-passive" in " ".join(said)
-        assert said[-1].startswith("bus b is bus-off")
+            faults.append(wires.fault())
+        assert faults[0] == ""
+        assert "bus b is error-passive" in " ".join(faults)
+        assert faults[-1].startswith("bus b is bus-off")
         count = wires.sent(Side.HOST).tolist()
         wires.send(Side.HOST, frames(0, 1), 10**7)
         assert (wires.sent(Side.HOST) - count).tolist() == [1, 0]

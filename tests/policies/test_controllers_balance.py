@@ -96,7 +96,7 @@ class TestAct:
         dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, spinning)
         np.testing.assert_allclose(desired.momentum_rate, -2.0 * dynamics.angular_momentum)
 
-    def test_from_its_reset_it_goes_to_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_after_a_reset_it_reaches_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """After a fifth of the time the targets have moved by a fifth, in joints and height."""
         policy = Balance(G1, CONFIG)
         crouched = seen(0.0, crouch=1.0)

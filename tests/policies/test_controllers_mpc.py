@@ -84,7 +84,7 @@ class TestStanding:
 
 
 def base(**changes: object) -> Base:
-    """At rest and level at the origin, unless said otherwise."""
+    """At rest and level at the origin, unless the arguments differ."""
     level = Base(0j, 0.28, np.zeros(3), np.eye(3), np.zeros(3), 0.0, 0.0, 0.0)
     return level._replace(**changes)  # type: ignore[arg-type]
 

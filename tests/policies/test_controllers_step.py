@@ -149,7 +149,7 @@ class TestWanted:
         assert policy.footwork.command.value[0] == pytest.approx(0.3 / 500)
         assert policy.footwork.phase is Phase.SHIFT
 
-    def test_the_pressure_is_no_farther_from_the_middle_than_allowed(self, policy: Step) -> None:
+    def test_the_pressure_stays_within_its_limit_from_the_middle(self, policy: Step) -> None:
         """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
         found = policy.footwork.both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
@@ -294,7 +294,7 @@ class TestFly:
         footwork.next_foothold = np.array([0.2, -0.25])
         return footwork
 
-    def test_its_yaw_turns_the_short_way_round(self, footwork: Footwork) -> None:
+    def test_its_yaw_takes_the_shorter_rotation(self, footwork: Footwork) -> None:
         """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
         self.flying(footwork, turn=0.0).yaw = 3.1
         footwork.swing_acceleration(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)

@@ -27,7 +27,7 @@ def readings(pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray,
     return at_rest(ROBOT, velocity=velocity, torque=torque)
 
 
-def felt(
+def contact_shares(
     pushed: np.ndarray,
     rate: np.ndarray = NOTHING,
     acceleration: np.ndarray = NOTHING,
@@ -56,30 +56,32 @@ LOWERING = LEGS.scatter(LEGS.joint_rates(JACOBIAN, FALL)[:, :, 0], NOTHING)  # r
 
 
 def test_a_foot_feels_its_share_of_the_weight() -> None:
-    shares = felt(feet(LF=EVEN_N, RR=2 * EVEN_N))
+    shares = contact_shares(feet(LF=EVEN_N, RR=2 * EVEN_N))
     np.testing.assert_allclose(shares, [1.0, 0.0, 0.0, 0.0, 0.0, 2.0], atol=0.01)
 
 
 def test_gearbox_friction_is_not_mistaken_for_ground() -> None:
     """Their friction at 2 rad/s is 0.13 N m: a fifth of a share at the foot and more."""
-    np.testing.assert_allclose(felt(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)
+    np.testing.assert_allclose(contact_shares(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)
 
 
 def test_accelerated_legs_feel_the_ground_only_where_they_touch() -> None:
     """Such an acceleration takes three shares of force at the foot."""
-    np.testing.assert_allclose(felt(feet(), acceleration=LOWERING), 0.0, atol=0.05)
-    shares = felt(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
+    np.testing.assert_allclose(contact_shares(feet(), acceleration=LOWERING), 0.0, atol=0.05)
+    shares = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
     np.testing.assert_allclose(shares, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
 
 
 def test_legs_heavier_than_described_feel_no_ground_within_the_doubt() -> None:
-    assert felt(feet(), acceleration=LOWERING, heavier=1.2).min() > 0.4
-    assert felt(feet(), acceleration=LOWERING, heavier=1.2, doubt=0.2) == pytest.approx(np.zeros(6), abs=0.05)
+    assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2).min() > 0.4
+    assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2, doubt=0.2) == pytest.approx(
+        np.zeros(6), abs=0.05
+    )
 
 
 def test_legs_that_brake_are_not_doubted() -> None:
-    """A foot that is stopped by the ground is to be felt at once."""
-    braked = felt(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
+    """A foot that the ground stops is recognised at once."""
+    braked = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
     np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
 
 

@@ -51,12 +51,12 @@ def test_a_sideways_pronk_stays_upright_by_compensating_the_legs_momentum() -> N
     """All legs swing to the same side while no foot holds the base: it turns the other way."""
     config = controller_settings(ROBOT, "pronk", MpcConfig)
 
-    def most_roll(counts: bool) -> float:
-        trace = run(Mpc(ROBOT, replace(config, legs_turn_base=counts)), (0.0, 0.3, 0.0))
+    def largest_roll(compensated: bool) -> float:
+        trace = run(Mpc(ROBOT, replace(config, legs_turn_base=compensated)), (0.0, 0.3, 0.0))
         w, x, y, z = trace.base_quaternion.T
         return float(np.abs(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))).max())
 
-    assert most_roll(True) < 0.8 * most_roll(False)
+    assert largest_roll(True) < 0.8 * largest_roll(False)
 
 
 def test_the_momentum_of_legs_is_that_of_the_model() -> None:

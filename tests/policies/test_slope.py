@@ -164,15 +164,15 @@ class TestMpc:
         """Where no foot presses, the body accelerates along the tilted gravity."""
         policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
         policy.slope = Slope(CONFIG)
-        felt = []
+        built = []
         build = policy.control.body.update
 
         def update(motion: Motion, gravity: np.ndarray) -> Dynamics:
-            felt.append(build(motion, gravity))
-            return felt[-1]
+            built.append(build(motion, gravity))
+            return built[-1]
 
         policy.control.body.update = update  # type: ignore[method-assign]
         settled(policy, 0.0)
         up = parallel(0.0).inv().apply([0.0, 0.0, 1.0])
         weight = 9.81 * policy.control.body.total_mass * up
-        np.testing.assert_allclose(felt[-1].bias[:3], weight, rtol=0.01, atol=0.5)
+        np.testing.assert_allclose(built[-1].bias[:3], weight, rtol=0.01, atol=0.5)

@@ -327,7 +327,7 @@ def hurried(_: BoundedSolver) -> BoundedSolver:
     return BoundedSolver(1, 2, unfinished=False)
 
 
-SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
+FAILING_SOLVERS = {"infeasible": contradicting, "late": hurried, "not a number": blind}
 
 
 class TestJoints:
@@ -375,13 +375,13 @@ class TestTicksWithoutSolution:
         desired = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
         return control.command(self.dynamics, G1.default_pose, np.zeros(12), desired, np.full(8, 300.0))
 
-    @pytest.mark.parametrize("why", SPOILED)
+    @pytest.mark.parametrize("why", FAILING_SOLVERS)
     def test_without_a_solution_the_torques_fade_into_damping_with_a_note(self, why: str) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
         good = self.command(control)
         assert np.abs(good.torque).max() > 3.0
         assert not control.notes
-        control.solver = SPOILED[why](control.solver)
+        control.solver = FAILING_SOLVERS[why](control.solver)
         for tick in range(1, 6):
             command = self.command(control)
             np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))

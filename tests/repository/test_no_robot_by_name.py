@@ -20,10 +20,10 @@ ANY_NAME = re.compile(rf"\b({'|'.join(map(re.escape, sorted(NAMES)))})\b")
 def texts_of(path: Path) -> Iterator[tuple[int, str]]:
     """Strings and names of a Python file, with their lines; docstrings and comments may explain."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
         match node:
-            case ast.Constant(value=str(text)) if id(node) not in said:
+            case ast.Constant(value=str(text)) if id(node) not in docstrings:
                 yield node.lineno, text
             case ast.Name(id=text) | ast.Attribute(attr=text):
                 yield node.lineno, text

@@ -61,7 +61,7 @@ def test_damping_is_a_slope(command: JointCommand, position: np.ndarray, velocit
 
 
 # Three motors that differ in everything, in the order of the fields of `Motor`.
-UNLIKE = Motor(
+DIFFERENT_MOTORS = Motor(
     peak_torque=np.array([20.0, 8.0, 35.0]),
     stall_torque=np.array([30.0, 9.0, 60.0]),
     no_load_speed=np.array([30.0, 50.0, 12.0]),
@@ -74,7 +74,9 @@ UNLIKE = Motor(
 
 def by_hand(command: JointCommand, position: np.ndarray, velocity: np.ndarray, joint: int) -> list[float]:
     """Motor torque, friction and the law's slope in speed of one joint, case by case."""
-    peak, stall, no_load, coulomb, full_at, viscous, strength = (float(x[joint]) for x in UNLIKE[:7])
+    peak, stall, no_load, coulomb, full_at, viscous, strength = (
+        float(x[joint]) for x in DIFFERENT_MOTORS[:7]
+    )
     target, speed_target, kp, kd, extra = (float(x[joint]) for x in command)
     angle, speed = float(position[joint]), float(velocity[joint])
     torque = strength * (kp * (target - angle) + kd * (speed_target - speed) + extra)
@@ -98,9 +100,9 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
         command = JointCommand(rows[0], 4 * rows[1], 20 + 8 * rows[2], 1 + 0.3 * rows[3], 9 * rows[4])
         position, velocity = rows[5], speed_scale * rows[6]
         ours = [
-            motor_torque(command, position, velocity, UNLIKE),
-            friction_torque(velocity, UNLIKE),
-            joint_damping(command, position, velocity, UNLIKE),
+            motor_torque(command, position, velocity, DIFFERENT_MOTORS),
+            friction_torque(velocity, DIFFERENT_MOTORS),
+            joint_damping(command, position, velocity, DIFFERENT_MOTORS),
         ]
         for k in range(200):
             moment = JointCommand(*(part[k] for part in command))

@@ -27,7 +27,7 @@ def dog_standing(dog: Robot) -> StandingResult:
     return standing_test(dog, duration_s=1.5)
 
 
-LOW = "\nsafety: {sensors: {sunk: 1.0}}\n"  # a robot that may have its base on the ground
+BASE_MAY_TOUCH = "\nsafety: {sensors: {sunk: 1.0}}\n"  # a robot that may have its base on the ground
 
 
 @pytest.fixture
@@ -75,14 +75,14 @@ class TestStanding:
         found = standing_test(load_robot(folder), duration_s=1.5)
         assert not found.stood
         assert "the base has sunk" in found.faults[0]
-        changed("robot.yaml", r"\Z", LOW)
+        changed("robot.yaml", r"\Z", BASE_MAY_TOUCH)
         found = standing_test(load_robot(folder), duration_s=1.5)
         assert found.sank_m > 0.1
         assert found.torque_share.reshape(4, 3).max(axis=0) == pytest.approx([0.1, 0.2, 1.0], abs=0.15)
 
 
-GROWN = r'\1<geom type="sphere" size="0.13" pos="0 0 0.02"/>'
-BELLY = r'\1<geom type="sphere" size="0.1" pos="0 0 -0.3"/>'
+LARGE_HIPS = r'\1<geom type="sphere" size="0.13" pos="0 0 0.02"/>'
+LOW_TRUNK = r'\1<geom type="sphere" size="0.1" pos="0 0 -0.3"/>'
 
 
 class TestInspection:
@@ -96,8 +96,13 @@ class TestInspection:
                 r"\1-1.9",
                 r"foot RL is [1-9]\d mm above the ground",
             ),
-            ("robot.xml", r'(<joint name="F[LR]_hip"[^>]*>)', GROWN, "links FL_thigh and FR_thigh collide"),
-            ("robot.xml", r'(<freejoint name="floating_base"/>)', BELLY, "link trunk touches the ground"),
+            (
+                "robot.xml",
+                r'(<joint name="F[LR]_hip"[^>]*>)',
+                LARGE_HIPS,
+                "links FL_thigh and FR_thigh collide",
+            ),
+            ("robot.xml", r'(<freejoint name="floating_base"/>)', LOW_TRUNK, "link trunk touches the ground"),
             (
                 "robot.xml",
                 r'(<inertial mass="6.6" pos=")[-\d.e]+',

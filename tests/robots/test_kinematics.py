@@ -69,7 +69,7 @@ class TestLoad:
     @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
     def test_holding_torque_is_a_slope(self, name: str, acceleration: tuple[float, float, float]) -> None:
         """Energy: mass times the centre of mass along the proper acceleration, the base at rest."""
-        robot, felt = load_robot(name), np.array(acceleration)
+        robot, proper_acceleration = load_robot(name), np.array(acceleration)
         legs, model = robot.legs, load_spec(robot.xml_path).compile()
         data = mujoco.MjData(model)
         q, _ = joint_addresses(model, robot)
@@ -81,12 +81,14 @@ class TestLoad:
             data.qpos[3], data.qpos[q] = 1.0, joints
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            return float(model.body_subtreemass[base] * data.subtree_com[base] @ felt)
+            return float(model.body_subtreemass[base] * data.subtree_com[base] @ proper_acceleration)
 
         step = 1e-5 * np.eye(len(pose))
         slope = np.array([energy(pose + each) - energy(pose - each) for each in step]) / 2e-5
         assert np.abs(slope).max() > 0.1
-        np.testing.assert_allclose(legs.holding_torque(pose, felt), legs.gather(slope), atol=1e-5)
+        np.testing.assert_allclose(
+            legs.holding_torque(pose, proper_acceleration), legs.gather(slope), atol=1e-5
+        )
 
     def test_rotations_and_torques_are_of_the_given_pose_despite_caches(self) -> None:
         """After any computation in between, also inverse kinematics through MuJoCo."""

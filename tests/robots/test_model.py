@@ -250,7 +250,7 @@ def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp
     assert plant.notes == ()
 
 
-def test_a_floor_is_added_where_none_is(go1: Robot, tmp_path: Path) -> None:
+def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path) -> None:
     hill = '<hfield name="hill" nrow="2" ncol="2" size="5 5 1 1" elevation="0 0 1 1"/>'
     for ground, planes in (
         ('type="plane" size="0 0 1"', 1),
@@ -284,9 +284,9 @@ def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp
     turned = rotation_matrix(data.qpos[3:7])
     arm, spun = np.array([0.11, -0.07, 0.05]), data.qacc[3:6]
     origin = turned.T @ (data.qacc[:3] - model.opt.gravity)
-    felt = origin + np.cross(spun, arm) + np.cross(spin, np.cross(spin, arm))
+    measured = origin + np.cross(spun, arm) + np.cross(spin, np.cross(spin, arm))
     assert model.nsensordata == 3
-    np.testing.assert_allclose(data.sensordata, felt, atol=1e-9)
+    np.testing.assert_allclose(data.sensordata, measured, atol=1e-9)
     assert plant.base == model.body("trunk").id
 
 

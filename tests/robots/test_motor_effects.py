@@ -114,7 +114,7 @@ SERVO = """<mujoco><worldbody>
 
 @pytest.mark.parametrize(("share", "rise"), [(1.0, 0.0), (0.7, 0.0), (0.7, 0.6)])
 def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) -> None:
-    """Duty from the position error, at a voltage; also in the slope that long physics steps integrate.
+    """The duty follows from the position error. Torque and its slope in the speed equal MuJoCo's.
 
     With a resistance that rises with the duty, current and back-EMF are divided by the same factor.
     """
@@ -127,7 +127,7 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
     stall = constant * volts / ohms
     nominal = Motor(*(np.array([x]) for x in (100.0, stall, volts / constant, 0.0, 1.0, 0.0, 1.0)))
     motor = at_supply(nominal._replace(voltage_gain=np.ones(1), duty_resistance=np.array([rise])), share)
-    command, seen = one(0.2, 0.0, duty_per_rad * stall, 0.0, 0.0), []
+    command, saturated = one(0.2, 0.0, duty_per_rad * stall, 0.0, 0.0), []
     for angle, speed in np.random.default_rng(0).uniform(-1, 1, (40, 2)) * (0.4, 6.0):
         duty = np.clip(duty_per_rad * (0.2 - angle), -1, 1)
         data.qpos[0], data.qvel[0], data.ctrl[0] = angle, speed, share * volts * duty
@@ -136,8 +136,8 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
         assert at(angle, speed, command, motor) == pytest.approx(data.actuator_force[0] / more, abs=1e-9)
         slope = joint_damping(command, np.array([angle]), np.array([speed]), motor)
         assert slope == pytest.approx(constant**2 / (ohms * more))
-        seen.append(abs(duty) == 1)
-    assert 0.2 < np.mean(seen) < 0.9
+        saturated.append(abs(duty) == 1)
+    assert 0.2 < np.mean(saturated) < 0.9
 
 
 def test_a_compliant_gearbox_is_a_spring_in_series() -> None:

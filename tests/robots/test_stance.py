@@ -54,11 +54,15 @@ def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder:
         assert (data.ncon > 0) is touches
 
 
-@pytest.mark.parametrize(("said", "true"), [(0.278, False), (2.0, False), (0.299, True), (0.290, True)])
-def test_a_height_at_which_no_foot_touches_is_refused(own_folder: Path, said: float, true: bool) -> None:
+@pytest.mark.parametrize(
+    ("declared", "accepted"), [(0.278, False), (2.0, False), (0.299, True), (0.290, True)]
+)
+def test_a_height_at_which_no_foot_touches_is_refused(
+    own_folder: Path, declared: float, accepted: bool
+) -> None:
     declaration = own_folder / "robot.yaml"
-    declaration.write_text(declaration.read_text().replace("height_m: 0.2945", f"height_m: {said}"))
-    if true:
+    declaration.write_text(declaration.read_text().replace("height_m: 0.2945", f"height_m: {declared}"))
+    if accepted:
         load_robot(own_folder)
         return
     with pytest.raises(UserError, match=r"standing_height_m: .* at 0\.2945 m") as caught:

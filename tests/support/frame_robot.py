@@ -48,9 +48,11 @@ class FrameRobot:
         return self.refuses
 
     def receive(self, now_us: int) -> list[Frames]:
-        heard = np.setdiff1d(ROWS, self.silent)
+        answering = np.setdiff1d(ROWS, self.silent)
         batches = [
-            self._end.reply(heard, report(self.readings[:, heard], self.error[heard], self.temperature_c))
+            self._end.reply(
+                answering, report(self.readings[:, answering], self.error[answering], self.temperature_c)
+            )
         ]
         if not self.imu_silent:
             self._count += 1

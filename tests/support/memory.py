@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def grown() -> Iterator[Callable[[], float]]:
+def memory_growth() -> Iterator[Callable[[], float]]:
     """A function that returns the growth within the context in kilobytes, once that has ended."""
     growth_kb: list[float] = []
     tracemalloc.start()

@@ -51,8 +51,8 @@ class JointReadings:
         sent: np.ndarray | None = None,
     ) -> bool:
         """Add one reading; returns whether a window has ended and was passed to the checks."""
-        heard = np.full(self.n, now_us) if heard_us is None else heard_us
-        if not self.windows.add(now_us, 0, heard, STILL, joints, self.zeros + expected, sent=sent):
+        arrived_us = np.full(self.n, now_us) if heard_us is None else heard_us
+        if not self.windows.add(now_us, 0, arrived_us, STILL, joints, self.zeros + expected, sent=sent):
             return False
         zeros = self.zeros
         window = self.windows.close(zeros + stiffness, zeros + target, zeros, zeros)

@@ -155,7 +155,7 @@ def test_a_preset_decides_whether_the_robots_own_changes_act(own_folder: Path, t
         with_settings(load_preset("smoke", robot), {"training_yaml": False}, "--set")
 
 
-def test_the_entropys_weight_stays_or_falls_linearly() -> None:
+def test_the_entropy_coefficient_stays_or_falls_linearly() -> None:
     ppo = replace(load_preset("smoke").ppo, entropy_coef=0.01)
     assert ppo.entropy_weight(0) == ppo.entropy_weight(ppo.iterations) == 0.01
     falling = replace(ppo, final_entropy_coef=0.002)

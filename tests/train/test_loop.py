@@ -131,8 +131,8 @@ def test_a_second_signal_interrupts_at_once(run: Run) -> None:
 
 def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
-    said = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
-    monkeypatch.setattr(cluster, "broadcast", lambda *_: next(said))
+    decisions = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
+    monkeypatch.setattr(cluster, "broadcast", lambda *_: next(decisions))
     trainer = FakeTrainer(run)
     with pytest.raises(KeyboardInterrupt):
         learn(run, trainer, quiet())
@@ -169,5 +169,5 @@ def test_a_stopped_run_reports_its_progress_and_the_resume_command(
             checkpoint.write(run.checkpoints, kept, b"state")
         with pytest.raises(KeyboardInterrupt):
             api.resume(run.folder)
-        said = f"stopped after {steps} of 1,024 steps; continue with: footfall train --resume {run.folder}"
-        assert said in capsys.readouterr().out
+        message = f"stopped after {steps} of 1,024 steps; continue with: footfall train --resume {run.folder}"
+        assert message in capsys.readouterr().out

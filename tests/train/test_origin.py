@@ -71,11 +71,11 @@ class TestTakenOver:
 
     def test_a_policy_gives_the_actor_and_the_critic_is_initialised(self, trained: Trained) -> None:
         fresh = trained.fresh(1)
-        params, normalizer, said = taken_over(trained.run.policy, *fresh, trained.run.config.ppo)
+        params, normalizer, notes = taken_over(trained.run.policy, *fresh, trained.run.config.ppo)
         assert same(dense_layers(params.policy), dense_layers(trained.state.params.policy))
         assert same(params.value, fresh[0].value)
         np.testing.assert_allclose(normalizer.mean["state"], 0.25)
-        assert any("critic" in line for line in said)
+        assert any("critic" in line for line in notes)
         seen = np.random.default_rng(0).normal(size=(5, fresh[1].mean["state"].size)).astype(np.float32)
         acts = [
             trained_actor(actor_means_function(trained.networks), n, p).act(seen)

@@ -78,9 +78,9 @@ def test_a_finished_run_remains(whole_run: Path, tmp_path: Path, capsys: pytest.
 
     run.policy.unlink()
     api.resume(run.folder)
-    said = capsys.readouterr().out
-    assert "the run began on NVIDIA H100" in said
-    assert "the run began on source revision 0f1e2d, now " in said
+    printed = capsys.readouterr().out
+    assert "the run began on NVIDIA H100" in printed
+    assert "the run began on source revision 0f1e2d, now " in printed
     assert last_checkpoint(run.folder) == last_checkpoint(whole_run)
     assert run.policy.read_bytes() == (whole_run / "policy.onnx").read_bytes()
 

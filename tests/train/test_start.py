@@ -66,10 +66,10 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(parts, "load_or_compile", ready)
     monkeypatch.setattr(prefetch, "prefetch", lambda *made: read.extend(map(fingerprint, made)))
     prefetch_programs(robot, run.config)
-    assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
-    assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
+    assembled, mesh, lines = assemble(run.config, robot), device_mesh(run.config.ppo), []
+    assert assembled.prepare(mesh, 7, lines.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
     assert requested == read
-    assert said == ["a warning"]
+    assert lines == ["a warning"]
     restored = TrainState(*np.arange(7.0)[:, None])
     state, iteration = assembled.prepare(mesh, restored, print)
     assert (float(state.iteration[0]), iteration, requested[3:]) == (6.0, Iteration("act", "learn"), read[:2])

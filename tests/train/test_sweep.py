@@ -219,7 +219,7 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     (out / "interrupted").touch()
     before = signal.getsignal(signal.SIGINT)
     resumed = shell("sweep", "--resume", out)
-    assert signal.getsignal(signal.SIGINT) is before  # Ctrl-C is heard again
+    assert signal.getsignal(signal.SIGINT) is before  # Ctrl-C interrupts again
     assert resumed.status == 1, resumed.err  # one trial failed
     assert "it diverged" in resumed.out
     results = rows(out / "results.csv")

@@ -50,7 +50,7 @@ def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Pat
     link.post(gait="fly")
     link.post(wish="stand")
     assert eventually(lambda: inbox.poll(WALKING).wish is Wish.STAND)
-    assert len(result) == 1, "the same refusal is told once"
+    assert len(result) == 1, "the same refusal is reported once"
     assert inbox.take_over("page") == ""
     assert link.ask(velocity=[0.1, 0, 0]) != ""
     assert link.ask(take_over=True) == link.ask(velocity=[0.1, 0, 0]) == ""
@@ -61,14 +61,14 @@ def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Pat
 
 
 def test_the_bridge_receives_the_status_and_each_note_once(inbox: Inbox, path: Path) -> None:
-    heard: list[dict[str, Any]] = []
-    Link(str(path), heard.append, lambda _: None)
-    assert eventually(lambda: heard)
+    received: list[dict[str, Any]] = []
+    Link(str(path), received.append, lambda _: None)
+    assert eventually(lambda: received)
     inbox.poll(WALKING._replace(notes=("a", "b"), policy="stand"))
-    assert eventually(lambda: heard[-1]["policy"] == "stand")
-    assert [note for status in heard for note in status["notes"]] == ["a", "b"]
-    assert heard[-1]["settings"]["step_height_m"] == [0.02, 0.1, 0.05]
-    assert (heard[-1]["gaits"], heard[-1]["pose"]) == (["trot", "wave"], [1, 2, 0])
+    assert eventually(lambda: received[-1]["policy"] == "stand")
+    assert [note for status in received for note in status["notes"]] == ["a", "b"]
+    assert received[-1]["settings"]["step_height_m"] == [0.02, 0.1, 0.05]
+    assert (received[-1]["gaits"], received[-1]["pose"]) == (["trot", "wave"], [1, 2, 0])
 
 
 def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -> None:

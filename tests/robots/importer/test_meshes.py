@@ -17,7 +17,7 @@ class TestMeshes:
         + "f 1 2 3\nf 4 5 6\nf 6 7 8\nf 1 4 8\n"
     )
 
-    def test_are_found_in_packages_and_not_needed_afterwards(self, tmp_path: Path) -> None:
+    def test_meshes_are_found_in_packages_and_not_needed_after_the_import(self, tmp_path: Path) -> None:
         (tmp_path / "elsewhere/maker/meshes").mkdir(parents=True)
         (tmp_path / "elsewhere/maker/meshes/foot.obj").write_text(self.OBJ)
         mesh = '<collision><geometry><mesh filename="package://maker/meshes/foot.obj" scale="0.1 0.1 1"/>'
@@ -26,7 +26,7 @@ class TestMeshes:
         assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
         assert -robot.foot_positions[0, 2] > 0.3
 
-    def test_collada_through_its_scene(self, tmp_path: Path) -> None:
+    def test_a_collada_scene_places_its_geometry(self, tmp_path: Path) -> None:
         """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""
         (tmp_path / "a.dae").write_text(
             """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
@@ -69,7 +69,7 @@ class TestMeshFiles:
         )
         assert read_points(tmp_path / "a.dae", np.ones(3))[0] == pytest.approx(point)
 
-    def test_a_binary_stl_may_begin_as_one_of_text_does(self, tmp_path: Path) -> None:
+    def test_a_binary_stl_may_begin_with_solid_as_a_text_file_does(self, tmp_path: Path) -> None:
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype="<f4")
         faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
         body = b"".join(

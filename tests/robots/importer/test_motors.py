@@ -88,8 +88,8 @@ class TestDrive:
     def test_missing_friction_is_noted(self, tmp_path: Path) -> None:
         result = "friction and damping of the joints: none, as the file gives none"
         assert result in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
-        said = hinge("a", friction=0.1), *self.HINGES[1:]
-        assert result not in self.drive(tmp_path, said, (20.0,) * 3).guesses
+        with_friction = hinge("a", friction=0.1), *self.HINGES[1:]
+        assert result not in self.drive(tmp_path, with_friction, (20.0,) * 3).guesses
 
     @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
     def test_torque_is_at_most_3_weights(self, tmp_path: Path, torque: float, taken: bool) -> None:

@@ -81,9 +81,9 @@ class TestRobotYaml:
         motors = dict.fromkeys(("no", "1e3", "Off"), JointMotor(20.0, 30.0, 0.2))
         pose = Pose(dict.fromkeys(motors, 0.0), 0.3, 0.0, 0.5)
         text = robot_yaml(
-            machine, pose, Drive(motors, 8.0, 0.3, True, ()), dict.fromkeys(motors, "AK"), ["told"]
+            machine, pose, Drive(motors, 8.0, 0.3, True, ()), dict.fromkeys(motors, "AK"), ["guess"]
         )
         content = yaml.safe_load(text)
         assert content["name"] == "y"
         assert [joint["name"] for joint in content["joints"]] == ["no", "1e3", "Off"]
-        assert text.startswith("# told\n")
+        assert text.startswith("# guess\n")
