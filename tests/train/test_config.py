@@ -1,15 +1,14 @@
 """Settings of a training: presets, a robot's own training.yaml, older names, limits."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
 from footfall.common.config import dump
 from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
 from footfall.robots.description import load_robot
 from footfall.train.config import PRESETS, PpoConfig, load_preset, with_settings
 from footfall.train.runs.folder import open_run
@@ -26,31 +25,22 @@ def own_training(folder: Path, text: str) -> Path:
 
 
 def test_it_replaces_only_its_own_keys(own_folder: Path) -> None:
-    changes = (
-        "gait: {frequency_hz: 1.5}",
-        "rewards: {torque: -0.5}",
-        "commands: {hold_s: {low: 1, high: 2}}",
-    )
-    robot = load_robot(own_training(own_folder, "\n  ".join(("env:", *changes))))
+    changes = "gait: {frequency_hz: 1.5}, rewards: {torque: -0.5}, commands: {hold_s: {low: 1, high: 2}}"
+    robot = load_robot(own_training(own_folder, f"env: {{{changes}}}"))
     mine, shipped = load_preset("cpu", robot).env, load_preset("cpu").env
-    assert mine.gait is not None
-    assert shipped.gait is not None
-    assert (mine.gait.name, mine.gait.frequency_hz) == (shipped.gait.name, 1.5)
+    assert mine.gait == replace(shipped.gait, frequency_hz=1.5)
     assert mine.weights == shipped.weights | {"torque": -0.5}
-    assert mine.commands.hold_s.high == 2.0
-    assert mine.commands.ranges == shipped.commands.ranges
+    assert mine.commands == replace(shipped.commands, hold_s=Distribution(1, 2))
     assert load_preset("cpu", robot).ppo == load_preset("cpu").ppo
 
 
 def test_a_copied_preset_keeps_changes_of_robot_and_user(own_folder: Path, tmp_path: Path) -> None:
     changes = "env: {gait: {frequency_hz: 1.5}, rewards: {torque: -0.5, power: -0.25}}"
     robot = load_robot(own_training(own_folder, changes))
-    copy = tmp_path / "own.yaml"
-    text = (PRESETS / "cpu.yaml").read_text()
+    copy, text = tmp_path / "own.yaml", (PRESETS / "cpu.yaml").read_text()
     copy.write_text(text)
     adapted = load_preset("cpu", robot)
-    assert load_preset(str(copy), robot) == adapted
-    assert load_preset(str(copy)) == load_preset("cpu")
+    assert (load_preset(str(copy), robot), load_preset(str(copy))) == (adapted, load_preset("cpu"))
     edited = yaml.safe_load(text)
     del edited["checkpoint_interval_s"]  # a setting that is left out has its default
     edited["ppo"]["learning_rate"] = 0.002
@@ -58,8 +48,7 @@ def test_a_copied_preset_keeps_changes_of_robot_and_user(own_folder: Path, tmp_p
     copy.write_text(yaml.safe_dump(edited))
     mine = load_preset(str(copy), robot)
     assert mine.ppo == replace(adapted.ppo, learning_rate=0.002)
-    assert mine.env.gait == adapted.env.gait
-    assert mine.env.weights == adapted.env.weights | {"torque": -0.125}
+    assert (mine.env.gait, mine.env.weights) == (adapted.env.gait, adapted.env.weights | {"torque": -0.125})
 
 
 def test_single_settings_are_replaced_by_their_keys() -> None:
@@ -69,12 +58,11 @@ def test_single_settings_are_replaced_by_their_keys() -> None:
     assert mine.ppo == replace(cpu.ppo, learning_rate=0.001)
     assert mine.env.weights == cpu.env.weights | {"torque": -0.5}
     assert mine.env.commands.hold_s.high == 9.0
-    for key, complaint in {
-        "learning_rate": "no setting learning_rate. Did you mean ppo.learning_rate?",
-        "ppo.learning_rat": "ppo: no setting learning_rat",
-        "env.gait.steps.x": "no setting env.gait.steps.x",
-    }.items():
-        with pytest.raises(UserError, match=f"--set: {re.escape(complaint)}"):
+    for key, named in (
+        ("learning_rate", r"ppo\.learning_rate"), ("ppo.learning_rat", "learning_rat"),
+        ("env.gait.steps.x", r"env\.gait\.steps\.x"),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=f"--set: .*{named}"):
             with_settings(cpu, {key: 1}, "--set")
 
 
@@ -83,16 +71,6 @@ def test_a_complete_configuration_is_used_unchanged(own_folder: Path, tmp_path: 
     robot = load_robot(own_training(own_folder, "env: {gait: {frequency_hz: 1.5}}"))
     (tmp_path / "config.yaml").write_text(dump(load_preset("cpu")))
     assert load_preset(str(tmp_path / "config.yaml"), robot) == load_preset("cpu")
-
-
-@pytest.mark.parametrize(
-    ("part", "hint"),
-    [("rewards: {torqe: {limit: 1}}", "torque"), ("terminations: {tilte: {limit_rad: 1.0}}", "tilted")],
-)
-def test_a_misspelt_term_is_refused(own_folder: Path, tmp_path: Path, part: str, hint: str) -> None:
-    robot = load_robot(own_training(own_folder, f"env: {{{part}}}"))
-    with pytest.raises(UserError, match=rf"training\.yaml: env\..*{hint}"):
-        load_preset("cpu", robot)
 
 
 def test_a_file_with_a_base_holds_only_its_changes(own_folder: Path, tmp_path: Path) -> None:
@@ -131,9 +109,17 @@ def test_settings_load_under_their_older_names(own_folder: Path, tmp_path: Path)
         assert (ppo.num_envs, ppo.clip_param, ppo.actor_hidden_dims) == (32768, 0.2, (512, 256, 128))
 
 
-def test_an_old_name_beside_the_new_one_is_refused(own_folder: Path) -> None:
-    robot = load_robot(own_training(own_folder, "ppo: {clip: 0.3, clip_param: 0.2}\n"))
-    with pytest.raises(UserError, match=r"ppo.* clip "):
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("ppo: {clip: 0.3, clip_param: 0.2}", r"ppo.* clip "),  # an old name beside the new one
+        ("env: {rewards: {torqe: {limit: 1}}}", r"training\.yaml: env\..*torque"),
+        ("env: {terminations: {tilte: {limit_rad: 1.0}}}", r"training\.yaml: env\..*tilted"),
+    ],
+)
+def test_a_wrong_name_is_refused(own_folder: Path, text: str, named: str) -> None:
+    robot = load_robot(own_training(own_folder, text))
+    with pytest.raises(UserError, match=named):
         load_preset("smoke", robot)
 
 
@@ -173,20 +159,15 @@ def test_iterations_cover_all_steps() -> None:
     assert limits == pytest.approx([3e-3, 2e-3, 1e-3])
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"total_steps": 0}, {"num_envs": 0}, {"num_steps_per_env": 0},
-        {"num_mini_batches": 0}, {"num_learning_epochs": 0},
-        {"learning_rate": 0.0},
-        {"desired_kl": 0.0}, {"clip_param": 0.0}, {"max_grad_norm": 0.0}, {"init_noise_std": 0.0},
-        {"actor_hidden_dims": (3, 0)},
-        {"critic_hidden_dims": (0,)}, {"actor_hidden_dims": ()}, {"critic_hidden_dims": ()},
-        {"final_learning_rate": -1e-9},
-        {"entropy_coef": -1e-9}, {"gamma": 1.01}, {"gamma": -0.01}, {"lam": 1.01},
-        {"num_envs": 7},
-    ],
-)  # fmt: skip
-def test_impossible_settings_are_refused(change: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"must be|need a hidden|not a multiple"):
-        replace(PPO, **change)
+def test_impossible_settings_are_refused() -> None:
+    above_zero = ("total_steps", "num_envs", "num_steps_per_env", "num_mini_batches", "num_learning_epochs")
+    above_zero += ("learning_rate", "desired_kl", "clip_param", "max_grad_norm", "init_noise_std")
+    layers = ((3, 0), (0,), ())
+    for change in (
+        *({name: 0} for name in above_zero),
+        *({name: each} for name in ("actor_hidden_dims", "critic_hidden_dims") for each in layers),
+        *({name: -1e-9} for name in ("final_learning_rate", "entropy_coef", "gamma")),
+        {"gamma": 1.01}, {"lam": 1.01}, {"num_envs": 7},
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=next(iter(change))):
+            replace(PPO, **change)

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -92,41 +93,26 @@ def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) ->
     assert trainer.calls == [f"{what} {k}" for k in range(1, ITERATIONS + 1) for what in ("iterate", "save")]
 
 
-def test_a_first_signal_ends_it_after_the_iteration_with_a_checkpoint(run: Run) -> None:
+@pytest.mark.parametrize(
+    ("during", "signals", "calls"),
+    [
+        (2, [signal.SIGTERM], ["iterate 1", "iterate 2", "save 2"]),
+        (2, [signal.SIGINT, signal.SIGINT], ["iterate 1"]),  # the second interrupts at once
+        (ITERATIONS, [signal.SIGINT], [*(f"iterate {k}" for k in range(1, 5)), "save 4"]),  # it is complete
+    ],
+)
+def test_a_signal_ends_it_after_the_iteration_with_a_checkpoint(
+    run: Run, during: int, signals: list[int], calls: list[str]
+) -> None:
     def stop(iteration: int) -> None:
-        if iteration == 2:
-            os.kill(os.getpid(), signal.SIGTERM)
+        for number in signals if iteration == during else []:
+            os.kill(os.getpid(), number)
 
     trainer = FakeTrainer(run, stop)
-    with pytest.raises(KeyboardInterrupt):
+    with nullcontext() if during == ITERATIONS else pytest.raises(KeyboardInterrupt):
         learn(run, trainer, quiet())
-    assert trainer.calls == ["iterate 1", "iterate 2", "save 2"]
-    assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
-
-
-def test_a_signal_in_the_last_iteration_interrupts_nothing(run: Run) -> None:
-    def stop(iteration: int) -> None:
-        if iteration == ITERATIONS:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    trainer = FakeTrainer(run, stop)
-    try:
-        learn(run, trainer, quiet())  # and what follows exports its policy
-    except KeyboardInterrupt:
-        pytest.fail("a training that is complete counts as interrupted")
-    assert trainer.calls[-2:] == ["iterate 4", "save 4"]
-
-
-def test_a_second_signal_interrupts_at_once(run: Run) -> None:
-    def stop(iteration: int) -> None:
-        if iteration == 2:
-            os.kill(os.getpid(), signal.SIGINT)
-            os.kill(os.getpid(), signal.SIGINT)
-
-    trainer = FakeTrainer(run, stop)
-    with pytest.raises(KeyboardInterrupt):
-        learn(run, trainer, quiet())
-    assert trainer.calls == ["iterate 1"]
+    assert trainer.calls == calls
+    assert len(logged(run)) == sum(call.startswith("iterate") for call in calls)
 
 
 def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,5 +155,6 @@ def test_a_stopped_run_reports_its_progress_and_the_resume_command(
             checkpoint.write(run.checkpoints, kept, b"state")
         with pytest.raises(KeyboardInterrupt):
             api.resume(run.folder)
-        message = f"stopped after {steps} of 1,024 steps; continue with: footfall train --resume {run.folder}"
-        assert message in capsys.readouterr().out
+        said = capsys.readouterr().out
+        assert f"{steps} of 1,024 steps" in said
+        assert f"footfall train --resume {run.folder}" in said
