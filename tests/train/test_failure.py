@@ -20,7 +20,6 @@ from footfall.train.brax.diagnosis import broken_rows
 from footfall.train.brax.parts import assemble
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.runs import checkpoint
-from footfall.train.runs.diagnosis import Diagnosis
 from footfall.train.runs.failure import (
     FOLDER,
     REPORT,
@@ -35,11 +34,6 @@ from footfall.train.runs.folder import Run
 pytestmark = pytest.mark.usefixtures("kept_programs")
 
 HEALTHY = {"learning/total_loss": 0.1, "learning/gradient_norm": 0.5, "episode/diverged": 0.0}
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 @pytest.fixture(scope="module")
@@ -89,79 +83,62 @@ def test_files_for_a_replay_are_left(run: Run) -> None:
     assert {"source revision", "jax"} <= set(left.versions)
 
 
-class TestReplay:
-    """A sound run whose state is damaged between two iterations, which then fails."""
-
-    def fail(self, sound: Path, folder: Path, damage: Callable[[Any], Any], limit: float = 0.01) -> str:
-        """Damage the checkpoint after the second iteration and resume; returns the message."""
-        run_folder = Path(shutil.copytree(sound, folder / "run"))
-        shutil.rmtree(run_folder / FOLDER, ignore_errors=True)
-        run = api.open_run(run_folder)
-        write_atomically(run_folder / "config.yaml", dump(replace(run.config, diverged_limit=limit)).encode())
-        shapes = assemble(run.config, load_robot("go1")).shapes
-        kept = sorted(run.checkpoints.iterdir())[0]
-        state, seen = checkpoint.restore(kept, shapes)
-        for path in run.checkpoints.iterdir():
-            path.unlink()
-        checkpoint.save(run.checkpoints, int(state.iteration), damage(state), seen)
-        with pytest.raises(UserError) as error:
-            api.resume(run_folder)
-        return str(error.value)
-
-    def replay(self, folder: Path) -> Diagnosis:
-        found = api.diagnose(folder / "run", say=lambda _: None)
-        assert found.reason == found.failure.reason
-        return found
-
-    def test_a_simulation_that_diverges(self, sound: Path, tmp_path: Path) -> None:
-        def damage(state: Any) -> Any:
-            qvel = np.array(state.env.qvel)
-            qvel[17, 6] = np.nan
-            return state._replace(env=state.env._replace(qvel=qvel))
-
-        # Training refuses to save such a checkpoint, so the test writes it directly.
-        message = self.fail(sound, tmp_path, damage, limit=0.001)
-        assert "0.39% of the control steps ended in a diverged simulation" in message
-        found = self.replay(tmp_path)
-        assert found.finding.startswith(
-            "environment 17, control step 1 of 8: the simulation diverged; after it qpos, qvel"
-        )
-        assert found.finding.endswith("(1 of 32 environments in this step)")
-
-    def test_a_figure_that_overflows(self, sound: Path, tmp_path: Path) -> None:
-        def damage(state: Any) -> Any:
-            command = np.array(state.env.command)
-            command[9] = 1e30
-            return state._replace(env=state.env._replace(command=command))
-
-        self.fail(sound, tmp_path, damage)
-        found = self.replay(tmp_path)
-        assert "environment 9, control step 1 of 8: tracking/linear_error_m_s is not finite" in found.finding
-        assert found.saved is not None
-        with np.load(found.saved) as saved:
-            assert saved["state.command"][0] == np.float32(1e30)
-            assert saved["state.qpos"].shape == (19,)
-            assert saved["action"].shape == (12,)
-            assert saved["environment"] == 9
-            assert "state.sample.friction" in saved
-
-    def test_a_run_without_a_failure_has_nothing_to_replay(self, sound: Path, shell: Shell) -> None:
-        assert "holds no failed training" in shell.refuses("diagnose", sound)
+def with_nan(env: Any) -> Any:
+    qvel = np.array(env.qvel)
+    qvel[17, 6] = np.nan
+    return env._replace(qvel=qvel)
 
 
-def broken_trainer(run: Run) -> BraxTrainer:
-    """A trainer after its seventh iteration, which left a non-finite value."""
-    trainer = BraxTrainer(run, load_robot("go1"))
-    trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
-    return trainer
+def with_overflow(env: Any) -> Any:
+    command = np.array(env.command)
+    command[9] = 1e30
+    return env._replace(command=command)
+
+
+@pytest.mark.parametrize(
+    ("damage", "limit", "named"),
+    [
+        (with_nan, 0.001, ("environment 17, control step 1 of 8", "qpos, qvel", "1 of 32")),
+        (with_overflow, 0.01, ("environment 9, control step 1 of 8", "tracking/linear_error_m_s")),
+    ],
+)
+def test_the_cause_is_found_by_a_replay(
+    sound: Path, tmp_path: Path, damage: Callable[[Any], Any], limit: float, named: tuple[str, ...]
+) -> None:
+    """A sound run, whose state after the second iteration is replaced by a damaged one, is resumed."""
+    folder = Path(shutil.copytree(sound, tmp_path / "run"))
+    shutil.rmtree(folder / FOLDER, ignore_errors=True)
+    run = api.open_run(folder)
+    write_atomically(folder / "config.yaml", dump(replace(run.config, diverged_limit=limit)).encode())
+    kept, *others = sorted(run.checkpoints.iterdir())
+    state, seen = checkpoint.restore(kept, assemble(run.config, load_robot("go1")).shapes)
+    for path in others:
+        path.unlink()
+    checkpoint.save(run.checkpoints, int(state.iteration), state._replace(env=damage(state.env)), seen)
+    with pytest.raises(UserError, match=r"iteration \d"):
+        api.resume(folder)
+    found = api.diagnose(folder, say=lambda _: None)
+    assert found.reason == found.failure.reason
+    assert [words for words in named if words not in found.finding] == []
+    assert found.saved is not None
+    with np.load(found.saved) as saved:
+        assert (saved["state.qpos"].shape, saved["action"].shape) == ((19,), (12,))
+        assert f"environment {saved['environment']}," in found.finding
+        assert "state.sample.friction" in saved
+
+
+def test_a_run_without_a_failure_has_nothing_to_replay(sound: Path, shell: Shell) -> None:
+    assert str(sound) in shell.refuses("diagnose", sound)
 
 
 def test_a_state_that_is_not_finite_is_never_saved(sound: Path, tmp_path: Path) -> None:
     """Even if no metric shows it."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
     before = checkpoint.latest(run.checkpoints)
-    with pytest.raises(TrainingFailedError, match=r"in iteration 7: \['mean'\] is not finite"):
-        broken_trainer(run).save()
+    trainer = BraxTrainer(run, load_robot("go1"))
+    trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
+    with pytest.raises(TrainingFailedError, match=r"iteration 7: \['mean'\]"):
+        trainer.save()
     assert checkpoint.latest(run.checkpoints) == before
 
 
