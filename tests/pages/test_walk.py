@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
 from footfall.pages import walk
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
@@ -204,11 +203,3 @@ class TestNewestPolicy:
         session.replace_network(other)
         action = session.network(np.ones(shape[0], np.float32))
         np.testing.assert_allclose(action, 0.1 * weights.sum(axis=0), rtol=1e-4, atol=1e-4)
-
-    def test_another_contract_is_refused(self, go1: Robot, own_folder: Path, tmp_path: Path) -> None:
-        onnx = pytest.importorskip("onnx")
-        from tiny_policy import write_policy
-
-        other = write_policy(onnx, tmp_path / "other.onnx", own_folder)
-        with pytest.raises(UserError, match="another contract"):
-            NewestPolicy(POLICY, go1).replace_network(other)
