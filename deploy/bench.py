@@ -59,7 +59,7 @@ class Bench:
         self._values = np.full((3, n), np.nan)
         self._temperature, self._voltage = np.full((2, n), np.nan)
         self._error = np.zeros(n, np.intp)
-        self._heard_us = np.full(n, -np.inf)
+        self._arrived_us = np.full(n, -np.inf)
         self._now_us = self._clock.next_tick()
 
     # -- operations ----------------------------------------------------------------------------------
@@ -84,7 +84,7 @@ class Bench:
 
     def idle(self, seconds: float, each_tick: Callable[[], None]) -> None:
         """Keep motors enabled for a time: no stiffness, no damping, no torque."""
-        nothing = np.zeros((5, len(self._heard_us)))
+        nothing = np.zeros((5, len(self._arrived_us)))
         self._run(seconds, lambda: self._driver.command(nothing), each_tick)
 
     def settle(self) -> str:
@@ -128,14 +128,14 @@ class Bench:
 
     def missing(self) -> str:
         """First silent motor; empty if all reply."""
-        silent = self._now_us - self._heard_us > SILENCE_TIMEOUT_US
+        silent = self._now_us - self._arrived_us > SILENCE_TIMEOUT_US
         return f"no answer from {self._wiring.label(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:
         """Latest state of each motor."""
         wiring = self._wiring
         columns = zip(
-            ((self._now_us - self._heard_us) * 1e-6).tolist(),
+            ((self._now_us - self._arrived_us) * 1e-6).tolist(),
             *self._values.tolist(),
             self._temperature.tolist(),
             self._voltage.tolist(),
@@ -183,7 +183,7 @@ class Bench:
             motor, values, error, temperature, voltage, *_ = self._driver.replies(batch)
             self._values[:, motor], self._error[motor] = values, error
             self._temperature[motor], self._voltage[motor] = temperature, voltage
-            self._heard_us[motor] = self._now_us
+            self._arrived_us[motor] = self._now_us
 
 
 @contextmanager

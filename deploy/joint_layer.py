@@ -8,7 +8,7 @@ from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.frames import Frames
-from footfall.deploy.receiver import LastHeard, MotorHealth, Receiver
+from footfall.deploy.receiver import LastArrivals, MotorHealth, Receiver
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
@@ -227,9 +227,9 @@ class JointLayer:
         """Number of the IMU's messages so far that were ignored because of a wrong checksum."""
         return self._receiver.imu_damaged
 
-    def last_heard(self) -> LastHeard:
+    def last_arrivals(self) -> LastArrivals:
         """Arrival times of the latest readings."""
-        return self._receiver.last_heard()
+        return self._receiver.last_arrivals()
 
     def health(self, now_us: int) -> MotorHealth:
         """Age of the latest readings and state of the motors; the arrays do not change afterwards."""

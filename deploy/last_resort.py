@@ -67,7 +67,7 @@ class LastResort:
         while now_us - began_us <= DISABLE_TIMEOUT_US:
             with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
-            unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
+            unanswered = self._joints.last_arrivals().motor_us < began_us + 2 * self._tick_us
             pulls = self._joints.torque_share > MIN_TORQUE_SHARE
             on = ~unanswered & (self._driver.not_confirmed_off() | pulls)
             self.silent_at_the_end, self.on_at_the_end = self._labels(unanswered), self._labels(on)

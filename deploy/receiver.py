@@ -17,7 +17,7 @@ MAX_LAYOUTS = 64  # limit of the cache: some protocols have values in identifier
 _NO_ROWS = np.zeros(0, np.intp)
 
 
-class LastHeard(NamedTuple):
+class LastArrivals(NamedTuple):
     """Times of the latest readings, microseconds of the loop's clock, and the motors' error codes."""
 
     motor_us: np.ndarray  # (n,)
@@ -103,10 +103,10 @@ class Receiver:
         """Name of the oldest part of the IMU's reading."""
         return self._imu.oldest
 
-    def last_heard(self) -> LastHeard:
+    def last_arrivals(self) -> LastArrivals:
         """Arrival times of the latest readings."""
-        imu_us = self._imu.heard_us
-        return LastHeard(self._motor_us, NEVER_US if imu_us is None else imu_us, self._error)
+        imu_us = self._imu.arrived_us
+        return LastArrivals(self._motor_us, NEVER_US if imu_us is None else imu_us, self._error)
 
     @property
     def replies(self) -> np.ndarray:
@@ -126,7 +126,7 @@ class Receiver:
 
     def health(self, now_us: int) -> MotorHealth:
         """Age of the latest readings and state of the motors."""
-        motor_us, imu_us, error = self.last_heard()
+        motor_us, imu_us, error = self.last_arrivals()
         age_us = np.empty(len(motor_us) + 1)
         age_us[:-1], age_us[-1] = now_us - motor_us, now_us - imu_us
         return MotorHealth(1e-6 * age_us, self.temperature_c, self.voltage, error)

@@ -73,7 +73,7 @@ class SignalSource:
         """Restart the sensor checks; with `again` the reference rates of messages are kept."""
         joints = self._joints
         self._monitor.begin(
-            now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target, again
+            now_us, joints.last_arrivals().motor_us, joints.inertial, joints.joints, joints.target, again
         )
         self._monitor.begin_links(now_us, joints)
 
@@ -97,7 +97,7 @@ class SignalSource:
             get_up_requested: whether an operator requests getting up.
         """
         joints, mode = self._joints, state.mode
-        motor_us, imu_us, motor_error = joints.last_heard()
+        motor_us, imu_us, motor_error = joints.last_arrivals()
         oldest = int(motor_us.argmin())
         motor_silence_us, imu_silence_us = now_us - int(motor_us[oldest]), now_us - imu_us
         now_s = now_us * 1e-6
@@ -146,11 +146,11 @@ class SignalSource:
         self, now_us: int, motor_silence_us: int, imu_silence_us: int
     ) -> tuple[StartSignals, Implausible | None]:
         """Reasons against the start, once all motors have answered."""
-        heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
-        if heard and imu_silence_us <= self._silence_us:
+        motors_replied, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
+        if motors_replied and imu_silence_us <= self._silence_us:
             rest.update(now_us, joints.inertial, joints.joints[1])
         not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us)
-        if not heard:
+        if not motors_replied:
             return StartSignals(not_ready), None
         pose = impossible_pose(self._robot, self._labels, joints.joints[0], self._first_pose_rad)
         implausible = self._monitor.first_contradiction(joints) or rest.contradiction()

@@ -45,7 +45,7 @@ class _Held(NamedTuple):
     """The newest request, the time of the owner's last message, and of its last velocity."""
 
     request: Request
-    heard_s: float
+    received_s: float
     moved_s: float
 
 
@@ -206,7 +206,7 @@ class Inbox:
         """The owner's newest request, without its outdated parts."""
         self._status = status
         with self._lock:
-            request, heard_s, moved_s = self._held
+            request, received_s, moved_s = self._held
             if self._end is not None:
                 return self._end
             if status.mode is not Mode.WALKING:  # the robot is not under command yet
@@ -216,7 +216,7 @@ class Inbox:
                 request = request._replace(wish=Wish.WALK)
                 self._held = self._held._replace(request=request)
             now_s = self._clock()
-            if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
+            if now_s - max(received_s, self._walks_since_s) >= self._config.lie_down_after_s:
                 who = f"'{self._owner}', who has control," if self._owner else "every operator"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
                 self._end = request._replace(velocity=ZERO_COMMAND, wish=Wish.LIE_DOWN, note=why, owner="")

@@ -52,7 +52,7 @@ class Receiver:
         self._inbox, self._token, self._clock = inbox, token, clock
         self._challenges = [secrets.token_hex(8)] * 2  # the current and the previous one
         self._since_s = clock()
-        self._heard: dict[str, tuple[int, float]] = {}  # by sender: latest number, and its time
+        self._latest: dict[str, tuple[int, float]] = {}  # by sender: latest number, and its time
         self.refused = 0  # datagrams without the right token
         self.answer = ""  # reply to the latest request
 
@@ -74,7 +74,7 @@ class Receiver:
         new = secrets.token_hex(8)
         self._challenges = [new, self._challenges[0] if passed_s < 2 * CHALLENGE_S else new]
         self._since_s = now_s
-        self._heard = {k: v for k, v in self._heard.items() if now_s - v[1] <= 3 * CHALLENGE_S}
+        self._latest = {k: v for k, v in self._latest.items() if now_s - v[1] <= 3 * CHALLENGE_S}
 
     def _fresh(self, request: dict[str, Any], now_s: float) -> str:
         """Why a request is refused as an old one; empty if it is new."""
@@ -83,11 +83,11 @@ class Receiver:
             return "sender and number are missing"
         if request.get("challenge") not in self._challenges:
             return "challenge"
-        if number <= self._heard.get(sender, (-1, 0.0))[0]:
+        if number <= self._latest.get(sender, (-1, 0.0))[0]:
             return "an old datagram"
-        if sender not in self._heard and len(self._heard) >= MAX_SENDERS:
+        if sender not in self._latest and len(self._latest) >= MAX_SENDERS:
             return "too many senders"
-        self._heard[sender] = number, now_s
+        self._latest[sender] = number, now_s
         return ""
 
     def _ask(self, request: dict[str, Any]) -> str:

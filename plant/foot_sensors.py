@@ -33,7 +33,7 @@ class SimulatedFootSensors:
         )
         self._counter = 0
         self.silent = np.zeros(feet, bool)  # sensors that send nothing; set by fault injection
-        self.lie: Callable[[np.ndarray], np.ndarray] | None = None  # changes reports, N, (feet,)
+        self.distort: Callable[[np.ndarray], np.ndarray] | None = None  # changes reports, N, (feet,)
 
     def remember(self) -> None:
         """Store the current forces, to be read after the observation delay. Call at each physics step."""
@@ -42,8 +42,8 @@ class SimulatedFootSensors:
     def sample(self) -> Frames:
         """The frames of the next sample."""
         found = measured(self._past.seen(), self._sensors, self._rng.random(len(self.silent)))
-        if self.lie is not None:
-            found = self.lie(found)
+        if self.distort is not None:
+            found = self.distort(found)
         self._counter += 1
         frames = self._frames._replace(data=foot_force.encode(found, self._counter))
         return frames.take(~self.silent) if self.silent.any() else frames

@@ -53,7 +53,7 @@ class FootForceReader:
         self.identifiers = identifiers(len(channel))
         self._samples = [SampleCounter() for _ in self._channel]
         self._force = [math.nan] * len(self._channel)
-        self._heard_us = [-MAX_AGE_US] * len(self._channel)
+        self._arrived_us = [-MAX_AGE_US] * len(self._channel)
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames with these identifiers; those of other senders, and shorter ones, are ignored."""
@@ -64,9 +64,11 @@ class FootForceReader:
                 continue
             force, counter = decode(row.tobytes())
             if self._samples[foot].is_new(counter):
-                self._force[foot], self._heard_us[foot] = force, arrived_us
+                self._force[foot], self._arrived_us[foot] = force, arrived_us
 
     def force(self, now_us: int) -> np.ndarray:
         """Forces, N, (feet,); NaN for a sensor without a new sample for 20 ms."""
-        pairs = zip(self._force, self._heard_us, strict=True)
-        return np.array([force if now_us - heard < MAX_AGE_US else math.nan for force, heard in pairs])
+        pairs = zip(self._force, self._arrived_us, strict=True)
+        return np.array(
+            [force if now_us - arrived_us < MAX_AGE_US else math.nan for force, arrived_us in pairs]
+        )

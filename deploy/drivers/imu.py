@@ -100,13 +100,13 @@ class ImuReader:
         three = np.ones(len(IDS), np.intp)
         self._whole = layout_of(Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three))
         self._gyro_samples, self._acceleration_samples = SampleCounter(), SampleCounter()
-        self._heard_us: list[int | None] = [None, None, None]  # of each part, in the order of `IDS`
+        self._arrived_us: list[int | None] = [None, None, None]  # of each part, in the order of `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
     @property
-    def heard_us(self) -> int | None:
+    def arrived_us(self) -> int | None:
         """Arrival time of the oldest of the three latest parts, us; None until each has arrived."""
-        gyro, acceleration, quaternion = self._heard_us
+        gyro, acceleration, quaternion = self._arrived_us
         if gyro is None or acceleration is None or quaternion is None:
             return None
         return min(gyro, acceleration, quaternion)
@@ -119,7 +119,7 @@ class ImuReader:
     @property
     def oldest(self) -> str:
         """Name of the oldest part."""
-        ages = [-math.inf if heard is None else heard for heard in self._heard_us]
+        ages = [-math.inf if arrived_us is None else arrived_us for arrived_us in self._arrived_us]
         return Inertial._fields[ages.index(min(ages))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
@@ -146,14 +146,14 @@ class ImuReader:
         if gyro_new is None or acceleration_new is None:
             return
         if gyro_new:
-            self._heard_us[0] = arrived[0]
+            self._arrived_us[0] = arrived[0]
         if acceleration_new:
-            self._heard_us[1] = arrived[1]
+            self._arrived_us[1] = arrived[1]
         quaternion: Sequence[float] | None = _unit_quaternion(*words)
         if quaternion is None:
             quaternion = self.reading.quaternion
         else:
-            self._heard_us[2] = arrived[2]
+            self._arrived_us[2] = arrived[2]
         self.reading = Inertial(
             (gx * GYRO_UNIT, gy * GYRO_UNIT, gz * GYRO_UNIT),
             (ax * ACCELERATION_UNIT, ay * ACCELERATION_UNIT, az * ACCELERATION_UNIT),
@@ -167,15 +167,15 @@ class ImuReader:
             new = self._gyro_samples.is_new(counter)
             gyro = gyro if new is None else rates
             if new:
-                self._heard_us[0] = arrived_us
+                self._arrived_us[0] = arrived_us
         elif identifier == ACCELERATION_ID:
             new = self._acceleration_samples.is_new(_SAMPLE.unpack(data)[3])
             acceleration = acceleration if new is None else decode_acceleration(data)
             if new:
-                self._heard_us[1] = arrived_us
+                self._arrived_us[1] = arrived_us
         elif (decoded := decode_quaternion(data)) is not None:
             quaternion = decoded
-            self._heard_us[2] = arrived_us
+            self._arrived_us[2] = arrived_us
         self.reading = Inertial(gyro, acceleration, quaternion)
 
 
@@ -186,11 +186,13 @@ class InertialReader(ImuReader):
     orientation = False
 
     @property
-    def heard_us(self) -> int | None:
-        gyro, acceleration, _ = self._heard_us
+    def arrived_us(self) -> int | None:
+        gyro, acceleration, _ = self._arrived_us
         return None if gyro is None or acceleration is None else min(gyro, acceleration)
 
     @property
     def oldest(self) -> str:
-        gyro, acceleration, _ = (-math.inf if heard is None else heard for heard in self._heard_us)
+        gyro, acceleration, _ = (
+            -math.inf if arrived_us is None else arrived_us for arrived_us in self._arrived_us
+        )
         return "gyro" if gyro <= acceleration else "acceleration"

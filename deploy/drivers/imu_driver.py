@@ -31,7 +31,7 @@ class ImuDriver(Protocol):
         ...
 
     @property
-    def heard_us(self) -> int | None:
+    def arrived_us(self) -> int | None:
         """Arrival time of the oldest part of the reading, us; None until each part has arrived.
         A repeated sample does not change it: the reading of a stuck IMU must become old.
         """

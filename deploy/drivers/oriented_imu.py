@@ -21,14 +21,14 @@ class OrientedImu:
         self.reading = driver.reading
 
     @property
-    def heard_us(self) -> int | None:
+    def arrived_us(self) -> int | None:
         """Arrival time of the latest reading, us; None until the robot has been at rest long enough."""
-        return None if self._estimator.attitude is None else self._driver.heard_us
+        return None if self._estimator.attitude is None else self._driver.arrived_us
 
     @property
     def oldest(self) -> str:
         """Name of the oldest part of the reading."""
-        if self._estimator.attitude is None and self._driver.heard_us is not None:
+        if self._estimator.attitude is None and self._driver.arrived_us is not None:
             return "quaternion: the robot must be at rest at first"
         return self._driver.oldest
 
@@ -45,11 +45,11 @@ class OrientedImu:
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames; a new sample advances the attitude by the time since the previous one."""
         self._driver.absorb(frames, now_us)
-        heard_us, before_us = self._driver.heard_us, self._updated_us
-        if heard_us is None or heard_us == before_us:
+        arrived_us, before_us = self._driver.arrived_us, self._updated_us
+        if arrived_us is None or arrived_us == before_us:
             return
-        self._updated_us = heard_us
+        self._updated_us = arrived_us
         gyro, acceleration, quaternion = self._driver.reading
-        elapsed_s = 0.0 if before_us is None else 1e-6 * (heard_us - before_us)
+        elapsed_s = 0.0 if before_us is None else 1e-6 * (arrived_us - before_us)
         attitude = self._estimator.update(gyro, acceleration, elapsed_s)
         self.reading = Inertial(gyro, acceleration, quaternion if attitude is None else attitude.quaternion)

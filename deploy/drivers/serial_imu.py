@@ -57,7 +57,7 @@ class SerialImu:
         self._waiting = bytearray()
         self._samples = SampleCounter()
         self.damaged = 0  # number of messages with a wrong checksum so far
-        self.heard_us: int | None = None  # arrival time of the latest message's last byte
+        self.arrived_us: int | None = None  # arrival time of the latest message's last byte
         self.reading = LEVEL
 
     @staticmethod
@@ -113,4 +113,4 @@ class SerialImu:
             return
         self.reading = sample.reading
         if new:
-            self.heard_us = arrived_us
+            self.arrived_us = arrived_us

@@ -46,17 +46,17 @@ class XsensCanImu:
         self._groups = SampleCounter()
         self._open: set[int] = set()  # identifiers missing from the current group
         self._new = False  # whether the group is new, instead of repeated
-        self._heard_us: dict[int, int | None] = dict.fromkeys(PARTS)
+        self._arrived_us: dict[int, int | None] = dict.fromkeys(PARTS)
         self.reading = LEVEL
 
     @property
-    def heard_us(self) -> int | None:
-        times = [each for each in self._heard_us.values() if each is not None]
+    def arrived_us(self) -> int | None:
+        times = [each for each in self._arrived_us.values() if each is not None]
         return min(times) if len(times) == len(PARTS) else None
 
     @property
     def oldest(self) -> str:
-        ages = {part: -math.inf if at is None else at for part, at in self._heard_us.items()}
+        ages = {part: -math.inf if at is None else at for part, at in self._arrived_us.items()}
         return PARTS[min(ages, key=ages.__getitem__)]
 
     @property
@@ -83,7 +83,7 @@ class XsensCanImu:
         self._open.remove(identifier)
         self.reading = self.reading._replace(**{PARTS[identifier]: values})
         if self._new:
-            self._heard_us[identifier] = arrived_us
+            self._arrived_us[identifier] = arrived_us
 
 
 def _decoded(identifier: int, data: bytes) -> tuple[float, ...] | None:

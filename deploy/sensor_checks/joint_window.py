@@ -89,16 +89,16 @@ class JointWindows:
         self._gap_us = round(1e6 * max(period_s / 2, 1.5 * self.sample_s))
         self.begin(0, np.zeros(joints, np.int64), np.zeros((3, joints)), np.zeros(joints))
 
-    def begin(self, now_us: int, heard_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
+    def begin(self, now_us: int, arrived_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
         """Clear all readings, and start with these (see `add`) and these position targets, rad, (n,)."""
         self._sums = _Sums(self._n, now_us)
         self._added_us = now_us
-        self._heard_us = heard_us.copy()
+        self._arrived_us = arrived_us.copy()
         self._last, self._target = joints, target
         self._change = np.zeros(self._n)  # change of the velocities between readings, rad/s
         self._target_travel = np.zeros(self._n)
         self._ended = joints[0]  # positions at the end of the last window, rad
-        self._youngest_us = (now_us - heard_us).astype(float)  # smallest age of each motor's readings
+        self._youngest_us = (now_us - arrived_us).astype(float)  # smallest age of each motor's readings
 
     def due(self, now_us: int) -> bool:
         """Whether the next readings are due."""
@@ -108,7 +108,7 @@ class JointWindows:
         self,
         now_us: int,
         silence_us: int,
-        heard_us: np.ndarray,
+        arrived_us: np.ndarray,
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
@@ -121,7 +121,7 @@ class JointWindows:
             now_us: time of the loop.
             silence_us: age of the oldest reading. A window with a gap is not used, because the motion in the
                 gap is unknown.
-            heard_us: (n,) arrival time of each motor's reading.
+            arrived_us: (n,) arrival time of each motor's reading.
             inertial: reading of the IMU.
             joints: (3, n) reported position rad, velocity rad/s, torque N m.
             expected: (n,) expected torque from the last commands for these readings, N m.
@@ -132,13 +132,13 @@ class JointWindows:
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
             sums.gap = True
-        age_us = now_us - heard_us
+        age_us = now_us - arrived_us
         np.minimum(self._youngest_us, age_us, out=self._youngest_us)
         np.maximum(sums.late_us, age_us - self._youngest_us, out=sums.late_us)
         self._added_us = now_us
-        sums.travel += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + last[1])
+        sums.travel += (0.5e-6 * (arrived_us - self._arrived_us)) * (joints[1] + last[1])
         sums.starts += joints[0] - sums.travel
-        self._heard_us = heard_us.copy()
+        self._arrived_us = arrived_us.copy()
         change = joints[1] - last[1]
         sums.jolts += np.abs(change - self._change)
         self._change = change

@@ -61,7 +61,7 @@ class SensorMonitor:
     def begin(
         self,
         now_us: int,
-        heard_us: np.ndarray,
+        arrived_us: np.ndarray,
         inertial: Inertial,
         joints: np.ndarray,
         target: np.ndarray,
@@ -71,7 +71,7 @@ class SensorMonitor:
 
         `again`: keep the usual rates of messages.
         """
-        self._windows.begin(now_us, heard_us, joints, target)
+        self._windows.begin(now_us, arrived_us, joints, target)
         self._inertial, self._body = inertial, None
         links = () if again else self._link_checks
         for check in (*self._joint_checks, *(check for check, _ in (*self._body_checks, *links))):
@@ -82,7 +82,7 @@ class SensorMonitor:
     def begin_links(self, now_us: int, joints: JointLayer) -> None:
         """Start counting messages."""
         self._links.begin(
-            now_us, joints.replies, joints.imu_older, joints.last_heard().imu_us, joints.inertial
+            now_us, joints.replies, joints.imu_older, joints.last_arrivals().imu_us, joints.inertial
         )
 
     def update(
@@ -108,11 +108,11 @@ class SensorMonitor:
         found = self.body_contradiction(on_legs)
         if found is not None or not self._windows.due(now_us):
             return found
-        (heard_us, imu_us, _), expected = joints.last_heard(), joints.expected_torque()
+        (arrived_us, imu_us, _), expected = joints.last_arrivals(), joints.expected_torque()
         self._links.add(imu_us, joints.inertial)
         commanded, inertial = joints.take_torque_range(), joints.inertial
         if not self.add(
-            now_us, silence_us, heard_us, inertial, joints.joints, expected, commanded, joints.sent
+            now_us, silence_us, arrived_us, inertial, joints.joints, expected, commanded, joints.sent
         ):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
@@ -142,7 +142,7 @@ class SensorMonitor:
         self,
         now_us: int,
         silence_us: int,
-        heard_us: np.ndarray,
+        arrived_us: np.ndarray,
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
@@ -150,7 +150,7 @@ class SensorMonitor:
         sent: np.ndarray | None = None,
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
-        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, commanded, sent)
+        return self._windows.add(now_us, silence_us, arrived_us, inertial, joints, expected, commanded, sent)
 
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray

@@ -28,25 +28,25 @@ class StopFrameBus(WrappedBus):
         self._frame, self._channel = frame, channel
         self._id = frame.id | frame.extended * EXTENDED
         self._source = f"the stop frame {frame.id:#x} on {frame.bus}"
-        self._heard_us: int | None = None
+        self._arrived_us: int | None = None
         self.stopped: Stop | None = None
 
     def receive(self, now_us: int) -> list[Frames]:
         batches = super().receive(now_us)
-        if self._heard_us is None:
-            self._heard_us = now_us
+        if self._arrived_us is None:
+            self._arrived_us = now_us
         for index, frames in enumerate(batches):
             ours = (frames.id == self._id) & (frames.channel == self._channel)
             if np.count_nonzero(ours):
                 self._take(frames.take(ours), now_us)
                 batches[index] = frames.take(~ours)
         limit_s = self._frame.heartbeat_s
-        if limit_s is not None and now_us - self._heard_us > limit_s * 1e6:
+        if limit_s is not None and now_us - self._arrived_us > limit_s * 1e6:
             self._stop(f"no {self._source.removeprefix('the ')} for {limit_s * 1e3:.0f} ms")
         return batches
 
     def _take(self, frames: Frames, now_us: int) -> None:
-        self._heard_us = now_us
+        self._arrived_us = now_us
         if ((frames.length == 0) | (frames.data[:, 0] != 0)).any():
             self._stop(f"stopped by {self._source}")
 

@@ -149,6 +149,6 @@ def test_a_low_battery_lowers_the_torque_limits_not_the_gains(go1: Robot) -> Non
     layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002, battery=Low())  # type: ignore[arg-type]
     layer.absorb([], 0)
     zeros = np.zeros(MOTORS)
-    for asked, sent in ((1.0, 0.6), (0.5, 0.5)):
-        layer.command(JointCommand(zeros, zeros, zeros, zeros, asked * go1.motor.peak_torque))
+    for requested, sent in ((1.0, 0.6), (0.5, 0.5)):
+        layer.command(JointCommand(zeros, zeros, zeros, zeros, requested * go1.motor.peak_torque))
         np.testing.assert_allclose(layer.sent[4], sent * go1.motor.peak_torque)

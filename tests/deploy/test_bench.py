@@ -92,16 +92,16 @@ class TestBench:
         left = [lost]
 
         def drop(frames: Frames, _: int) -> Frames:
-            asked = (frames.data[:, 7] == 0xFE) & (frames.channel == len(joints) - 1) & (left[0] > 0)
-            left[0] -= int(asked.sum())
-            return frames.take(~asked)
+            zeroing = (frames.data[:, 7] == 0xFE) & (frames.channel == len(joints) - 1) & (left[0] > 0)
+            left[0] -= int(zeroing.sum())
+            return frames.take(~zeroing)
 
         bus.outgoing = drop
         bench = stand.bench(stand.wiring.take(np.array(joints)))
         assert bench.settle() == ""
-        said = bench.zero()
-        assert said.startswith(unset)
-        assert bool(said) == bool(unset)
+        reason = bench.zero()
+        assert reason.startswith(unset)
+        assert bool(reason) == bool(unset)
 
     def test_a_joint_that_keeps_moving_is_named(self, go1: Robot) -> None:
         stand = OnStand(go1)

@@ -311,13 +311,13 @@ def test_a_scale_lowers_gains_and_torque_but_not_damping(go1: Robot) -> None:
     """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
     driver = open_driver(wiring_of(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
-    wanted = np.zeros((5, 12))
-    wanted[0], wanted[2], wanted[4] = 1.0, 1.0, 2.0
+    command = np.zeros((5, 12))
+    command[0], command[2], command[4] = 1.0, 1.0, 2.0
     for layer in (full, half):
-        layer.command(wanted)
+        layer.command(command)
     np.testing.assert_allclose(half.sent[[2, 4]], 0.5 * full.sent[[2, 4]])  # what a gait feeds forward, too
-    wanted[0], wanted[2], wanted[4] = go1.soft_limits[1], 400.0, 0.0
-    half.command(wanted)
+    command[0], command[2], command[4] = go1.soft_limits[1], 400.0, 0.0
+    half.command(command)
     torque = half.sent[2] * half.sent[0]
     assert (np.abs(torque) <= 0.5 * go1.motor.peak_torque + 1e-9).all()
     half.damping(3.0)

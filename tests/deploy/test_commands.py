@@ -11,7 +11,7 @@ RANGES = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
 
 class TestLimits:
     @pytest.mark.parametrize(
-        ("asked", "given"),
+        ("requested", "given"),
         [
             ([1.5, -0.5, 1.0], [1.5, -0.5, 1.0]),
             ([5.0, 0.0, 0.0], [1.5, 0.0, 0.0]),
@@ -20,15 +20,15 @@ class TestLimits:
             ([np.nan, np.inf, 0.3], [0.0, 0.0, 0.3]),
         ],
     )
-    def test_commands_are_clipped_axis_by_axis(self, asked: list[float], given: list[float]) -> None:
-        assert CommandLimits(RANGES).apply(np.array(asked)).tolist() == given
+    def test_commands_are_clipped_axis_by_axis(self, requested: list[float], given: list[float]) -> None:
+        assert CommandLimits(RANGES).apply(np.array(requested)).tolist() == given
 
     def test_each_axis_is_noted_once_and_the_requested_command_not_changed(self) -> None:
-        limits, asked = CommandLimits(RANGES), np.array([5.0, 0.0, 0.0])
+        limits, requested = CommandLimits(RANGES), np.array([5.0, 0.0, 0.0])
         for forward in (1.0, 5.0, 6.0, -7.0):
-            asked[0] = forward
-            limits.apply(asked)
-            assert asked.tolist() == [forward, 0.0, 0.0]
+            requested[0] = forward
+            limits.apply(requested)
+            assert requested.tolist() == [forward, 0.0, 0.0]
         limits.apply(np.array([0.0, 0.0, 1.1]))
         forward_note, yaw_note = limits.notes
         assert all(word in forward_note for word in ("forward", "-1 to 1.5", "5 was clipped to 1.5"))

@@ -90,8 +90,8 @@ class TestContact:
     def test_legs_in_the_air_are_not_in_stance_for_any_weight(self) -> None:
         """The hexapod's legs weigh as much as its body: held up, then pulled down faster than free fall."""
         robot = load_robot("hexapod")
-        for felt in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
-            hanging = carried(robot, np.zeros((6, 3)), felt)
+        for acceleration in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
+            hanging = carried(robot, np.zeros((6, 3)), acceleration)
             assert np.abs(hanging.joint_torque).max() > 0.1
             np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
 

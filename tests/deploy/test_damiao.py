@@ -78,9 +78,9 @@ class TestRegisters:
         assert introduce(driver, end) == 5  # registers, one at a time
         assert driver.highest[:, 0].tolist() == [6.0, 25.0, 500.0, 5.0, 12.0]
         assert driver.lowest[[0, 1, 4], 0].tolist() == [-6.0, -25.0, -12.0]
-        wanted = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
-        back = end.requests(driver.command(wanted)).values
-        np.testing.assert_allclose(back, wanted, atol=0.07)
+        command = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
+        back = end.requests(driver.command(command)).values
+        np.testing.assert_allclose(back, command, atol=0.07)
 
     @pytest.mark.parametrize(
         ("register", "value", "message"),

@@ -129,12 +129,12 @@ def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_pat
 def test_a_feed_in_use_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"feed: Address already in use"):
         McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(os.fspath(tmp_path / "dead"))
-    again = McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "dead")
+    with socket.socket(socket.AF_UNIX) as unused:
+        unused.bind(os.fspath(tmp_path / "unused"))
+    again = McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "unused")
     again.begin(START_NS)
     assert again.close() == ""
-    assert not (tmp_path / "dead").exists()
+    assert not (tmp_path / "unused").exists()
 
 
 def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ class TestContactPoints:
     def test_a_sole_touches_with_its_lowest_edge(
         self, axis: str, angle: float, expected: tuple[float, float], atol: float
     ) -> None:
-        """Corners 0.085 m ahead and behind, 0.03 and 0.025 m aside, seen from the sole's middle."""
+        """From the sole's middle: corners are 0.085 m ahead and behind, 0.03 and 0.025 m aside."""
         up = about(axis, angle).T @ UP
         arms = ContactPoints(G1.legs, 0.0005).arms(G1.default_pose, up)
         np.testing.assert_allclose(arms[:, :2] + 0.005 * up[:2], [expected] * 2, atol=atol)
@@ -72,7 +72,7 @@ class TestContactPoints:
         assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
 
     def test_spheres_of_a_mesh_are_corners_of_its_box(self) -> None:
-        """Which is about the mesh, not about its centre of mass: it holds all vertices, and no less would."""
+        """The box has the axes of the mesh's inertia and is the smallest that holds all vertices."""
         model = mujoco.MjModel.from_xml_string(
             """<mujoco><asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>
             <worldbody><body><freejoint/><geom type="mesh" mesh="wedge" pos="1 2 3" euler="20 0 50"/>

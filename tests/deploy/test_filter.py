@@ -11,7 +11,7 @@ from footfall.deploy.estimation.filter import MotionFilter
 
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = np.eye(3).tolist()
-TRUSTING = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # a plain Kalman filter
+NO_OUTLIERS = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # a plain Kalman filter
 
 
 def about(axis: str, angle: float) -> np.ndarray:
@@ -28,7 +28,7 @@ def matrix(motion: MotionFilter) -> np.ndarray:
     return np.array([[m.pp, m.pv, m.pb], [m.pv, m.vv, m.vb], [m.pb, m.vb, m.bb]])
 
 
-def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
+def coupled(config: FilterConfig = NO_OUTLIERS, seed: int = 3) -> MotionFilter:
     """A filter with a full covariance: all of its numbers differ."""
     rng = np.random.default_rng(seed)
     motion = MotionFilter(config)
@@ -42,7 +42,7 @@ def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
 class TestFilter:
     def test_prediction_follows_the_textbook(self) -> None:
         """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
-        config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
+        config, dt_s, turn = NO_OUTLIERS, 0.003, about("x", 0.3)
         motion = coupled()
         position, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
         forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
@@ -61,7 +61,7 @@ class TestFilter:
 
     def test_correction_follows_the_textbook(self) -> None:
         """Each leg measures v, with a noise that grows as its contact falls."""
-        config, motion = TRUSTING, coupled()
+        config, motion = NO_OUTLIERS, coupled()
         state = np.array([motion.position, motion.velocity, motion.bias])
         covariance = matrix(motion)
         velocities = np.random.default_rng(5).standard_normal((4, 3))
@@ -82,7 +82,7 @@ class TestFilter:
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
             bias, seen = np.array(motion.bias), np.array(motion.velocity) + error
-            share = motion.vb / (motion.vv + TRUSTING.leg_velocity_noise**2)
+            share = motion.vb / (motion.vv + NO_OUTLIERS.leg_velocity_noise**2)
             motion.correct([seen.tolist()], [1.0], turn.as_matrix().tolist(), 0.002)
             np.testing.assert_allclose(motion.bias, bias + share * turn.inv().apply(error), rtol=1e-9)
 
@@ -101,7 +101,7 @@ class TestFilter:
 
     def test_a_leg_that_slips_is_outvoted(self) -> None:
         """One of three legs slips at 0.5 m/s: a plain filter would follow it by a third."""
-        plain, robust = MotionFilter(TRUSTING), MotionFilter(FilterConfig())
+        plain, robust = MotionFilter(NO_OUTLIERS), MotionFilter(FilterConfig())
         legs = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
         for motion in (plain, robust):
             motion.vv = 1e-4

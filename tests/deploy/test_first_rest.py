@@ -48,8 +48,8 @@ class TestFirstRest:
         rest = FirstRest(0.05, ImuLimits(rest_error=0.05), ["hip"])
         for sideways, upwards in ((7.0, 0.8), (-7.0, 1.4)):
             turn = Rotation.random(random_state=rng)
-            felt = turn.inv().apply([sideways, 2 * sideways, upwards * 9.81])
-            inertial = imu.Inertial(self.STILL, tuple(felt), tuple(turn.as_quat(scalar_first=True)))
+            acceleration = turn.inv().apply([sideways, 2 * sideways, upwards * 9.81])
+            inertial = imu.Inertial(self.STILL, tuple(acceleration), tuple(turn.as_quat(scalar_first=True)))
             rest.update(0, inertial, np.zeros(1))
         found = rest.contradiction()
         assert found is not None

@@ -29,7 +29,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.train.config import load_preset
 
-Lie = Callable[[SimulatedRobot], None]
+Distortion = Callable[[SimulatedRobot], None]
 FORWARD = np.array([0.3, 0.0, 0.0])
 
 
@@ -101,12 +101,12 @@ class TestDeclaration:
             LocomotionEnv(sensing, replace(load_preset("smoke").env, randomisation=family))
 
 
-def walk(robot: Robot, lie: Lie | None, duration_s: float = 1.2, **settings: object) -> Trace:
+def walk(robot: Robot, distort: Distortion | None, duration_s: float = 1.2, **settings: object) -> Trace:
     """mpc, which uses the estimate, with sensors that become wrong 0.2 s later."""
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        if lie is not None and loop.walking and loop.walking_s > 0.2:
-            lie(body)
+        if distort is not None and loop.walking and loop.walking_s > 0.2:
+            distort(body)
 
     episode = Episode(command_source=lambda _: FORWARD, duration_s=duration_s, **settings)  # type: ignore[arg-type]
     return run_episode(robot, load_policy("mpc", robot), episode, watch)
@@ -116,19 +116,19 @@ def each_otherwise(body: SimulatedRobot) -> None:
     """The first one is silent, the others report no force, too much, and a negative one."""
     assert body.foot_sensors is not None
     body.foot_sensors.silent[0] = True
-    body.foot_sensors.lie = lambda true: np.array([0.0, 0.0, 3000.0, -50.0])
+    body.foot_sensors.distort = lambda true: np.array([0.0, 0.0, 3000.0, -50.0])
 
 
 def exchanged(body: SimulatedRobot) -> None:
     """The plugs of front and hind feet are exchanged."""
     assert body.foot_sensors is not None
-    body.foot_sensors.lie = lambda true: np.roll(true, 2)
+    body.foot_sensors.distort = lambda true: np.roll(true, 2)
 
 
 class TestWalk:
-    @pytest.mark.parametrize("lie", [each_otherwise, exchanged])
-    def test_no_sensor_fells_the_robot(self, sensing: Robot, lie: Lie) -> None:
-        trace = walk(sensing, lie, 1.0)
+    @pytest.mark.parametrize("distort", [each_otherwise, exchanged])
+    def test_wrong_sensors_do_not_make_the_robot_fall(self, sensing: Robot, distort: Distortion) -> None:
+        trace = walk(sensing, distort, 1.0)
         assert not trace.fell
         assert not trace.faults
         assert sum("force sensor" in note for note in trace.notes) == 4

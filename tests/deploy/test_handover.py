@@ -24,7 +24,7 @@ QUICK = HandoverConfig(still_s=0.1, wait_s=0.2, blend_s=0.1)
 TICK_US = 2000
 
 
-class Bent(Hold):
+class BentPose(Hold):
     """Holds another pose, at its own rate."""
 
     def __init__(self, robot: Robot, name: str, by_rad: float = 0.0, rate_hz: float = 50.0) -> None:
@@ -55,7 +55,7 @@ def walk(policies: Handover, until_s: float, from_s: float = 0.0) -> list[tuple[
 
 class TestHandover:
     def test_a_handover_stops_blends_and_then_uses_the_next_policy(self, go1: Robot) -> None:
-        first, second = Bent(go1, "a", rate_hz=50.0), Bent(go1, "b", 0.2, rate_hz=250.0)
+        first, second = BentPose(go1, "a", rate_hz=50.0), BentPose(go1, "b", 0.2, rate_hz=250.0)
         policies = Handover([first, second], QUICK)
         walk(policies, 1.0)
         assert len(second.seen) == 0
@@ -71,7 +71,7 @@ class TestHandover:
         assert np.diff([inputs.time_s for inputs in second.seen]) == pytest.approx(0.004)
 
     def test_a_handover_waits_for_raised_feet_up_to_its_limit(self, go1: Robot) -> None:
-        first, second = Bent(go1, "a"), Bent(go1, "b")
+        first, second = BentPose(go1, "a"), BentPose(go1, "b")
         policies = Handover([first, second], QUICK)
         walk(policies, 0.5)
         first.plan = np.array([1.0, 0.0, 0.0, 1.0])
@@ -82,7 +82,7 @@ class TestHandover:
         assert len(second.seen) > 0
 
     def test_a_handover_can_be_cancelled_while_the_robot_stops(self, go1: Robot) -> None:
-        policies = Handover([Bent(go1, "a"), Bent(go1, "b")], QUICK)
+        policies = Handover([BentPose(go1, "a"), BentPose(go1, "b")], QUICK)
         walk(policies, 0.5)
         policies.apply(Change(policy="b"), 500_000)
         walk(policies, 0.55, 0.5)
@@ -92,7 +92,7 @@ class TestHandover:
 
     def test_two_policies_of_one_name_are_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="different names: a, a"):
-            Handover([Bent(go1, "a"), Bent(go1, "a")])
+            Handover([BentPose(go1, "a"), BentPose(go1, "a")])
 
 
 def test_a_blend_has_the_torque_of_both_at_any_position_and_velocity() -> None:

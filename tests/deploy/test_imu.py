@@ -39,7 +39,7 @@ def test_a_complete_reading_is_decoded_at_once() -> None:
         np.testing.assert_allclose(reader.reading.gyro, gyro, atol=1e-3)
         np.testing.assert_allclose(reader.reading.acceleration, acceleration, atol=5e-3)
         np.testing.assert_allclose(reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
-        assert reader.heard_us == 1000 * counter
+        assert reader.arrived_us == 1000 * counter
 
 
 def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_each_part_must_be_renewed_by_complete_frames(part: str, corrupt: Any, a
         else:
             for row in range(3):
                 reader.absorb(batch.take(np.array([row])), 1000 * counter)
-    assert reader.heard_us == 1000
+    assert reader.arrived_us == 1000
     assert reader.oldest == part
     assert reader.reading.quaternion == before.quaternion
 
@@ -94,7 +94,7 @@ def test_a_partly_invalid_batch_is_decoded_each_time(channel: list[int], length:
     for count in (1, 2):
         reader.absorb(Frames(*arrays, imu.encode(turned, count), lengths), count)
         assert reader.reading.quaternion == (1.0, 0.0, 0.0, 0.0)
-        assert reader.heard_us is None
+        assert reader.arrived_us is None
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -154,19 +154,19 @@ class TestReader:
             wire.send(counter, 1000 * counter)
         for now_us in (9000, 9500):
             wire.send(before - 1, now_us)
-        assert wire.reader.heard_us == 1000 * (before - 1)
+        assert wire.reader.arrived_us == 1000 * (before - 1)
 
     @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30), (0,)])
     def test_a_higher_counter_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k)
-            assert wire.reader.heard_us == 1000 * k
+            assert wire.reader.arrived_us == 1000 * k
 
     @pytest.mark.parametrize("counters", [(7, 9, 8), (7, 8, 0x4008), (0, 1, 0xFFFF)])
     def test_an_older_or_far_off_sample_is_ignored(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k, gyro=0.1 * k)
-        assert wire.reader.heard_us == 1000
+        assert wire.reader.arrived_us == 1000
         assert wire.reader.reading.gyro[0] == pytest.approx(0.1)
 
     def test_samples_that_are_replayed_are_counted_as_older(self, wire: Wire) -> None:
@@ -175,7 +175,7 @@ class TestReader:
         assert wire.reader.older == 98  # the second sample of the second lap confirms that it is one
         wire.send(2000, 5000), wire.send(2001, 6000)  # what was lost in a silence is not older
         assert wire.reader.older == 98
-        assert wire.reader.heard_us == 6000
+        assert wire.reader.arrived_us == 6000
 
     def test_frames_may_come_in_any_order_and_among_others(self, wire: Wire) -> None:
         reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0])
@@ -189,7 +189,7 @@ class TestReader:
                 np.testing.assert_allclose(wire.reader.reading.gyro, reading.gyro)
                 np.testing.assert_allclose(wire.reader.reading.acceleration, reading.acceleration)
                 np.testing.assert_allclose(wire.reader.reading.quaternion, reading.quaternion, atol=1e-4)
-                assert wire.reader.heard_us == now_us
+                assert wire.reader.arrived_us == now_us
             wire.reader = imu.ImuReader(channel=1)
 
     @pytest.mark.parametrize("before", [1, 2, 3])
@@ -200,5 +200,5 @@ class TestReader:
         data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), before)
         arrived = np.array([40_700, 40_500, 40_600])
         wire.reader.absorb(Frames(wire.channel, wire.id, data, wire.length, arrived), 90_000)
-        assert wire.reader.heard_us == 40_500
+        assert wire.reader.arrived_us == 40_500
         assert wire.reader.oldest == "acceleration"

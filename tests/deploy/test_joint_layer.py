@@ -65,24 +65,24 @@ class TestOut:
         np.testing.assert_array_equal(layer.expected_torque(), 0.0)
 
     def test_targets_continue_after_damping(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        wanted = command(go1, go1.default_pose)
-        layer.command(wanted)  # whose target is reached at once
+        requested = command(go1, go1.default_pose)
+        layer.command(requested)  # whose target is reached at once
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 0)
         layer.damping(3.0)
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3, atol=2e-4)
-        layer.command(wanted)
+        layer.command(requested)
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
     def test_a_reduced_torque_is_restored_once_the_joint_slows_down(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
     ) -> None:
-        wanted = command(go1, go1.default_pose, torque=20.0)
-        first = sent(go1, wiring, layer.command(wanted)).torque
+        requested = command(go1, go1.default_pose, torque=20.0)
+        first = sent(go1, wiring, layer.command(requested)).torque
         layer.absorb([replies(wiring, go1.default_pose, velocity=25.0)], 2000)
-        assert np.all(sent(go1, wiring, layer.command(wanted)).torque < 0.8 * first)
+        assert np.all(sent(go1, wiring, layer.command(requested)).torque < 0.8 * first)
         layer.absorb([replies(wiring, go1.default_pose)], 4000)
-        np.testing.assert_array_equal(sent(go1, wiring, layer.command(wanted)).torque, first)
+        np.testing.assert_array_equal(sent(go1, wiring, layer.command(requested)).torque, first)
 
 
 class TestReadingsOfEveryKind:
@@ -96,27 +96,27 @@ class TestReadingsOfEveryKind:
         layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)
         sensed = layer.sensed()
         layer.begin_at(go1.default_pose)
-        wanted = JointCommand(
+        requested = JointCommand(
             go1.default_pose + RNG.uniform(-0.05, 0.05, 12),
             RNG.uniform(-2.0, 2.0, 12),
             RNG.uniform(20.0, 60.0, 12),
             RNG.uniform(0.5, 2.0, 12),
             np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
         )
-        frames = layer.command(wanted)
+        frames = layer.command(requested)
         sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(frames).values)
-        pd = wanted.kp * (wanted.position - sensed.joint_position)
-        pd += wanted.kd * (wanted.velocity - sensed.joint_velocity)
-        asked = pd + wanted.torque
-        share = limit_torque(asked, sensed.joint_velocity, go1.motor) / asked
+        pd = requested.kp * (requested.position - sensed.joint_position)
+        pd += requested.kd * (requested.velocity - sensed.joint_velocity)
+        torque = pd + requested.torque
+        share = limit_torque(torque, sensed.joint_velocity, go1.motor) / torque
         assert 2 <= (share < 1.0).sum() < 12
-        lowered = JointCommand(*wanted[:2], *(share * np.array(wanted[2:])))
+        lowered = JointCommand(*requested[:2], *(share * np.array(requested[2:])))
         for ours, theirs, atol in zip(sent, lowered, (4e-4, 0.02, 0.13, 2e-3, 0.02), strict=True):
             np.testing.assert_allclose(ours, theirs, atol=atol)
         cut = share < 1.0  # a lowered gain is rounded down, any other to the nearest
         assert np.all(sent.kp[cut] <= lowered.kp[cut])
-        np.testing.assert_allclose(sent.kp[~cut], wanted.kp[~cut], atol=0.07)
-        np.testing.assert_array_equal(layer.target, wanted.position)
+        np.testing.assert_allclose(sent.kp[~cut], requested.kp[~cut], atol=0.07)
+        np.testing.assert_array_equal(layer.target, requested.position)
 
     def test_each_target_moves_at_most_its_rate_at_each_tick(self, go1: Robot, layer: JointLayer) -> None:
         """60 rad/s over 2 ms are 0.12 rad; a second tick continues from the first."""
@@ -150,12 +150,12 @@ class TestReadingsOfEveryKind:
         whole = self.replies(go1, everyone, values)
         for batches in ([self.replies(go1, everyone, values, 2), whole], [joined([bad, good])], [bad, whole]):
             layer.absorb(batches, 1)
-            assert layer.last_heard().motor_error[4] == 2
+            assert layer.last_arrivals().motor_error[4] == 2
             layer.absorb([whole], 2)
-            assert not layer.last_heard().motor_error.any()
+            assert not layer.last_arrivals().motor_error.any()
         codes = [np.where(joint == ROWS, code, 0).astype(np.uint64) for joint, code in ((4, 2), (7, 3))]
         layer.absorb([self.replies(go1, everyone, values, code) for code in codes], 1)
-        assert layer.last_heard().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
+        assert layer.last_arrivals().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
 
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     @pytest.mark.parametrize("velocity", [-2.0, 2.0])
@@ -164,7 +164,7 @@ class TestReadingsOfEveryKind:
     ) -> None:
         """Steps of a frame are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to a side.
 
-        A wanted velocity away from the target brakes.
+        A requested velocity away from the target brakes.
         """
         target = go1.default_pose.copy()
         hips = np.arange(0, 12, 3)
@@ -175,8 +175,8 @@ class TestReadingsOfEveryKind:
         one = np.ones(12)
         layer.command(JointCommand(target, side * velocity * one, 400.0 * one, one, 0.0 * one))
         position, speed, _ = layer.joints[:, hips]
-        asked = 400.0 * (0.4 * side - position) + side * velocity - speed
-        share = (limit_torque(np.tile(asked, 3), np.tile(speed, 3), go1.motor)[hips]) / asked
+        torque = 400.0 * (0.4 * side - position) + side * velocity - speed
+        share = (limit_torque(np.tile(torque, 3), np.tile(speed, 3), go1.motor)[hips]) / torque
         assert (share < 0.1).all()
         np.testing.assert_allclose(layer.sent[2, hips], 400.0 * share - 250.0 / 4095, rtol=1e-9)
         braked = 0.0 if velocity < 0.0 else 2.5 / 4095

@@ -174,7 +174,7 @@ class TestContent:
         assert list(written["/footholds"].data) == list(range(12))
 
     def test_odometry_is_logged_at_50_hz_on_request(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "asked.mcap"
+        path = tmp_path / "chosen.mcap"
         config = replace(UNHURRIED, odometry=True)
         run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
         found = decoded(path)

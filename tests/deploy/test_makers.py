@@ -109,10 +109,10 @@ class TestSettings:
         settings, time_out = self.own(end)
         settings[time_out] = setting
         for _ in range(8):
-            asked = driver.query_settings()
-            reads = asked.data[:, 2] == damiao.READ if wiring is DAMIAO else asked.id >> 24 & 0x1F == 0x11
-            driver.replies(asked.take(~reads)._replace(id=np.full((~reads).sum(), 0x203)))
-            if (answer := end.settings_replies(asked.take(reads))) is not None:
+            queries = driver.query_settings()
+            reads = queries.data[:, 2] == damiao.READ if wiring is DAMIAO else queries.id >> 24 & 0x1F == 0x11
+            driver.replies(queries.take(~reads)._replace(id=np.full((~reads).sum(), 0x203)))
+            if (answer := end.settings_replies(queries.take(reads))) is not None:
                 driver.replies(answer)
         assert driver.not_ready().startswith("motor knee (can1, id 3) ")
         assert message in driver.not_ready()

@@ -195,12 +195,12 @@ class TestAddressing:
         values[0] = 0.1 * np.arange(12)
         sent = driver.command(values)
         for _ in range(3):
-            asked = end.requests(sent)
-            np.testing.assert_allclose(asked.values[0], values[0], atol=2e-4)
-            assert asked.kind is None
+            requests = end.requests(sent)
+            np.testing.assert_allclose(requests.values[0], values[0], atol=2e-4)
+            assert requests.kind is None
         rows = sent.take(np.array([4, 1, 7, 8]))
-        asked = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
-        assert asked.motor.tolist() == [4]  # type: ignore[union-attr]
+        requests = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
+        assert requests.motor.tolist() == [4]  # type: ignore[union-attr]
 
     def test_each_motors_request_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
@@ -232,18 +232,18 @@ def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> No
 
 
 @pytest.mark.parametrize(
-    ("end", "heard", "unheard"),
+    ("end", "passed", "blocked"),
     [
         (MitDriver, [0x000, 0x101, 0x17F], [0x001, 0x07F, 0x0FF, 0x180, 0x300]),
         (MitMotorEnd, [0x001, 0x07F], [0x080, 0x101, 0x300, 0x17F]),
         (imu.ImuReader, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
     ],
 )
-def test_filters_pass_the_frames_of_their_end(end: Any, heard: list[int], unheard: list[int]) -> None:
+def test_filters_pass_the_frames_of_their_end(end: Any, passed: list[int], blocked: list[int]) -> None:
 
     def passes(identifier: int) -> bool:
         return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in end.filters)
 
-    assert [passes(identifier) for identifier in heard] == [True] * len(heard)
-    assert [passes(identifier) for identifier in unheard] == [False] * len(unheard)
+    assert [passes(identifier) for identifier in passed] == [True] * len(passed)
+    assert [passes(identifier) for identifier in blocked] == [False] * len(blocked)
     assert not any(f["extended"] for f in end.filters)

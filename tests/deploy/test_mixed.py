@@ -56,14 +56,14 @@ class Maker:
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
         return tuple(frames(self.first_id + turn) for turn in range(self.turns))
 
-    def replies(self, heard: Frames) -> Replies:
-        ours = (heard.id >= self.first_id) & (heard.id < self.first_id + self.n)
-        motor = heard.id[ours] - self.first_id
-        value = 1.0 * heard.id[ours]
-        times = heard.time_us[ours] if self.knows_time and heard.time_us is not None else None
+    def replies(self, frames: Frames) -> Replies:
+        ours = (frames.id >= self.first_id) & (frames.id < self.first_id + self.n)
+        motor = frames.id[ours] - self.first_id
+        value = 1.0 * frames.id[ours]
+        times = frames.time_us[ours] if self.knows_time and frames.time_us is not None else None
         current = value + 40 if self.knows_current else None
         rows = np.tile(value, (3, 1))
-        return Replies(motor, rows, heard.id[ours] % 256, value + 20, value + 30, times, current)
+        return Replies(motor, rows, frames.id[ours] % 256, value + 20, value + 30, times, current)
 
 
 def mixed(first: Maker, second: Maker) -> MixedDriver:
@@ -94,8 +94,8 @@ def test_each_motor_gets_its_joints_command(driver: MixedDriver) -> None:
 
 def test_each_reply_is_its_joints_with_its_time(driver: MixedDriver) -> None:
     """Of five frames, in any order, one belongs to no motor."""
-    heard = frames([0x22, 0x11, 0x7F, 0x20, 0x10], np.array([5.0, 6.0, 7.0, 8.0, 9.0]))
-    replies = driver.replies(heard)
+    received = frames([0x22, 0x11, 0x7F, 0x20, 0x10], np.array([5.0, 6.0, 7.0, 8.0, 9.0]))
+    replies = driver.replies(received)
     order = np.argsort(replies.motor)
     assert np.asarray(replies.motor)[order].tolist() == [0, 1, 2, 4]
     codes = np.array([0x11, 0x20, 0x10, 0x22])

@@ -37,8 +37,12 @@ class TestQuestions:
         return Settings(wiring, {9: "time-out", 10: "mode"}, TimeOut(9, 50e-6))
 
     def test_an_unanswered_question_is_repeated_after_some_ticks(self, settings: Settings) -> None:
-        asked = [len(settings.questions()) for _ in range(2 * ASK_AGAIN + 3)]
-        assert [tick for tick, count in enumerate(asked) if count] == [0, ASK_AGAIN + 1, 2 * ASK_AGAIN + 2]
+        questions = [len(settings.questions()) for _ in range(2 * ASK_AGAIN + 3)]
+        assert [tick for tick, count in enumerate(questions) if count] == [
+            0,
+            ASK_AGAIN + 1,
+            2 * ASK_AGAIN + 2,
+        ]
 
     def test_an_answer_brings_the_next_question_once(self, settings: Settings) -> None:
         settings.questions()

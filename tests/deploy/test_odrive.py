@@ -50,8 +50,8 @@ def hexed(frames: Frames) -> list[tuple[int, str]]:
 def answer_all(driver: OdriveDriver) -> None:
     """Both axes report that they are enabled, at position zero."""
     for channel in (0, 1):
-        for said in (pair(0x069, 0, 0, channel), pair(0x07C, 0, 0, channel), heartbeat(8, channel=channel)):
-            driver.replies(said)
+        for frames in (pair(0x069, 0, 0, channel), pair(0x07C, 0, 0, channel), heartbeat(8, channel=channel)):
+            driver.replies(frames)
 
 
 @pytest.fixture
@@ -178,13 +178,13 @@ class TestEnd:
 class TestStart:
     def test_the_first_axis_that_is_not_ready_or_not_on_is_named(self, driver: OdriveDriver) -> None:
         driver = OdriveDriver(TWO)
-        for said, missing in (
+        for frames, missing in (
             (pair(0x069, 0, 0), f"{KNEE} sends no position"),
             (pair(0x069, 0, 0, 1), f"{HIP} sends no torque"),
             (joined([pair(0x07C, 0, 0), pair(0x07C, 0, 0, 1)]), f"{HIP} sends no heartbeat"),
             (heartbeat(1), f"{KNEE} sends no heartbeat"),
         ):
-            driver.replies(said)
+            driver.replies(frames)
             assert driver.not_ready().startswith(missing)
         driver.replies(heartbeat(1, channel=1))
         assert driver.not_ready() == ""
@@ -265,11 +265,11 @@ class TestMotorEnd:
         assert braked.kind is not None
         assert braked.kind.tolist() == [Request.COMMAND] * 2
 
-    def hear(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
+    def receive(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
         """All reports of two axes at rest, at 41 degrees, in a tenth of a second."""
         end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
-        said = [end.broadcast(now_us, BOTH, report(rest, error, 41)) for now_us in range(0, 100_000, 1000)]
-        frames = joined([each for each in said if each is not None])
+        frames = [end.broadcast(now_us, BOTH, report(rest, error, 41)) for now_us in range(0, 100_000, 1000)]
+        frames = joined([each for each in frames if each is not None])
         driver.replies(frames)
         return frames
 
@@ -278,8 +278,8 @@ class TestMotorEnd:
         slow, count = [odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY], Counter[int]()
         end, silent = OdriveMotorEnd(TWO), OdriveMotorEnd(TWO)
         for now_us in range(0, 200_000, 1000):
-            said = end.broadcast(now_us, BOTH, report(np.zeros((3, 2)), temperature_c=41))
-            messages = [] if said is None else (said.id & 0x1F).tolist()
+            frames = end.broadcast(now_us, BOTH, report(np.zeros((3, 2)), temperature_c=41))
+            messages = [] if frames is None else (frames.id & 0x1F).tolist()
             assert np.isin(messages, slow).sum() <= 1, now_us
             count.update(messages)
             none = silent.broadcast(now_us, ~BOTH, report(np.zeros((3, 2)), temperature_c=41))
@@ -291,8 +291,8 @@ class TestMotorEnd:
     )
     def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver, error: int, bits: int) -> None:
         """0x200 is under-voltage, 0x01000000 a watchdog that expired; and it is the hip's alone."""
-        heard = self.hear(driver, np.array([error, 0]))
-        beats = heard.take(heard.id & 0x1F == odrive.HEARTBEAT)
+        received = self.receive(driver, np.array([error, 0]))
+        beats = received.take(received.id & 0x1F == odrive.HEARTBEAT)
         words = beats.data[:, :4].copy().view("<u4")[:, 0]
         assert dict(zip(beats.channel.tolist(), words.tolist(), strict=True)) == {0: bits, 1: 0}
         assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]

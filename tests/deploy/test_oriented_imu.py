@@ -70,12 +70,12 @@ def test_an_unexpected_quaternion_is_ignored(go1: Robot) -> None:
 def test_readings_begin_after_a_rest_and_age_when_samples_repeat(go1: Robot) -> None:
     wiring = wiring_of(without_orientation(go1))
     reader, end = open_imu(wiring), open_imu_end(wiring)
-    heard = []
+    times_us = []
     for tick in range(400):
         frames = end.encode(AT_REST)
         reader.absorb(frames, 2000 * tick)
-        heard.append(reader.heard_us)
-    assert heard[100] is None
-    assert heard[-1] == 2000 * 399
+        times_us.append(reader.arrived_us)
+    assert times_us[100] is None
+    assert times_us[-1] == 2000 * 399
     reader.absorb(frames, 900_000)
-    assert reader.heard_us == 2000 * 399
+    assert reader.arrived_us == 2000 * 399

@@ -58,7 +58,7 @@ def test_filters_and_readings_come_from_the_users_imu(go1: Robot) -> None:
     imu, end = open_imu(wiring), open_imu_end(wiring)
     imu.absorb(end.encode(imu.reading._replace(gyro=(0.1, -0.2, 0.3))), 5000)
     assert imu.reading.gyro == (0.1, -0.2, 0.3)
-    assert imu.heard_us == 5000
+    assert imu.arrived_us == 5000
 
 
 def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ def of_shape(*shape: int) -> property:
 
 
 PARTS = "identifiers replies error_name filters maker damping not_confirmed_off"
-MISFITS = {
+WRONG_PARTS = {
     **{name: lacking(name) for name in PARTS.split()},
     "lowest": with_part("lowest", of_shape(2)),
     "gain_rounding": with_part("gain_rounding", of_shape(2, 3)),
@@ -127,11 +127,11 @@ def assert_refused(wiring: Any, import_path: str, part: str) -> None:
     assert part in str(refused.value)
 
 
-@pytest.mark.parametrize("part", MISFITS)
+@pytest.mark.parametrize("part", WRONG_PARTS)
 def test_an_unsuitable_motor_driver_is_refused_with_the_reason(
     monkeypatch: pytest.MonkeyPatch, part: str
 ) -> None:
-    monkeypatch.setattr(own_drivers, "Misfit", MISFITS[part], raising=False)
+    monkeypatch.setattr(own_drivers, "Misfit", WRONG_PARTS[part], raising=False)
     import_path = "own_drivers:Misfit"
     assert_refused(two_motors(import_path, import_path), import_path, part.strip())
 

@@ -69,7 +69,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Stopwatch:
     return watch
 
 
-class Dawdle(Hold):
+class SlowSteps(Hold):
     """Its steps take these durations in turn, s."""
 
     def __init__(self, robot: Robot, watch: Stopwatch, *durations_s: float) -> None:
@@ -128,7 +128,7 @@ class TestLateness:
     def test_late_steps_count_in_a_row(self, go1: Robot, watch: Stopwatch, pattern: str, most: int) -> None:
         """At 50 Hz a step of 21 ms is late."""
         runner = runner_of(
-            Dawdle(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True
+            SlowSteps(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True
         )
         counts = []
         runner.start(0)
@@ -138,12 +138,12 @@ class TestLateness:
         assert max(counts) == most
 
     def test_an_interrupted_step_has_no_end_and_disarms_the_deadline(self, go1: Robot) -> None:
-        class Hung(Hold):
+        class NeverReturns(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 raise OverdueError
 
         armed: list[float] = []
-        runner = runner_of(Hung(go1), realtime=True, arm=armed.append)
+        runner = runner_of(NeverReturns(go1), realtime=True, arm=armed.append)
         assert walk(runner, [0]) == []
         assert armed == [0.1, 0.0]
         assert runner.signals.step_s == math.inf
@@ -196,13 +196,13 @@ class TestFailure:
 
     @pytest.mark.parametrize("part", JointCommand._fields)
     def test_a_command_that_is_not_finite_is_signalled(self, go1: Robot, part: str) -> None:
-        class Odd(Hold):
+        class ChangesRate(Hold):
             def act(self, inputs: PolicyInput) -> JointCommand:
                 hold = super().act(inputs)
                 odd = getattr(hold, part) + (math.nan if len(self.seen) == 1 else 0.0)
                 return hold._replace(**{part: odd})
 
-        runner, finite = runner_of(Odd(go1)), []
+        runner, finite = runner_of(ChangesRate(go1)), []
         runner.start(0)
         for now_us in (0, 20_000):
             step(runner, now_us)

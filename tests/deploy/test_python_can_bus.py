@@ -159,12 +159,12 @@ class TestPythonCanBus:
 
     def test_identifiers_keep_their_length_and_pass_their_filters(self, can: FakeCan) -> None:
         """Of 29 bits and of 11."""
-        wanted = (
+        accepted = (
             {"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},
             {"can_id": 0x100, "can_mask": 0x780, "extended": False},
             {"can_id": 0x305, "can_mask": 0x7FF, "extended": False},
         )
-        bus = PythonCanBus("slcan", ("can0",), wanted)
+        bus = PythonCanBus("slcan", ("can0",), accepted)
         ids = np.array([EXTENDED | 0x0112_3401, 0x101])
         bus.send(Frames(np.zeros(2, int), ids, np.zeros((2, 8), np.uint8), np.full(2, 8)), 0)
         sent = can.buses[0].sent
@@ -225,16 +225,16 @@ class TestPythonCanBus:
     def test_a_state_without_error_frames_is_read_ten_times_a_second(
         self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, state: str, reason: str
     ) -> None:
-        fake, asked = FakeTime(), []
+        fake, read_ns = FakeTime(), []
         monkeypatch.setattr(python_can_bus, "time", fake)
         bus, begun_ns = PythonCanBus("virtual", ("can0",), ()), fake.ns
-        state_read = property(lambda _: asked.append(fake.ns) or SimpleNamespace(name=state))
+        state_read = property(lambda _: read_ns.append(fake.ns) or SimpleNamespace(name=state))
         bus._buses[0] = type("Bus", (), {"state": state_read})()
         assert bus.fault() == ""
         for _ in range(36):
             fake.ns += 10_000_000
             bus.fault()
-        assert [round((ns - begun_ns) / 1e8) for ns in asked] == (
+        assert [round((ns - begun_ns) / 1e8) for ns in read_ns] == (
             [1] if reason else [1, 2, 3]
         )  # a fault stays
         assert reason in bus.fault()

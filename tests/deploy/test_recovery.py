@@ -29,9 +29,11 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 QUICK = RecoveryConfig(tries=2, try_s=0.5, unfold_s=0.0, wait_s=2.0, rest_s=0.1, stand_s=0.1)
-# A body of frames turns without a gyro's reading, and its acceleration stays the same.
-LOOSE = SensorLimits(rotation_rad=6.0, rest_error=2.0, lean_error=2.0, long_lean_error=2.0, lift_error=2.0)
-SAFETY = SafetyConfig(damping_s=0.1, recovery=QUICK, sensors=LOOSE)
+# The fake robot turns at once: its gyro and its acceleration do not follow.
+NO_IMU_CHECKS = SensorLimits(
+    rotation_rad=6.0, rest_error=2.0, lean_error=2.0, long_lean_error=2.0, lift_error=2.0
+)
+SAFETY = SafetyConfig(damping_s=0.1, recovery=QUICK, sensors=NO_IMU_CHECKS)
 ON_ITS_SIDE, UPRIGHT = (math.cos(0.7), math.sin(0.7), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
@@ -55,8 +57,8 @@ class Rise(Hold):
         return super().act(inputs)._replace(position=position)
 
 
-class Wishing:
-    """A source with a wish."""
+class SourceWithWish:
+    """A command source that always requests the same wish."""
 
     stopped: Stop | None = None
 
@@ -94,14 +96,14 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
     "silent motor": lambda body, _: setattr(body, "silent", [4]),
     "hot motor": lambda body, _: setattr(body, "temperature_c", 95),
     "motor error": lambda body, _: body.error.__setitem__(3, 1),
-    "stop": lambda *_: setattr(Wishing, "stopped", Stop("stopped by x")),
+    "stop": lambda *_: setattr(SourceWithWish, "stopped", Stop("stopped by x")),
     "end": lambda _, loop: loop.finish(),
 }
 
 
 class TestOnFrames:
     def test_it_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        source = Wishing()
+        source = SourceWithWish()
         loop, body, walks, rises = fallen(go1, command_source=source)
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
@@ -151,8 +153,8 @@ class TestOnFrames:
 
     @pytest.mark.parametrize("wish", [Wish.WALK, Wish.GET_UP])
     def test_an_operators_consent_can_be_required_each_time(self, go1: Robot, wish: Wish) -> None:
-        asked = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))
-        loop, *_ = fallen(go1, safety=asked, command_source=Wishing(wish))
+        with_consent = replace(SAFETY, recovery=replace(QUICK, asked=True, wait_s=0.5))
+        loop, *_ = fallen(go1, safety=with_consent, command_source=SourceWithWish(wish))
         assert (Mode.RECOVERING in to_the_end(loop)) is (wish is Wish.GET_UP)
 
     def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
@@ -175,9 +177,9 @@ class TestFaultsWhileItGetsUp:
     def test_it_is_damped_and_stays_down(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode
     ) -> None:
-        monkeypatch.setattr(Wishing, "stopped", None)
+        monkeypatch.setattr(SourceWithWish, "stopped", None)
         ends = Mode.FALLING if fault == "end" else Mode.ESTOP
-        loop, body, *_ = fallen(go1, command_source=Wishing())
+        loop, body, *_ = fallen(go1, command_source=SourceWithWish())
         until(loop, mode)
         FAULTS[fault](body, loop)
         modes = to_the_end(loop)
@@ -193,8 +195,8 @@ class TestFaultsWhileItGetsUp:
         assert to_the_end(loop) == [Mode.FALLING, Mode.ESTOP]
 
 
-class PutDown:
-    """Tips the walking robot over and lays it on its belly, or its back, once it keeps still."""
+class LaysDown:
+    """Tips the walking robot over, then puts it on its belly, or on another side, with folded legs."""
 
     def __init__(self, robot: Robot, pose: tuple[float, ...] = (0.15, *UPRIGHT)) -> None:
         self._lying, self._tipped, self.modes, self._pose = robot.lying_pose, False, list[Mode](), pose
@@ -214,7 +216,7 @@ class PutDown:
 
 def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
     config = DeployConfig(stand_s=0.4, odometry=True, joint_rate_hz=250.0)
-    log, watch = tmp_path / "run.mcap", PutDown(go1)
+    log, watch = tmp_path / "run.mcap", LaysDown(go1)
     episode = short_episode(
         command_source=lambda _: np.zeros(3),
         duration_s=5.0,

@@ -131,9 +131,9 @@ class TestRecover:
     """Against MCAP's own reader."""
 
     @pytest.fixture
-    def torn(self, tmp_path: Path) -> Path:
+    def damaged(self, tmp_path: Path) -> Path:
         """Two schemas, three channels, messages whose times and numbers all differ, and no end."""
-        path = tmp_path / "torn.mcap"
+        path = tmp_path / "damaged.mcap"
         with path.open("wb") as file:
             writer = PlainWriter(file, chunk_size=1, compression=CompressionType.NONE)
             writer.start("ros2", "a library")
@@ -158,9 +158,9 @@ class TestRecover:
                     (message.log_time, message.publish_time, message.sequence, message.data),
                 )
 
-    def test_a_recovered_log_has_everything_before_the_damage(self, torn: Path) -> None:
-        whole = torn.with_name("whole.mcap")
-        assert recover(torn, whole) == (6, 0)
+    def test_a_recovered_log_has_everything_before_the_damage(self, damaged: Path) -> None:
+        whole = damaged.with_name("whole.mcap")
+        assert recover(damaged, whole) == (6, 0)
         assert list(self.found(whole)) == [
             (
                 (f"s{1 + k % 3 % 2}", f"encoding {1 + k % 3 % 2}", bytes([1 + k % 3 % 2])),
@@ -177,18 +177,22 @@ class TestRecover:
         assert summary is not None
         assert (len(summary.schemas), len(summary.channels)) == (2, 3)
 
-    def test_paths_that_are_the_log_itself_unreadable_or_unwritable_are_refused(self, torn: Path) -> None:
-        link, before, absent = torn.with_name("link.mcap"), torn.read_bytes(), torn.with_name("absent")
-        link.symlink_to(torn)
+    def test_paths_that_are_the_log_itself_unreadable_or_unwritable_are_refused(self, damaged: Path) -> None:
+        link, before, absent = (
+            damaged.with_name("link.mcap"),
+            damaged.read_bytes(),
+            damaged.with_name("absent"),
+        )
+        link.symlink_to(damaged)
         for log, copy in (
-            *((torn, name) for name in (torn, link, torn.parent / "." / torn.name)),
-            (torn, absent / "whole.mcap"),
-            (absent, torn.with_name("whole.mcap")),
+            *((damaged, name) for name in (damaged, link, damaged.parent / "." / damaged.name)),
+            (damaged, absent / "whole.mcap"),
+            (absent, damaged.with_name("whole.mcap")),
         ):
             with pytest.raises(UserError):
                 recover(log, copy)
-        assert torn.read_bytes() == before
-        assert not torn.with_name("whole.mcap").exists()
+        assert damaged.read_bytes() == before
+        assert not damaged.with_name("whole.mcap").exists()
 
 
 # -- output ------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from footfall.deploy.safety_checks import CHECKS
 from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signals
 
 CONFIG = SafetyConfig()
-QUIET = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
+FAULTLESS = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
 N, C, S, W = Mode.IDLE, Mode.CHECKING, Mode.STANDING, Mode.WALKING
 P, L, R = Mode.STOPPING, Mode.LOWERING, Mode.RELEASING
 U = Mode.RECOVERING
@@ -32,7 +32,7 @@ def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
 
 def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.0, **more: Any) -> State:
     """The state a tick after a mode with quiet signals but for these."""
-    return advance(State(mode, since_s), with_changes(QUIET, (changes or {}) | more), CONFIG)
+    return advance(State(mode, since_s), with_changes(FAULTLESS, (changes or {}) | more), CONFIG)
 
 
 # For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
@@ -109,7 +109,7 @@ class TestTable:
     def test_it_has_a_row_for_every_rule_but_the_time_to_start(self) -> None:
         """And in every mode in which a rule counts, the row leads to a fault."""
         for check in CHECKS[1:]:
-            rows = [row for row in TABLE if check.find(with_changes(QUIET, row[0]), CONFIG)]
+            rows = [row for row in TABLE if check.find(with_changes(FAULTLESS, row[0]), CONFIG)]
             assert rows, check.quantity
             for _, _, row in rows:
                 faulty = {mode for mode, initial in zip(COLUMNS, row, strict=True) if initial != "-"}
@@ -123,12 +123,12 @@ class TestTable:
     def test_a_fault_of_the_policy_changes_nothing_while_lying_down(self) -> None:
         changes = {"policy.error": "x", "end.may_lie": True}
         state = after(W, changes)
-        assert advance(state, with_changes(QUIET, changes | {"now_s": 6.0}), CONFIG) == state
-        lies = with_changes(QUIET, changes | {"now_s": 7.0, "posture_done": True})
+        assert advance(state, with_changes(FAULTLESS, changes | {"now_s": 6.0}), CONFIG) == state
+        lies = with_changes(FAULTLESS, changes | {"now_s": 7.0, "posture_done": True})
         assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
 
     def test_a_stop_during_lying_down_is_latched_and_does_not_interrupt(self) -> None:
-        stopped = with_changes(QUIET, {"stop": Stop("stopped by x"), "end.may_lie": True})
+        stopped = with_changes(FAULTLESS, {"stop": Stop("stopped by x"), "end.may_lie": True})
         state = advance(State(L, 4.0), stopped, CONFIG)
         assert state == State(L, 4.0, ("stopped by x",))  # it continues where it is
         assert advance(state, stopped, CONFIG) == state
@@ -137,14 +137,14 @@ class TestTable:
 
     @pytest.mark.parametrize("mode", [F, E])
     def test_a_fault_is_latched(self, mode: Mode) -> None:
-        state = advance(State(mode, 4.9, ("why",)), QUIET, CONFIG)
+        state = advance(State(mode, 4.9, ("why",)), FAULTLESS, CONFIG)
         assert state == State(mode, 4.9, ("why",))
-        final = advance(state, QUIET._replace(now_s=6.0), CONFIG)
+        final = advance(state, FAULTLESS._replace(now_s=6.0), CONFIG)
         assert final == State(mode, 6.0, ("why",), over=True)
-        assert advance(final, QUIET._replace(now_s=99.0), CONFIG) == final
+        assert advance(final, FAULTLESS._replace(now_s=99.0), CONFIG) == final
 
     def test_a_fault_counts_more_than_the_wish_to_end_and_follows_older_ones(self) -> None:
-        fallen = with_changes(QUIET, {"imu.tilt_rad": 2.0, "end.finish": True})
+        fallen = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "end.finish": True})
         state = advance(State(W, 4.0, ("earlier",)), fallen, CONFIG)
         assert (state.mode, state.since_s, state.faults[0], len(state.faults)) == (F, 5.0, "earlier", 2)
 
@@ -208,7 +208,7 @@ class TestProgress:
         assert state == State(following, since_s)
 
     def test_a_robot_that_lies_down_after_a_fault_keeps_it(self) -> None:
-        at_once = with_changes(QUIET, {"end.skip_lie_down": True})
+        at_once = with_changes(FAULTLESS, {"end.skip_lie_down": True})
         assert advance(State(L, 4.0, ("why",)), at_once, CONFIG) == State(E, 5.0, ("why",))
 
     def test_release_ends_idle_after_damping(self) -> None:
@@ -224,37 +224,41 @@ LEAST_S, LIMITS = CONFIG.damping_s, CONFIG.recovery
 class TestGettingUp:
     def test_a_robot_that_lies_still_gets_up_with_consent_once_it_was_damped(self) -> None:
         fallen = State(F, 4.0, ("fell",), tries=1)
-        assert advance(fallen, with_changes(QUIET, LIES), CONFIG) == State(U, 5.0, ("fell",), tries=2)
+        assert advance(fallen, with_changes(FAULTLESS, LIES), CONFIG) == State(U, 5.0, ("fell",), tries=2)
         for changes in ({"now_s": 3.9 + LEAST_S}, {"recovery.ready": False}):
-            assert advance(fallen, with_changes(QUIET, LIES | changes), CONFIG) == fallen
+            assert advance(fallen, with_changes(FAULTLESS, LIES | changes), CONFIG) == fallen
 
     def test_without_consent_or_tries_it_stays_down(self) -> None:
         end = State(F, 5.0, ("fell",), over=True)
-        assert advance(State(F, 4.0, ("fell",)), with_changes(QUIET, LIES | NO_CONSENT), CONFIG) == end
+        assert advance(State(F, 4.0, ("fell",)), with_changes(FAULTLESS, LIES | NO_CONSENT), CONFIG) == end
         spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
-        assert advance(spent, with_changes(QUIET, LIES), CONFIG).over
+        assert advance(spent, with_changes(FAULTLESS, LIES), CONFIG).over
 
     def test_a_robot_that_never_rests_stays_down_with_a_second_fault(self) -> None:
         changes = LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s}
-        state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, changes), CONFIG)
+        state = advance(State(F, 4.0, ("fell",)), with_changes(FAULTLESS, changes), CONFIG)
         assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
 
     def test_a_fault_keeps_it_down(self) -> None:
-        state = advance(State(F, 4.0, ("fell",)), with_changes(QUIET, LIES | {"motors.error": "x"}), CONFIG)
+        state = advance(
+            State(F, 4.0, ("fell",)), with_changes(FAULTLESS, LIES | {"motors.error": "x"}), CONFIG
+        )
         assert state == State(E, 5.0, ("fell", "x"))
 
     def test_standing_up_clears_the_fault_and_walking_clears_the_tries(self) -> None:
         up = State(U, 4.0, ("fell",), tries=2)
-        assert advance(up, with_changes(QUIET, {"recovery.stands": True}), CONFIG) == State(S, 5.0, tries=2)
-        walks = advance(State(S, 4.0, tries=2), with_changes(QUIET, {"posture_done": True}), CONFIG)
+        assert advance(up, with_changes(FAULTLESS, {"recovery.stands": True}), CONFIG) == State(
+            S, 5.0, tries=2
+        )
+        walks = advance(State(S, 4.0, tries=2), with_changes(FAULTLESS, {"posture_done": True}), CONFIG)
         assert walks == State(W, 5.0, tries=2)
         for walked_s, tries in ((0.9 * LIMITS.again_s, 2), (1.1 * LIMITS.again_s, 0)):
-            tips = with_changes(QUIET, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
+            tips = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
             assert advance(walks, tips, CONFIG).tries == tries
 
     def test_the_end_of_the_run_leaves_it_down(self) -> None:
         up = State(U, 4.0, ("fell",), tries=1)
-        assert advance(up, with_changes(QUIET, {"end.finish": True}), CONFIG) == up._replace(
+        assert advance(up, with_changes(FAULTLESS, {"end.finish": True}), CONFIG) == up._replace(
             mode=F, since_s=5.0
         )
 

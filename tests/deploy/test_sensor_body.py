@@ -119,9 +119,9 @@ class TestGravity:
         self, go1: Robot, quaternion: list[float]
     ) -> None:
         """Over 1 s, of which a window is 40 ms; before, it was gravity's opposite."""
-        felt = np.array([3.0, -5.0, 7.0])
-        reading = Inertial((0.0,) * 3, tuple(felt), tuple(quaternion))
-        world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(felt)
+        acceleration = np.array([3.0, -5.0, 7.0])
+        reading = Inertial((0.0,) * 3, tuple(acceleration), tuple(quaternion))
+        world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(acceleration)
         kept = math.exp(-0.04)
         lean, lift = (BodyWindows(go1, check).update(reading) for check in (Lean, Lift))
         assert lean == pytest.approx((1 - kept) * math.hypot(world[0], world[1]) / 9.81)
@@ -131,9 +131,10 @@ class TestGravity:
     def test_at_rest_the_mean_of_all_windows_counts(self, go1: Robot, quaternion: list[float]) -> None:
         """Four windows of one reading and four of another are 0.32 s; 0.3 s are required."""
         windows, world = BodyWindows(go1, RestError), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
-        felt = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
+        acceleration = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
         errors = [
-            windows.update(Inertial((0.0,) * 3, tuple(felt[k // 4]), tuple(quaternion))) for k in range(8)
+            windows.update(Inertial((0.0,) * 3, tuple(acceleration[k // 4]), tuple(quaternion)))
+            for k in range(8)
         ]
         expected = np.linalg.norm([2.0, 0.5, 10.5 - 9.81]) / 9.81
         assert errors == pytest.approx([0.0] * 7 + [expected])

@@ -21,11 +21,11 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
     result, most = JointReadings(robot, Drift, Wander), np.zeros(2)
     for now_us in range(5 * SAMPLE_US, 1_000_000, SAMPLE_US):
         last = np.searchsorted(came_us, now_us, side="right") - 1
-        joints, heard_us = np.zeros((3, 12)), np.full(12, came_us[last])
+        joints, arrived_us = np.zeros((3, 12)), np.full(12, came_us[last])
         joints[:2, 0] = reading(read_us[last] * 1e-6)
         if now_us == 5 * SAMPLE_US:
-            result.begin(now_us, heard_us, joints)
-        elif result.add(now_us, joints, heard_us):
+            result.begin(now_us, arrived_us, joints)
+        elif result.add(now_us, joints, arrived_us):
             most = np.maximum(most, result.values[:, 0])
     return float(most[0]), float(most[1])
 
@@ -168,8 +168,8 @@ class TestTorqueStuck:
         peak = float(go1.motor.peak_torque[0])
 
         def torque(time_s: float) -> tuple[float, float]:
-            reported, asked = share(time_s)
-            return reported * peak, asked * peak
+            reported, commanded = share(time_s)
+            return reported * peak, commanded * peak
 
         assert all(measured(go1, TorqueStuck, torque=torque, samples=n)[0] == 0.0 for n in samples)
 
@@ -177,7 +177,7 @@ class TestTorqueStuck:
 class TestOpposing:
     """A motor's report against its command."""
 
-    def asked(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
+    def commanded(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
         """A tenth of the peak torque and a half, to and fro, of which a share is reported, later."""
         peak = float(robot.motor.peak_torque[0])
 
@@ -188,7 +188,7 @@ class TestOpposing:
 
     @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
     def test_is_compared_in_size_and_sign(self, go1: Robot, reported: float, opposing: float) -> None:
-        assert self.asked(go1, reported) == pytest.approx(opposing, abs=0.01)
+        assert self.commanded(go1, reported) == pytest.approx(opposing, abs=0.01)
 
     def test_a_lag_behind_a_moving_target_passes(self, go1: Robot) -> None:
         """A stiff joint carries a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""

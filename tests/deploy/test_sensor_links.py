@@ -158,8 +158,8 @@ class TestUnexplained:
 
     def drops_out(self, go1: Robot, faulty_s: float) -> float:
         """Unexplained torque of a motor that has no current for `faulty_s` in each 200 ms."""
-        asked = self.PEAK_SHARE * float(go1.motor.peak_torque[0])
-        torque = lambda t: (0.0 if t % 0.2 < faulty_s else asked, asked)  # noqa: E731
+        commanded = self.PEAK_SHARE * float(go1.motor.peak_torque[0])
+        torque = lambda t: (0.0 if t % 0.2 < faulty_s else commanded, commanded)  # noqa: E731
         return float(measured(go1, Unexplained, torque=torque, samples=500)[0])
 
     def test_a_motor_that_drops_out_now_and_then_is_noticed(self, go1: Robot) -> None:
@@ -169,8 +169,8 @@ class TestUnexplained:
     def test_motors_that_are_weak_or_report_late_are_explained(self, go1: Robot) -> None:
         peak = float(go1.motor.peak_torque[0])
         assert measured(go1, Unexplained, torque=lambda _: (0.3 * peak, 0.6 * peak), samples=500)[0] == 0.0
-        asked = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
-        torque = lambda t: (float(asked(max(t - 0.04, 0.004))), float(asked(t)))  # noqa: E731
+        commanded = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
+        torque = lambda t: (float(commanded(max(t - 0.04, 0.004))), float(commanded(t)))  # noqa: E731
         assert measured(go1, Unexplained, torque=torque, samples=500)[0] == 0.0
 
 
@@ -253,5 +253,5 @@ def test_a_robot_that_slides_or_hits_the_ground_has_no_faulty_imu(
 ) -> None:
     """Friction of 0.7 stops it in 1.6 and 0.84 s; ground is hit with 6 times gravity for 40 ms."""
     windows = BodyWindows(go1, check)
-    felt = [Inertial((0.0, 0.0, 0.0), each, (1.0, 0.0, 0.0, 0.0)) for each in acceleration]
-    assert max(windows.update(each, speed_rad_s=1.0) for each in felt) <= most
+    readings = [Inertial((0.0, 0.0, 0.0), each, (1.0, 0.0, 0.0, 0.0)) for each in acceleration]
+    assert max(windows.update(each, speed_rad_s=1.0) for each in readings) <= most

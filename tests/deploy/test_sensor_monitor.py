@@ -20,11 +20,11 @@ from footfall.deploy.wiring import wiring_of
 from footfall.robots.description import Robot
 
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
-LOOSE = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
+WIDE_LIMITS = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
 ZEROS = np.zeros(12)
 
 
-def monitor_of(robot: Robot, limits: SensorLimits = LOOSE, **checks: object) -> SensorMonitor:
+def monitor_of(robot: Robot, limits: SensorLimits = WIDE_LIMITS, **checks: object) -> SensorMonitor:
     """A monitor that began with a robot that stands still."""
     monitor = SensorMonitor(robot, wiring_of(robot), limits, 0.002, **checks)  # type: ignore[arg-type]
     joints = np.array([robot.default_pose, ZEROS, ZEROS])
@@ -48,7 +48,7 @@ def window(
     return monitor.joint_contradiction(ZEROS, joints[0], ZEROS + temperature_c, ZEROS + voltage)
 
 
-def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits = LOOSE) -> str:
+def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits = WIDE_LIMITS) -> str:
     """Findings for a robot that stands still, with one changed value of one motor."""
     readings = {"velocity": ZEROS.copy(), "torque": ZEROS.copy()}
     readings |= {name: np.full(12, np.nan) for name in ("temperature_c", "voltage")}
@@ -178,7 +178,7 @@ class TestBody:
     ) -> None:
         """Its nose up by 0.2 rad: the feet that carry it are all in one plane, which is level by the legs."""
         up = np.array([math.sin(0.2), 0.0, math.cos(0.2)])
-        monitor = monitor_of(go1, replace(LOOSE, limp_s=10.0), body_checks=[Seen])
+        monitor = monitor_of(go1, replace(WIDE_LIMITS, limp_s=10.0), body_checks=[Seen])
         legs = go1.legs
         pressed = np.full((legs.count, 1), 9.81 * legs.mass / legs.count) * up
         torque = legs.holding_torque(go1.default_pose, 9.81 * up)

@@ -37,8 +37,8 @@ from footfall.robots.description import Robot, load_robot
 class TestSignals:
     @pytest.fixture
     def loop(self) -> Any:
-        loop = SimpleNamespace(asked=0)
-        loop.finish = lambda: setattr(loop, "asked", loop.asked + 1)
+        loop = SimpleNamespace(calls=0)
+        loop.finish = lambda: setattr(loop, "calls", loop.calls + 1)
         return loop
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU])
@@ -46,22 +46,22 @@ class TestSignals:
         before = signal.getsignal(number)
         with ending_on_signals(loop.finish):
             signal.raise_signal(number)
-            assert loop.asked == 1
+            assert loop.calls == 1
             signal.raise_signal(number)  # an impatient one
-        assert loop.asked == 2
+        assert loop.calls == 2
         assert signal.getsignal(number) is before
 
     def test_a_second_hangup_while_the_first_is_handled_counts_with_it(self) -> None:
-        asked: list[int] = []
+        calls: list[int] = []
 
         def finish() -> None:
-            asked.append(1)
-            if len(asked) < 5:
+            calls.append(1)
+            if len(calls) < 5:
                 signal.raise_signal(signal.SIGHUP)
 
         with ending_on_signals(finish):
             signal.raise_signal(signal.SIGHUP)
-        assert asked == [1]
+        assert calls == [1]
 
     def test_signal_handlers_are_restored_and_threads_without_signals_run(self, loop: Any) -> None:
         before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
@@ -136,13 +136,13 @@ class TestInterface:
 
 @pytest.mark.parametrize("realtime", [False, True])
 def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool) -> None:
-    asked: list[Any] = []
+    calls: list[Any] = []
 
     @contextmanager
     def undisturbed(priority: int | None) -> Iterator[list[str]]:
-        asked.append(priority)
+        calls.append(priority)
         yield ["not permitted"]
-        asked.append("over")
+        calls.append("over")
 
     monkeypatch.setattr(drive, "undisturbed", undisturbed)
     safety = replace(RELAXED.safety, damping_s=0.01)
@@ -153,7 +153,7 @@ def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(session, "_open_log", lambda *_: log)
     outcome = session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
     assert log.of("note") == ([(0, "not permitted")] if realtime else [])
-    assert asked == ([42, "over"] if realtime else [])
+    assert calls == ([42, "over"] if realtime else [])
     assert outcome.notes == (("not permitted",) if realtime else ())
 
 
@@ -174,7 +174,7 @@ def session_of(**settings: Any) -> Session:
     return Session(**plain | {"config": config, "lie_down": False} | settings)
 
 
-CROWDED = {"channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1]), "motor_id": np.arange(1, 13)}
+MANY_ON_CAN2 = {"channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1]), "motor_id": np.arange(1, 13)}
 
 
 class TestSession:
@@ -222,7 +222,7 @@ class TestSession:
         ("robot", "changes", "message"),
         [
             ("go1", {}, "3 motors on can0 .* 1234 Hz"),  # at most 135 bits there and as many back
-            ("go1", CROWDED, "4 motors on can2 .* 925 Hz"),
+            ("go1", MANY_ON_CAN2, "4 motors on can2 .* 925 Hz"),
             ("go1", {"models": ("RS03",) * 12}, "3 motors on can0 .* 1041 Hz"),  # 160 bits there and back
             (
                 "go1",

@@ -54,14 +54,14 @@ class Ends:
         errors = np.zeros(N, np.uint64)
         answers = [self.motors.reply(slice(None), report(reading, errors))]
         for now_us in (0, 1000) if self.motors.broadcasts else ():  # half of the motors at a time
-            said = self.motors.broadcast(now_us, errors == 0, report(reading, errors))
-            assert said is not None
-            answers.append(said)
+            frames = self.motors.broadcast(now_us, errors == 0, report(reading, errors))
+            assert frames is not None
+            answers.append(frames)
         self.layer.absorb(answers, 0)
         self.layer.begin_at(target)
         self.precision = np.array([precision(model) for model in wiring.models]).T
 
-    def heard(self, frames: Frames) -> JointCommand:
+    def decoded(self, frames: Frames) -> JointCommand:
         requests = self.motors.requests(frames)
         values = np.full((5, N), np.nan)
         values[:, requests.motor] = requests.values
@@ -69,16 +69,19 @@ class Ends:
 
     def excess(self, frames: Frames) -> np.ndarray:
         """Requested torque beyond the motors' limits, N m, minus the rounding error."""
-        sensed, heard = self.layer.sensed(), self.heard(frames)
-        error, speed_error = heard.position - sensed.joint_position, heard.velocity - sensed.joint_velocity
-        torque = heard.kp * error + heard.kd * speed_error + heard.torque
+        sensed, decoded = self.layer.sensed(), self.decoded(frames)
+        error, speed_error = (
+            decoded.position - sensed.joint_position,
+            decoded.velocity - sensed.joint_velocity,
+        )
+        torque = decoded.kp * error + decoded.kd * speed_error + decoded.torque
         span = np.where(self.precision > 0.0, self.driver.highest - self.driver.lowest, 0.0)
         position, velocity, kp, kd, torque_quantum = span * self.precision
         rounding = 0.5 * (
             kp * (np.abs(error) + position)
             + kd * (np.abs(speed_error) + velocity)
-            + heard.kp * position
-            + heard.kd * velocity
+            + decoded.kp * position
+            + decoded.kd * velocity
             + torque_quantum
         )
         least, most = limits(ROBOT.motor, sensed.joint_velocity)
@@ -105,11 +108,11 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @settings(max_examples=60, deadline=None)
-@given(wiring=wirings, decision=decisions, share=readings, begun=readings)
+@given(wiring=wirings, decision=decisions, share=readings, start=readings)
 def test_a_command_stays_within_motor_limits(
-    wiring: Wiring, decision: np.ndarray, share: np.ndarray, begun: np.ndarray
+    wiring: Wiring, decision: np.ndarray, share: np.ndarray, start: np.ndarray
 ) -> None:
-    ends = Ends(wiring, share, 12.5 * begun[0])
+    ends = Ends(wiring, share, 12.5 * start[0])
     for _ in range(2):
         assert ends.excess(ends.layer.command(JointCommand(*decision))).max() <= 0.0
 
@@ -122,8 +125,8 @@ def test_damping_without_readings_stays_within_motor_limits(
     """Frames made from the latest speeds, which motors receive repeatedly."""
     ends = Ends(wiring, share, ROBOT.default_pose)
     for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
-        heard = ends.heard(frames)
-        if np.isfinite(heard.kd).all():
+        decoded = ends.decoded(frames)
+        if np.isfinite(decoded.kd).all():
             assert ends.excess(frames).max() <= 0.0
 
 

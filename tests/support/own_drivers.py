@@ -98,7 +98,7 @@ class OwnImu:
     def __init__(self, channel: int) -> None:
         self._channel = channel
         self.reading = Inertial((0.0,) * 3, (0.0, 0.0, 9.81), LEVEL)
-        self.heard_us: int | None = None
+        self.arrived_us: int | None = None
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         for channel, identifier, values in zip(
@@ -107,7 +107,7 @@ class OwnImu:
             if channel == self._channel and identifier in IMU_IDS:
                 part = ("gyro", "acceleration")[int(identifier) - IMU_IDS[0]]
                 self.reading = self.reading._replace(**{part: tuple(values.tolist())})
-                self.heard_us = now_us
+                self.arrived_us = now_us
 
 
 class OwnImuEnd:

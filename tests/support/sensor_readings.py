@@ -37,21 +37,21 @@ class JointReadings:
         self.values = np.zeros((len(checks), self.n))  # of the last window
         self.zeros = np.zeros(self.n)
 
-    def begin(self, now_us: int, heard_us: np.ndarray, joints: np.ndarray) -> None:
-        self.windows.begin(now_us, heard_us, joints, self.zeros)
+    def begin(self, now_us: int, arrived_us: np.ndarray, joints: np.ndarray) -> None:
+        self.windows.begin(now_us, arrived_us, joints, self.zeros)
 
     def add(
         self,
         now_us: int,
         joints: np.ndarray,
-        heard_us: Any = None,
+        arrived_us: Any = None,
         expected: Any = 0.0,
         stiffness: float = 0.0,
         target: float = 0.0,
         sent: np.ndarray | None = None,
     ) -> bool:
         """Add one reading; returns whether a window has ended and was passed to the checks."""
-        arrived_us = np.full(self.n, now_us) if heard_us is None else heard_us
+        arrived_us = np.full(self.n, now_us) if arrived_us is None else arrived_us
         if not self.windows.add(now_us, 0, arrived_us, STILL, joints, self.zeros + expected, sent=sent):
             return False
         zeros = self.zeros
@@ -76,18 +76,18 @@ def measured(
     `torque` gives the reported and the expected torque of that joint, N m. A sample whose number is in
     `lost` changes neither the reading nor its time of arrival.
     """
-    result, heard_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
+    result, arrived_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
     joints = np.zeros((3, result.n))
     joints[:2, 0] = reading(0.0)
-    result.begin(0, heard_us, joints)
+    result.begin(0, arrived_us, joints)
     for k in range(1, samples + 1):
         time_s = k * SAMPLE_US * 1e-6
         expected = result.zeros.copy()
         if not lost(k):
-            joints, heard_us = joints.copy(), np.full(result.n, k * SAMPLE_US)
+            joints, arrived_us = joints.copy(), np.full(result.n, k * SAMPLE_US)
             joints[:2, 0] = reading(time_s)
             joints[2, 0], expected[0] = torque(time_s)
-        result.add(k * SAMPLE_US, joints, heard_us, expected, stiffness, target(time_s))
+        result.add(k * SAMPLE_US, joints, arrived_us, expected, stiffness, target(time_s))
     return result.values[0]
 
 

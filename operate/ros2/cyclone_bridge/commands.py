@@ -37,7 +37,7 @@ class Commands:
         """
         self._participant = participant
         self._offered: list[str] = []
-        self._link = Link(path, self._heard, lambda why: self._link.post(note=f"refused: {why}"))
+        self._link = Link(path, self._receive_status, lambda why: self._link.post(note=f"refused: {why}"))
         self._kind, self._other = velocity_kinds(stamped)
         self._stopped = False
         self._readers: dict[str, tuple[RawReader, str, Callable[[Any], None]]] = {}
@@ -57,7 +57,7 @@ class Commands:
                 with suppress(ValueError):
                     act(decode(kind, message))
 
-    def _heard(self, status: dict[str, Any]) -> None:
+    def _receive_status(self, status: dict[str, Any]) -> None:
         self._offered = list(status["settings"])
 
     def _listen(self, topic: Subscribed, act: Callable[[Any], None]) -> None:
