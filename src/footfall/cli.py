@@ -80,6 +80,7 @@ def _interrupted_by_sigterm() -> Iterator[None]:
     """Let SIGTERM unwind open contexts, such as process pools, as Ctrl-C does."""
 
     def terminate(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # `timeout` sends two; the second would break the end
         raise _TerminatedError
 
     if threading.current_thread() is not threading.main_thread():  # signals reach only the main thread
