@@ -21,10 +21,10 @@ def test_a_folder_given_by_the_user_is_used_unchanged(home: Path, monkeypatch: p
 
 
 class TestCache:
-    def test_a_kind_is_the_first_cores_and_no_other_lines(
+    def test_the_processors_kind_is_read_from_the_first_core_only(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """In any order of lines, on any architecture."""
+        """Lines may come in any order, on any architecture."""
         info = tmp_path / "cpuinfo"
         monkeypatch.setattr(cache, "CPU_INFO", info)
 

@@ -53,7 +53,7 @@ def read(**changes: Any) -> Cart:
 
 
 def refusal(data: object) -> str:
-    """Why these settings are no cart: one short line that begins with where they come from."""
+    """Message of the refusal: one short line that begins with the settings' origin."""
     with pytest.raises(UserError, match=r"^here: [^\n]{,200}$") as caught:
         structure(data, Cart, "here")
     return str(caught.value).removeprefix("here: ")
@@ -152,7 +152,7 @@ def test_invalid_and_ambiguous_yaml_is_refused_in_one_line(tmp_path: Path) -> No
         assert "\n" not in str(caught.value)
 
 
-def test_own_keys_override_merged_keys(tmp_path: Path) -> None:
+def test_a_mappings_own_keys_override_its_merged_keys(tmp_path: Path) -> None:
     (tmp_path / "cart.yaml").write_text("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
     assert read_yaml(tmp_path / "cart.yaml") == {
         "a": {"x": 1, "y": 2},

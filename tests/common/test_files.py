@@ -8,7 +8,9 @@ import pytest
 from footfall.common.files import write_atomically
 
 
-def test_the_disk_has_the_content_before_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_content_is_on_the_disk_before_the_file_gets_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, happened = tmp_path / "kept", []
     path.write_bytes(b"old")
     plain_fsync, plain_replace = os.fsync, os.replace

@@ -40,7 +40,7 @@ def test_another_process_is_named_until_it_ends_or_is_killed(name: str) -> None:
         pass
 
 
-def test_this_process_is_named_too_and_other_resources_are_free() -> None:
+def test_a_lock_of_this_process_is_named_and_other_resources_are_free() -> None:
     again = pytest.raises(UserError, match=re.escape(f"this process ({os.getpid()})"))
     with held("a", "a"), held("b", "b"), again, held("a", "a"):
         pass

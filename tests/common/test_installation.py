@@ -102,7 +102,7 @@ def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: 
     )
 
 
-def test_a_defect_of_footfall_is_no_missing_package() -> None:
+def test_a_failing_import_inside_footfall_is_not_reported_as_a_missing_package() -> None:
     with pytest.raises(ModuleNotFoundError), needs_extra("sweep", "sweeps need"):
         import footfall.nosuchroom  # noqa: F401
 

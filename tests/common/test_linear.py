@@ -8,7 +8,7 @@ from footfall.common.linear import solve
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 6), st.integers(1, 3))
-def test_it_is_numpys_own_solution(seed: int, count: int, unknowns: int, sides: int) -> None:
+def test_the_solution_equals_numpys(seed: int, count: int, unknowns: int, sides: int) -> None:
     rng = np.random.default_rng(seed)
     matrices = rng.normal(size=(count, unknowns, unknowns)) + 3.0 * np.eye(unknowns)
     right = rng.normal(size=(count, unknowns, sides))

@@ -138,7 +138,7 @@ class TestOutputs:
         mask = os.umask(0o027)
         try:
             write_atomically(tmp_path / "b", b"y")
-            assert os.umask(0o027) == 0o027  # it is left as it was
+            assert os.umask(0o027) == 0o027  # the mask stays unchanged
         finally:
             os.umask(mask)
         assert stat.S_IMODE((tmp_path / "b").stat().st_mode) == 0o640

@@ -60,7 +60,9 @@ def test_a_private_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("way", ["folder", "file", "owner", "link"])
-def test_others_may_not_write_into_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+def test_a_private_folder_others_may_write_to_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
     folder = tmp_path / "cache"
     folder.mkdir(mode=0o755)
     (folder / "one").touch(0o644)

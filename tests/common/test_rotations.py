@@ -49,7 +49,7 @@ class TestAgainstMujoco:
         np.testing.assert_allclose(ours(*arguments), expected, atol=1e-12)
         np.testing.assert_allclose(ours(*map(jnp.asarray, arguments)), expected, atol=1e-6)
 
-    def test_the_dtype_is_kept(self, ours, mujocos, arguments) -> None:
+    def test_results_keep_the_dtype(self, ours, mujocos, arguments) -> None:
         single = [each[0].astype(np.float32) for each in arguments]
         assert ours(*single).dtype == np.float32
 
@@ -93,7 +93,7 @@ def test_roll_pitch_yaw_are_recovered_in_all_octants() -> None:
 
 @pytest.mark.parametrize("index", range(6))
 def test_gravity_is_shifted_by_the_shortest_turn(index: int) -> None:
-    """Of the body about an axis across gravity: scipy's turn from one direction to the other."""
+    """The body turns about an axis perpendicular to gravity, as scipy aligns one direction with the other."""
     before, offset = TURNS[index], np.array([0.2, -0.1, 0.15])
     down = before.inv().apply([0.0, 0.0, -1.0])
     expected = (down + offset) / np.linalg.norm(down + offset)

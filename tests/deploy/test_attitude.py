@@ -62,8 +62,8 @@ def test_it_turns_with_the_gyro_less_its_bias(rate: list[float]) -> None:
     assert (turned.inv() * true).magnitude() < 0.004  # it starts to turn between two readings
 
 
-def test_a_bias_that_appears_later_is_found() -> None:
-    """The gyro warms up: by 0.03 rad/s. The bias about the vertical stays unknown."""
+def test_a_gyro_bias_that_appears_later_is_found() -> None:
+    """The gyro warms up, which adds a bias of 0.03 rad/s. The bias about the vertical stays unknown."""
     true = Rotation.from_euler("xyz", [0.05, 0.1, 0.0])
     found, true = follow(rested(true, np.zeros(3)), true, np.zeros(3), 60.0)
     level = true.inv().apply(UP)
@@ -72,8 +72,8 @@ def test_a_bias_that_appears_later_is_found() -> None:
     assert tilt_error(found, true) < 0.005
 
 
-def test_it_starts_once_the_robot_has_kept_still() -> None:
-    """Readings from while the robot was carried do not count."""
+def test_the_filter_starts_after_the_robot_has_kept_still() -> None:
+    """Readings do not count while the robot is carried."""
     estimator, level = AttitudeEstimator(CONFIG), [0.0, 0.0, GRAVITY_M_S2]
     leaning = [3.0, 0.0, 9.3]
     for _ in range(100):

@@ -63,7 +63,7 @@ def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemi
     )  # a flat curve determines the charge less
 
 
-def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot) -> None:
+def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> None:
     pack = Pack(go1, 0.25)
     states = [pack.draw(6.0, 2.0) for _ in range(65)]
     allowed = [state.allowed for state in states]
@@ -85,10 +85,10 @@ def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot
         ({"resistance": 12.0}, "empty|differs"),  # below the cells' limit
         ({"off_v": np.full(MOTORS, -8.0)}, "differs"),
         ({"off_v": np.full(MOTORS, 8.0)}, "differs"),
-        ({"off_v": np.where(np.arange(MOTORS) < 3, -30.0, 0.0)}, ""),  # the other motors' count
+        ({"off_v": np.where(np.arange(MOTORS) < 3, -30.0, 0.0)}, ""),  # readings of the other motors count
     ],
 )
-def test_a_sagging_pack_and_a_lying_voltage(go1: Robot, change: dict, fault: str) -> None:
+def test_a_sagging_pack_and_a_wrong_voltage_reading_are_faults(go1: Robot, change: dict, fault: str) -> None:
     pack = Pack(go1, 0.6)
     assert pack.draw(6.0, 5.0).fault == ""
     vars(pack).update(change)

@@ -68,7 +68,7 @@ class TestBench:
         assert result == [s.model in ("ODrive", "moteus") for s in states]
 
     def test_a_zero_is_set_at_the_present_position(self, stand: OnStand) -> None:
-        """The robot lies down with bent knees; the knee of one leg alone is zeroed."""
+        """The robot lies with bent knees; only the knee of one leg is zeroed."""
         bench = stand.bench(stand.wiring.take(np.array([2])))
         assert (bench.query_settings(), bench.settle()) == ("", "")
         assert bench.states()[0].position < -1.5
@@ -86,7 +86,7 @@ class TestBench:
     def test_a_lost_zero_is_set_again_or_its_motor_is_named(
         self, go1: Robot, joints: list[int], lost: int, unset: str
     ) -> None:
-        """Frames to the last of these motors get lost."""
+        """Frames to the last of these motors are lost."""
         stand = OnStand(go1)
         bus = stand.bus
         left = [lost]
@@ -148,7 +148,9 @@ class TestScan:
     MAKERS = (("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("moteus", "MIT mode"))
 
     @pytest.mark.parametrize(("motors", "makers"), list(zip(EVERY_MAKER, MAKERS, strict=True)))
-    def test_it_finds_ids_and_enables_none(self, go1: Robot, motors: dict, makers: tuple[str, str]) -> None:
+    def test_a_scan_finds_ids_and_enables_no_motor(
+        self, go1: Robot, motors: dict, makers: tuple[str, str]
+    ) -> None:
         stand = OnStand(with_motors(go1, **motors))
         hip, knee = makers
         first = motors.get("first_id", 1)

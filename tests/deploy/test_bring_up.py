@@ -53,7 +53,7 @@ def only(joint: int, path: np.ndarray) -> np.ndarray:
 def findings(
     robot: Robot, criterion: Criterion, *joints: int, sways: str = "", **changes: np.ndarray
 ) -> list:
-    """Sentences about a robot at rest, except for the given changes; `joints` are those that should move."""
+    """Findings on a robot at rest with the given changes; `joints` are those that should move."""
     values = {name: np.zeros((101, 12)) for name in ("target", "position", "velocity", "torque")}
     values["temperature_c"] = np.full((101, 12), 30.0)
     up, time_s = changes.pop("up", UP), changes.pop("time_s", TIME_S)
@@ -63,7 +63,7 @@ def findings(
 
 
 def assert_found(found: list[str], *expected: str) -> None:
-    """One sentence for each expectation, with all of its words."""
+    """One finding for each expectation, with all of its words."""
     assert len(found) == len(expected), found
     for sentence, words in zip(found, expected, strict=True):
         assert all(word in sentence for word in words.split()), sentence
@@ -101,7 +101,7 @@ class TestCriteria:
             (20.0 * TIME_S, []),  # 20 rad/s^2 are within 0.1 rad/s of their mean over 0.1 s, in its middle
         ],
     )
-    def test_no_joint_shakes(self, go1: Robot, velocity: np.ndarray, finds: list[str]) -> None:
+    def test_a_shaking_joint_is_found(self, go1: Robot, velocity: np.ndarray, finds: list[str]) -> None:
         assert_found(findings(go1, criteria.calm, velocity=only(4, velocity)), *finds)
 
     @pytest.mark.parametrize(("ticks", "shakes"), [(20, False), (21, True)])
@@ -125,11 +125,13 @@ class TestCriteria:
             (only(5, 15.0 * STEADY) + only(3, 15.0 * STEADY), ["joint 3 63%"]),  # of a hip's 23.7 N m
         ],
     )
-    def test_no_motor_works_too_hard(self, go1: Robot, torque: np.ndarray, finds: list[str]) -> None:
+    def test_a_motor_with_too_much_torque_is_found(
+        self, go1: Robot, torque: np.ndarray, finds: list[str]
+    ) -> None:
         assert_found(findings(go1, criteria.modest, torque=torque), *finds)
 
     @pytest.mark.parametrize(("peak_c", "finds"), [(np.nan, []), (59.0, []), (61.0, ["joint 8 61 degrees"])])
-    def test_a_short_heat_is_found_although_other_motors_report_none(
+    def test_a_short_rise_of_temperature_is_found_although_other_motors_report_none(
         self, go1: Robot, peak_c: float, finds: list[str]
     ) -> None:
         temperature_c = np.full((101, 12), np.nan)
@@ -146,7 +148,7 @@ class TestCriteria:
             ((0.0, -np.sin(0.2)), ["roll -0.20"]),
         ],
     )
-    def test_the_base_is_level(self, go1: Robot, up: tuple[float, float], finds: list[str]) -> None:
+    def test_a_tilted_base_is_found(self, go1: Robot, up: tuple[float, float], finds: list[str]) -> None:
         leaning = np.tile([*up, np.cos(0.2)], (101, 1))
         assert_found(findings(go1, criteria.level, up=leaning), *finds)
 
@@ -166,7 +168,9 @@ class TestCriteria:
             ([1.3, 1.3, 1.3, 0.1], ["leg RL 3 N of 125:"]),
         ],
     )
-    def test_torques_carry_the_weight(self, go1: Robot, share: list[float], finds: list[str]) -> None:
+    def test_torques_that_do_not_match_the_weight_are_found(
+        self, go1: Robot, share: list[float], finds: list[str]
+    ) -> None:
         """An even share of 12.743 kg on each leg, by -J^T f; feet that push each other carry no more."""
         legs, pose = go1.legs, go1.default_pose
         aside = np.array([[60.0, 0.0, 0.0], [-60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, -60.0, 0.0]])
@@ -178,8 +182,13 @@ class TestCriteria:
 
     @pytest.mark.parametrize("by_rad", [0.08, -0.08])
     @pytest.mark.parametrize(("sways", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
-    def test_the_base_tilts_as_joints_do(self, go1: Robot, sways: str, begin_s: float, by_rad: float) -> None:
-        """To the right, then to the front, or the reverse. The IMU's constant misalignment has no effect."""
+    def test_a_tilt_that_differs_from_the_joints_tilt_is_found(
+        self, go1: Robot, sways: str, begin_s: float, by_rad: float
+    ) -> None:
+        """The base tilts to the right, then to the front, or the reverse.
+
+        A constant misalignment of the IMU has no effect.
+        """
         tilt = by_rad * np.sin(np.pi * TIME_S) ** 2
         way = swaying(go1, by_rad, 1.0)
         pose, zero = go1.default_pose, np.zeros(101)
@@ -238,7 +247,10 @@ class FakeLoop:
 
 
 def test_each_sample_is_the_loops_state_at_its_time() -> None:
-    """Turned by 0.2 rad to its right; 0 to 0.3 s, of which 0.1 and 0.2 are looked at."""
+    """The robot is turned by 0.2 rad to its right.
+
+    Of 0 to 0.3 s, the samples at 0.1 and 0.2 s are recorded.
+    """
     loop, recording = FakeLoop(), Recording()
     for tick in range(4):
         loop.walking_s, loop.target, loop.temperature_c = 0.1 * tick, np.full(12, 1.0), np.full(12, 5.0)
@@ -267,7 +279,7 @@ class TestJudge:
         return _Judge(setting, made, Plan(Hold(go1), list(windows)))
 
     def test_each_window_is_judged_once_as_it_ends_by_its_own_samples(self, go1: Robot) -> None:
-        """Every other tick of 10 ms is looked at, from 10 ms on; nothing before the robot walks."""
+        """Every other tick of 10 ms is recorded, from 10 ms on, and none before the robot walks."""
         seen: list[tuple[float, list[float]]] = []
 
         def note(case: Case) -> Iterator[str]:
@@ -308,14 +320,16 @@ class TestJudge:
 
 
 def test_a_scale_lowers_gains_and_torque_but_not_damping(go1: Robot) -> None:
-    """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
+    """For joints at rest at zero: half the gains, and at most half the peak torque of 23.7 and 35.55 N m."""
     driver = open_driver(wiring_of(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
     command = np.zeros((5, 12))
     command[0], command[2], command[4] = 1.0, 1.0, 2.0
     for layer in (full, half):
         layer.command(command)
-    np.testing.assert_allclose(half.sent[[2, 4]], 0.5 * full.sent[[2, 4]])  # what a gait feeds forward, too
+    np.testing.assert_allclose(
+        half.sent[[2, 4]], 0.5 * full.sent[[2, 4]]
+    )  # also the feed-forward torque of a gait
     command[0], command[2], command[4] = go1.soft_limits[1], 400.0, 0.0
     half.command(command)
     torque = half.sent[2] * half.sent[0]
@@ -439,7 +453,7 @@ def test_steps_run_in_their_own_order_not_in_the_typed_one(
     assert steps_run == ["hold", "legs", "walk"]
 
 
-def test_the_first_failed_step_is_the_last(shell: Shell, steps_run: list[str]) -> None:
+def test_no_step_runs_after_a_failed_one(shell: Shell, steps_run: list[str]) -> None:
     done = shell("bring-up", "stand", "--scale", "0.25", "--json", "out.json")
     assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "wiring", "stand"])
     assert_found(done.out.splitlines()[-3:], "stand: failed", "the robot is tilted", "a foot hangs")
@@ -475,7 +489,7 @@ def test_each_step_is_confirmed_before_it_moves(
     )
 
 
-def test_a_bad_option_is_refused_in_one_line(shell: Shell) -> None:
+def test_an_invalid_option_is_refused_in_one_line(shell: Shell) -> None:
     for options, message in (
         (["--steps", "jump"], "there are hold, joints, legs, wiring, stand, shift, walk, uneven"),
         (["--scale", "2"], "--scale"),

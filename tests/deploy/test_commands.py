@@ -23,7 +23,7 @@ class TestLimits:
     def test_commands_are_clipped_axis_by_axis(self, requested: list[float], given: list[float]) -> None:
         assert CommandLimits(RANGES).apply(np.array(requested)).tolist() == given
 
-    def test_each_axis_is_noted_once_and_the_requested_command_not_changed(self) -> None:
+    def test_each_clipped_axis_is_noted_once_and_the_requested_command_stays_unchanged(self) -> None:
         limits, requested = CommandLimits(RANGES), np.array([5.0, 0.0, 0.0])
         for forward in (1.0, 5.0, 6.0, -7.0):
             requested[0] = forward

@@ -33,7 +33,7 @@ REFUSED = (
     "safety: {pause_limit_s: 0.003}",  # one tick and a half
     "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, when motors have given up
     "safety: {late_limit_s: 0.09}",
-    "safety: {guard_share: 1.5}",  # times 0.07 s and a tick: 0.107 s
+    "safety: {guard_share: 1.5}",  # 1.5 times 0.07 s and a tick: 0.107 s
     "safety: {start_timeout_s: 0.019, still_s: 0}",  # nine ticks and a half
     "safety: {start_timeout_s: 0.069}",  # the same, after resting for 0.05 s
     "safety: {still_s: 0.99}",  # of the second in which it has to start
@@ -145,7 +145,9 @@ class TestLimitsOfARobot:
     def with_limits(self, robot: Robot, **limits: object) -> Robot:
         return replace(robot, description=replace(robot.description, safety=limits))
 
-    def test_replace_the_defaults_and_a_file_changes_single_ones(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_robots_limits_replace_the_defaults_and_a_file_changes_single_limits(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
         path, robot = tmp_path / "loop.yaml", self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5})
         path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
         for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
@@ -156,7 +158,7 @@ class TestLimitsOfARobot:
         with pytest.raises(UserError, match=r"go1/robot.yaml: safety: .*\btilt\b"):
             deploy_config(self.with_limits(go1, tilt=0.7))
 
-    def test_depend_on_the_motors_timeout(self, go1: Robot) -> None:
+    def test_a_robots_limits_must_fit_the_motors_timeout(self, go1: Robot) -> None:
         """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}

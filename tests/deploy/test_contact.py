@@ -18,7 +18,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def carried(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * UP) -> Sensed:
-    """At rest in the default pose, with forces (legs, 3), N, on the feet, and limbs that weigh."""
+    """Readings at rest in the default pose, with forces (legs, 3), N, on the feet; the limbs have weight."""
     legs = robot.legs
     jacobian = legs.pose(robot.default_pose).jacobian
     torque = legs.holding_torque(robot.default_pose, acceleration) + legs.torque(jacobian, force)
@@ -28,7 +28,7 @@ def carried(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * U
 
 
 def held_out(robot: Robot, pose: np.ndarray) -> Sensed:
-    """At rest in any pose, motors off."""
+    """Readings at rest in any pose, motors off."""
     zero = np.zeros_like(pose)
     return Sensed(np.zeros(3), 9.81 * UP, np.array([1.0, 0.0, 0.0, 0.0]), pose, zero, zero)
 
@@ -51,7 +51,7 @@ class TestContact:
     EVEN = 9.81 * nominal_body(ROBOT).mass / 4
     SENSED = carried(ROBOT, np.outer(np.full(4, EVEN), UP))
 
-    def test_force_sensors_outweigh_torques_that_nearly_agree(self) -> None:
+    def test_force_sensors_are_used_where_torques_nearly_agree(self) -> None:
         sensed = self.SENSED._replace(foot_force=self.EVEN * np.array([1.0, 0.75, 0.65, 0.55]))
         found = self.after(ROBOT, self.begun(ROBOT, sensed), sensed, 1000)
         np.testing.assert_allclose(found, [1.0, 0.55 / 0.6, 0.75, 0.35 / 0.6], atol=0.01)
@@ -70,7 +70,7 @@ class TestContact:
         self.after(ROBOT, contact, sensed._replace(foot_force=np.full(4, np.nan)), 200)
         assert not contact.believed.any()
 
-    def test_without_torques_sensors_are_believed(self) -> None:
+    def test_without_torques_force_sensors_are_used(self) -> None:
         """A recording without force sensors."""
         force = self.EVEN * np.array([1.0, 0.5, 0.1, np.nan])
         sensed = self.SENSED._replace(foot_force=force, joint_torque=np.full(12, np.nan))
@@ -80,7 +80,7 @@ class TestContact:
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
     def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
-        """0 below 0.2 of an even share of the weight, 1 above 0.8, half in the middle."""
+        """Trust is 0 below 0.2 of an even share of the weight, 1 above 0.8, and 0.5 in the middle."""
         robot = load_robot(name)
         even = 9.81 * nominal_body(robot).mass / robot.legs.count
         sensed = carried(robot, np.tile(share * even * UP, (robot.legs.count, 1)))
@@ -88,7 +88,10 @@ class TestContact:
         np.testing.assert_allclose(found, trust, atol=0.01)
 
     def test_legs_in_the_air_are_not_in_stance_for_any_weight(self) -> None:
-        """The hexapod's legs weigh as much as its body: held up, then pulled down faster than free fall."""
+        """The hexapod's legs weigh as much as its body.
+
+        It is held up, then pulled down faster than free fall.
+        """
         robot = load_robot("hexapod")
         for acceleration in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
             hanging = carried(robot, np.zeros((6, 3)), acceleration)
@@ -124,7 +127,7 @@ class TestContact:
         np.testing.assert_allclose(found, plan, atol=0.01)
 
     def test_trust_rises_slowly_and_falls_quickly(self) -> None:
-        """After one time constant of 30 ms 63 %; the force is gone soon after."""
+        """After one time constant of 30 ms trust is 63 %. It falls sooner after the force has ended."""
         standing, hanging = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))
         contact = self.begun(ROBOT, standing)
         contact.probability = [0.0] * 4

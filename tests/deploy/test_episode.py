@@ -75,7 +75,10 @@ class TestFaults:
 
 
 def test_a_randomised_robot_has_its_samples_bias_and_load(go1: Robot, trace: Trace) -> None:
-    """Encoders that read 0.02 rad too much shift the joints by as much; a load shows under the feet."""
+    """Encoders that read 0.02 rad too much shift the joints by that angle.
+
+    A load increases the forces on the feet.
+    """
     sample = Sample(
         action_delay_s=np.array(0.007),
         observation_delay_s=np.array(0.004),

@@ -26,7 +26,7 @@ from footfall.robots.rigid_body import nominal_body
 ROBOT = load_robot("go1")
 UP = np.array([0.0, 0.0, 1.0])
 NO_YAW = np.array([1.0, 0.0, 0.0, 0.0])
-SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # where readings give the rate, never the angle
+SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # the readings give the yaw rate, never the yaw
 
 
 def yawed(angle: float) -> np.ndarray:
@@ -124,7 +124,7 @@ class TestAgainstTheTruth:
 
     @pytest.mark.parametrize("kind", ["planned", "unplanned"])
     def test_errors_match_the_covariance(self, walks: dict[str, Follower], kind: str) -> None:
-        """Nearly all within three standard deviations; their normalised squares neither large nor tiny."""
+        """Nearly all errors are within three standard deviations, which are not far too large."""
         follower = walks[kind]
         for rows, columns in ((POSITION, slice(0, 3)), (VELOCITY, slice(3, 6))):
             error = follower.errors()[500:, columns]
@@ -149,7 +149,7 @@ def held(robot: Robot = ROBOT, share: float = 1.0) -> Sensed:
 
 
 def carried_by_its_legs(robot: Robot, sensed: Sensed, velocity: np.ndarray) -> Sensed:
-    """The same, with joint velocities at which feet that stand carry the base at a velocity (3,), m/s."""
+    """The same, with the joint velocities at which standing feet move the base at a velocity (3,), m/s."""
     legs, pose = robot.legs, robot.legs.pose(sensed.joint_position)
     contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
     rates = legs.joint_rates(contact, np.tile(-velocity[:, None], (legs.count, 1, 1)))[:, :, 0]
@@ -159,7 +159,7 @@ def carried_by_its_legs(robot: Robot, sensed: Sensed, velocity: np.ndarray) -> S
 def glide(
     estimator: BaseEstimator, sensed: Sensed, velocity: np.ndarray, yaws: np.ndarray, dt_s: float = 0.004
 ) -> None:
-    """Walk at a body velocity (3,), m/s, through these headings, on feet that are carried forward unseen."""
+    """Walk at a body velocity (3,), m/s, through these headings; swings of the feet are not simulated."""
     legs, pose, arm = ROBOT.legs, ROBOT.legs.pose(sensed.joint_position), imu_position(ROBOT)
     contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
     for before, yaw in pairwise(yaws):
@@ -183,7 +183,10 @@ class TestPose:
         return estimator, sensed
 
     def test_a_circle_is_followed(self) -> None:
-        """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is at the calculated point."""
+        """0.5 m/s and 0.8 rad/s are a circle of radius 0.625 m.
+
+        After 250 degrees the position is the calculated one.
+        """
         velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
         yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.008) + 1)
         estimator, sensed = self.moving(2.5, velocity)
@@ -204,7 +207,7 @@ class TestPose:
         np.testing.assert_allclose(found.covariance[:2, :2], 0.0, atol=1e-12)
         np.testing.assert_allclose(found.velocity, [0.5, 0.0, 0.0], atol=2e-3)
 
-    def test_a_reset_forgets(self) -> None:
+    def test_a_reset_clears_the_estimate(self) -> None:
         velocity = np.array([0.5, 0.2, 0.0])
         used, sensed = self.moving(0.7, velocity)
         fresh = BaseEstimator(ROBOT)
@@ -277,7 +280,10 @@ class TestHeight:
 
     @pytest.mark.parametrize("level", [True, False])
     def test_z_is_the_height_on_level_ground_and_integrated_elsewhere(self, level: bool) -> None:
-        """Feet that stand one above the other, as on stairs: climbed at 0.2 m/s, seen only where asked."""
+        """Each foot stands higher than the last one, as on stairs climbed at 0.2 m/s.
+
+        With level ground assumed, z stays the height.
+        """
         config = EstimatorConfig()
         config = replace(config, odometry=replace(config.odometry, level_ground=level))
         climbing = np.array([0.3, 0.0, 0.2])

@@ -67,7 +67,9 @@ def test_a_late_subscriber_gets_the_latched_part_then_all_bytes(log: McapLog, tm
         arriving = iter(reader)
         first: list[FeedMessage] = []
         while not {each.channel.topic for each in first} >= LATCHED:
-            first.append(next(arriving))  # others come too, if the process is slower than this one
+            first.append(
+                next(arriving)
+            )  # other messages may come first, if the process is slower than this one
         assert any(b"STANDING" in each.data for each in first if each.channel.topic == "/state")
         with ThreadPoolExecutor(1) as subscriber:  # reads while the run goes on, or its buffer may fill
             rest = subscriber.submit(list, arriving)
@@ -97,11 +99,11 @@ def test_others_read_the_feed_as_mcap(log: McapLog, tmp_path: Path) -> None:
         log.close()
         kinds = [type(record).__name__ for record in StreamReader(subscriber.makefile("rb")).records]
     assert kinds[:2] == ["Header", "Metadata"]
-    assert kinds.count("Message") >= 3  # latched ones, and what came meanwhile
+    assert kinds.count("Message") >= 3  # latched messages, and those that arrived meanwhile
     assert kinds[-2:] == ["DataEnd", "Footer"]
 
 
-def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_path: Path) -> None:
+def test_a_wrong_or_slow_subscriber_affects_no_other(log: McapLog, tmp_path: Path) -> None:
     """One subscriber never reads, one sends data, and there are more than the limit."""
     sleepers = [connect(tmp_path / "feed") for _ in range(14)]
     talker = connect(tmp_path / "feed")
@@ -126,7 +128,9 @@ def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_pat
     assert read_log(tmp_path / "run.mcap").complete
 
 
-def test_a_feed_in_use_is_refused_and_a_dead_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
+def test_a_feed_in_use_is_refused_and_one_of_an_ended_process_is_replaced(
+    go1: Robot, log: McapLog, tmp_path: Path
+) -> None:
     with pytest.raises(UserError, match=r"feed: Address already in use"):
         McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
     with socket.socket(socket.AF_UNIX) as unused:

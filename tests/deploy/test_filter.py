@@ -77,7 +77,7 @@ class TestFilter:
         np.testing.assert_allclose([motion.position, motion.velocity, motion.bias], expected, rtol=1e-9)
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
-    def test_the_bias_is_in_body_axes(self) -> None:
+    def test_the_accelerometers_bias_is_in_body_axes(self) -> None:
         """The legs' correction in the body's axes, for any orientation: R' e, by scipy."""
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
@@ -89,7 +89,7 @@ class TestFilter:
     @settings(max_examples=30, deadline=None)
     @given(st.integers(0, 10**6))
     def test_its_covariance_stays_valid(self, seed: int) -> None:
-        """Whatever readings come, no variance becomes negative and no correlation exceeds one."""
+        """For any readings, no variance becomes negative and no correlation exceeds one."""
         rng = np.random.default_rng(seed)
         motion = coupled(FilterConfig(), seed)
         for _ in range(60):
@@ -99,7 +99,7 @@ class TestFilter:
             cov = matrix(motion)
             assert np.linalg.eigvalsh(cov / np.sqrt(np.outer(np.diag(cov), np.diag(cov)))).min() > -1e-9
 
-    def test_a_leg_that_slips_is_outvoted(self) -> None:
+    def test_a_slipping_leg_has_little_weight(self) -> None:
         """One of three legs slips at 0.5 m/s: a plain filter would follow it by a third."""
         plain, robust = MotionFilter(NO_OUTLIERS), MotionFilter(FilterConfig())
         legs = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
@@ -110,7 +110,7 @@ class TestFilter:
         assert plain.velocity[0] == pytest.approx(0.5 / 3, rel=0.05)
         assert 0.0 < robust.velocity[0] < 0.02
 
-    def test_how_far_an_outlier_counts(self) -> None:
+    def test_the_weight_of_an_outlier(self) -> None:
         """Student's weight by hand: misfit d = e'e / (3 (P + R)), noise R (1 + d / freedom)."""
         motion = MotionFilter(FilterConfig(push_m_s=1e6))
         motion.vv, noise = 4e-4, 9e-4
@@ -120,7 +120,7 @@ class TestFilter:
         assert motion.velocity[0] == pytest.approx(expected)
 
     @pytest.mark.parametrize(("ticks", "follows"), [(1, False), (15, True)])
-    def test_a_push_is_believed_once_it_lasts(self, ticks: int, follows: bool) -> None:
+    def test_the_velocity_follows_a_push_that_lasts(self, ticks: int, follows: bool) -> None:
         """All legs measure 0.4 m/s, which the accelerometer did not: for 2 ms a shock, for 30 ms a push."""
         motion = MotionFilter(FilterConfig())
         motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
@@ -144,5 +144,5 @@ class TestFilter:
         motion._look_for_push(seen.tolist(), 0.9, 0.002)
         second = first + 0.2 * (0.9 * 2.0 - first)
         assert motion.vv == pytest.approx((first**2 + second**2 - 2 * 0.09) / 3)
-        motion._look_for_push((-seen).tolist(), 1.0, 0.02)  # longer than it is filtered: at once
+        motion._look_for_push((-seen).tolist(), 1.0, 0.02)  # a tick longer than the filter's time: at once
         assert motion._surprise[axis] == pytest.approx(2.0)

@@ -19,7 +19,7 @@ class TestFirstRest:
     GRAVITY = (0.0, 0.0, 9.81)
 
     def looked(self, before: list[tuple[Vector, Vector]], at_rest: Vector) -> tuple[FirstRest, int]:
-        """The finding at the first tick without a reason to wait, and the time of that tick.
+        """The finding at the first tick that passes the check of rest, and the time of that tick.
 
         `before` are gyro and acceleration of ticks up to the last motion; from then on it rests.
         """
@@ -75,7 +75,7 @@ class TestFirstRest:
         assert rest.awaited(200_000) == (message + who if who else "")
 
     def test_motion_before_does_not_hide_a_wrong_gravity_at_rest(self) -> None:
-        """A fifth too much; without a time of rest nothing is checked."""
+        """Gravity is a fifth too large. Without a required time of rest nothing is checked."""
         before = [(self.STILL, self.GRAVITY)] * 20 + [(self.TURNING, self.GRAVITY)]
         rest, _ = self.looked(before, (0.0, 0.0, 1.2 * 9.81))
         found = rest.contradiction()

@@ -39,7 +39,7 @@ def sensing() -> Robot:
 
 
 class TestFrames:
-    def test_a_frame_worked_out_by_hand(self) -> None:
+    def test_a_frame_encodes_forces_as_calculated_by_hand(self) -> None:
         """123.4 N are 1234 = 0x04d2 units; -1 N is 0xfff6; the range ends at 0x7fff; the counter follows."""
         data = foot_force.encode(np.array([123.4, -1.0, 1e9]), 0x0102)
         assert [row[:4].tobytes().hex(" ") for row in data] == ["04 d2 01 02", "ff f6 01 02", "7f ff 01 02"]
@@ -71,7 +71,7 @@ class TestFrames:
 
 class TestDeclaration:
     def written(self, folder: Path, **buses: str) -> Path:
-        """Force sensors on these buses, by foot."""
+        """A robot with force sensors on these buses, by foot."""
         path = folder / "robot.yaml"
         content = yaml.safe_load(path.read_text())
         for foot in content["feet"]:
@@ -88,7 +88,10 @@ class TestDeclaration:
         assert wiring_of(robot).buses[-1] == "feet"
 
     def test_bad_declarations_are_refused(self, own_folder: Path, go1: Robot, sensing: Robot) -> None:
-        """Errors need sensors; no learned policy reads force sensors; in MIT mode a motor's id is its own."""
+        """Errors of sensors need sensors; no learned policy reads force sensors.
+
+        A sensor's identifier is no motor's.
+        """
         with pytest.raises(UserError, match="force_bus"):
             load_robot(self.written(own_folder, **{go1.description.feet[2].name: "can0"}))
         wiring = wiring_of(sensing)

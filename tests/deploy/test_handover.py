@@ -62,7 +62,7 @@ class TestHandover:
         policies.apply(Change(policy="b"), 1_000_000)
         steps = walk(policies, 2.0, 1.0)
         target = np.array([position[0] for *_, position in steps]) - steps[0][2][0]
-        assert np.abs(np.diff(target)).max() < 0.02  # of 0.2 rad, and no joint target jumps
+        assert np.abs(np.diff(target)).max() < 0.02  # of the blend's 0.2 rad, and no joint target jumps
         assert [name for _, name, _ in steps if name == "a"] != []
         assert (steps[-1][1], target[-1]) == ("b", pytest.approx(0.2))
         assert second.seen[0].time_s == 0.0

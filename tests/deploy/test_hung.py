@@ -43,7 +43,9 @@ def sleep(_: JointCommand) -> JointCommand:
 
 class TestHungPolicy:
     @pytest.mark.parametrize("hang", [spin, sleep])
-    def test_stops_at_its_deadline(self, go1: Robot, hang: Callable[[JointCommand], JointCommand]) -> None:
+    def test_a_hanging_call_is_interrupted_at_its_deadline(
+        self, go1: Robot, hang: Callable[[JointCommand], JointCommand]
+    ) -> None:
         simulation, began = Simulation(go1), time.monotonic()
         outcome = run_session(
             go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
@@ -55,7 +57,7 @@ class TestHungPolicy:
 
 
 class TestDeadline:
-    def test_interrupts_a_long_call_in_the_main_thread_only(self) -> None:
+    def test_only_a_call_in_the_main_thread_is_interrupted(self) -> None:
         before, found = signal.getsignal(signal.SIGALRM), []
         with deadlines() as arm:
             arm(0.02)
@@ -79,7 +81,7 @@ class TestDeadline:
 
 
 class TestGuard:
-    def test_damps_disables_and_ends_a_process_whose_loop_does_not_return(self, capsys) -> None:  # type: ignore[no-untyped-def]
+    def test_a_loop_that_does_not_return_is_damped_and_its_process_ended(self, capsys) -> None:  # type: ignore[no-untyped-def]
         acts: list[str] = []
         codes: list[int] = []
         ended = threading.Event()
@@ -101,7 +103,7 @@ class TestGuard:
         assert acts[-1] == "off"
         assert capsys.readouterr().err
 
-    def test_does_not_act_while_the_loop_is_in_time(self) -> None:
+    def test_the_guard_does_nothing_while_the_loop_is_in_time(self) -> None:
         taken_over = threading.Event()
         guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, taken_over, pytest.fail)
         time.sleep(0.15)
@@ -109,7 +111,7 @@ class TestGuard:
         assert not taken_over.is_set()
 
     def test_a_loop_that_returns_within_a_tick_leaves_its_damping(self, go1: Robot) -> None:
-        """A bus that blocks while it is read: what the tick then decides is out of date."""
+        """A bus blocks while it is read, so the tick's decision is out of date."""
         simulation = Simulation(go1)
         receive = simulation.bus.receive
         ticks = count()
@@ -128,13 +130,13 @@ class TestGuard:
 
 
 class TestMotorsOff:
-    """EXIT is repeated until every motor has replied."""
+    """Frames that disable motors are repeated until every motor has replied."""
 
     def run(self, go1: Robot, simulation: Simulation) -> list[str]:
         session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2), lie_down=False)
         return list(run_session(go1, Hold(go1), simulation.bus, session).notes)
 
-    def test_is_repeated_while_frames_get_lost(self, go1: Robot) -> None:
+    def test_disabling_is_repeated_while_frames_are_lost(self, go1: Robot) -> None:
         simulation, rng = Simulation(go1), np.random.default_rng(1)
         simulation.bus.outgoing = lambda frames, _: frames.take(rng.random(len(frames.id)) >= 0.2)
         assert self.run(go1, simulation) == []

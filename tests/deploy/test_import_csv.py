@@ -92,7 +92,7 @@ def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Pa
 def test_foot_forces_may_replace_torques_and_both_may_be_absent(
     shell: Shell, walk: Walk, tmp_path: Path
 ) -> None:
-    """Feet that carry nothing: the acceleration's column, about zero, for a force."""
+    """Feet without load: the acceleration's column, which is about zero, replaces the force."""
     forces = {name: "ax" for name in FEET}
     assert shell(*typed(shell, walk, tmp_path, joint_torque={}, foot_force=forces)).status == 0
     contact = read_columns(tmp_path / "walk.mcap").column("/contacts", 4).values

@@ -29,7 +29,7 @@ def test_a_reading_survives_within_half_a_unit(gyro: list[float], acceleration: 
 
 
 def test_a_complete_reading_is_decoded_at_once() -> None:
-    """The second batch from the same arrays takes the short way."""
+    """The second batch in the same arrays is decoded by the faster path."""
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
     for counter, scale in ((1, 1.0), (2, -2.0)):
@@ -54,7 +54,7 @@ def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
 @pytest.mark.parametrize(
     ("part", "corrupt"),
     [
-        ("gyro", lambda data, length: data.__setitem__((0, slice(6, 8)), [0, 1])),  # counts no further
+        ("gyro", lambda data, length: data.__setitem__((0, slice(6, 8)), [0, 1])),  # the counter stays
         ("acceleration", lambda data, length: data.__setitem__((1, slice(6, 8)), [0, 1])),
         ("quaternion", lambda data, length: data.__setitem__(2, 0)),
         ("quaternion", lambda data, length: data.__setitem__((2, 0), 0)),  # too short to be a rotation
@@ -172,7 +172,7 @@ class TestReader:
     def test_samples_that_are_replayed_are_counted_as_older(self, wire: Wire) -> None:
         for counter in [*range(100), *range(100)]:
             wire.send(counter, 0)
-        assert wire.reader.older == 98  # the second sample of the second lap confirms that it is one
+        assert wire.reader.older == 98  # the second sample of the second replay confirms it
         wire.send(2000, 5000), wire.send(2001, 6000)  # what was lost in a silence is not older
         assert wire.reader.older == 98
         assert wire.reader.arrived_us == 6000

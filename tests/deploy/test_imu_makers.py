@@ -1,4 +1,4 @@
-"""IMUs of other makers: messages of their documents, damaged and replayed samples, and a walk with each."""
+"""IMUs of other makers: example messages of their documents, damaged and replayed samples."""
 
 import os
 import time
@@ -70,7 +70,7 @@ class TestDocumented:
         assert VectorNavImu.length_of(OF_VECTORNAV) == 0  # another message than the driver's
 
     def test_a_vectornav_lies_upside_down(self) -> None:
-        """At rest, nose up by 0.2 rad: its own axes are x forward, z down."""
+        """The IMU is at rest, nose up by 0.2 rad; its own axes are x forward, z down."""
         half = 0.1
         own = np.array([0.0, np.sin(half), 0.0, np.cos(half)], "<f4").tobytes()  # x y z w, pitch up
         own += np.array([0.0, 0.3, 0.0, 9.81 * np.sin(0.2), 0.0, -9.81 * np.cos(0.2)], "<f4").tobytes()
@@ -140,7 +140,7 @@ class TestOnASerialLine:
     def test_a_message_is_decoded_byte_by_byte(self, driver: type, encode) -> None:
         imu: SerialImu = driver(0)
         content = encode(Sample(1, TILTED))
-        imu.absorb(to_frames(0, content[:20]), 1000)  # the rest of it never comes
+        imu.absorb(to_frames(0, content[:20]), 1000)  # the rest of this message never arrives
         for at, byte in enumerate(encode(Sample(2, TILTED)) + encode(Sample(3, TILTED))):
             imu.absorb(to_frames(0, bytes((byte,))), 2000 + at)
         assert imu.arrived_us == 2000 + 2 * len(content) - 1

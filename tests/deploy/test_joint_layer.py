@@ -56,7 +56,7 @@ class TestOut:
     def test_the_smaller_of_two_torques_of_one_direction_is_expected(
         self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
     ) -> None:
-        """In between, a joint has moved by 0.04 rad, which is 0.8 N m with 20 N m/rad."""
+        """Between the commands the joint moves by 0.04 rad: 0.8 N m at 20 N m/rad."""
         for torque in (0.4, -0.4, 2.0, 1.2):
             layer.command(command(go1, go1.default_pose, torque=side * torque))
         layer.absorb([replies(wiring, go1.default_pose - side * 0.04)], 2000)
@@ -89,7 +89,7 @@ class TestReadingsOfEveryKind:
     def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: Any = 0) -> Frames:
         return open_motor_end(wiring_of(robot)).reply(motors, report(values, error))
 
-    def test_each_joint_gets_its_command_less_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
+    def test_each_command_is_reduced_to_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Readings and commands all differ; half of the requested torques exceed the motors' limits."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
         velocity = RNG.uniform(-8.0, 8.0, 12)
@@ -162,7 +162,7 @@ class TestReadingsOfEveryKind:
     def test_lowered_gains_that_push_are_rounded_down(
         self, go1: Robot, layer: JointLayer, side: float, velocity: float
     ) -> None:
-        """Steps of a frame are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to a side.
+        """A frame's quanta are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to one side.
 
         A requested velocity away from the target brakes.
         """

@@ -22,7 +22,10 @@ def shut_down(loop: ControlLoop, body: FrameRobot, silent: list[int]) -> list[in
 
 
 def test_replies_from_the_second_tick_on_confirm_disabling(go1: Robot) -> None:
-    """All reply in one tick: earlier replies, and those of the next tick, may answer earlier frames."""
+    """All motors reply in one tick.
+
+    Replies of earlier ticks, and of the next tick, may answer earlier frames.
+    """
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[]) == [2000, 4000]
     assert loop.last_resort.silent_at_the_end == []

@@ -17,7 +17,7 @@ ALL = np.ones(4)
 
 
 def nose_up(angle: float) -> np.ndarray:
-    """The way up in the axes of a base that is pitched back: x is up by the sine."""
+    """The upward direction in the axes of a base that is pitched back: its x component is the sine."""
     return np.array([math.sin(angle), 0.0, math.cos(angle)])
 
 
@@ -29,7 +29,7 @@ def swayed(robot: Robot, roll: float, pitch: float) -> np.ndarray:
 
 
 class Stander:
-    """A robot at rest, the IMU's way up, and what share of an even weight each foot carries."""
+    """A robot at rest, the upward direction by the IMU, and each foot's share of an even load."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.attitude = robot, LegAttitude(robot, LIMITS)
@@ -56,7 +56,7 @@ def stander(go1: Robot) -> Stander:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, -0.5])
-def test_on_a_slope_they_differ_by_its_angle(stander: Stander, angle: float) -> None:
+def test_on_a_slope_both_attitudes_differ_by_its_angle(stander: Stander, angle: float) -> None:
     attitude = stander.looks(nose_up(angle))
     assert attitude.slope == pytest.approx(abs(angle), abs=1e-3)
     assert attitude.turn == pytest.approx(0.0, abs=1e-9)

@@ -32,12 +32,12 @@ def pitched(robot: Robot, pitch_rad: float) -> Sensed:
 
 
 class TestABipedThatStandsUp:
-    def test_does_not_tip_over_its_toes(self, g1: Robot) -> None:
-        """Without levelling it does."""
+    def test_a_biped_does_not_tip_over_its_toes(self, g1: Robot) -> None:
+        """Without levelling it tips over."""
         episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE)
         assert not run_episode(g1, load_policy("step", g1), episode).fell
 
-    def test_comes_to_rest(self, g1: Robot) -> None:
+    def test_a_biped_comes_to_rest(self, g1: Robot) -> None:
         """With gyro noise, the delays of the bus and stiff joints, as those of a Talos."""
         rates: list[float] = []
 
@@ -49,7 +49,7 @@ class TestABipedThatStandsUp:
         run_episode(g1, load_policy("stand", g1), episode, watch)
         assert np.abs(rates[400:500]).max() < 0.2
 
-    def test_presses_with_its_toes_as_it_leans_forward(self, g1: Robot) -> None:
+    def test_a_biped_that_leans_forward_presses_with_its_toes(self, g1: Robot) -> None:
         """The soles turn down by the pitch of the base, about a point under it."""
         turned = standing(g1).command(0.5, pitched(g1, 0.1)).position
         level, leant = (g1.legs.tip_rotation(pose) for pose in (g1.default_pose, turned))
@@ -57,7 +57,7 @@ class TestABipedThatStandsUp:
         np.testing.assert_allclose(toe, -0.1, atol=0.01)
         np.testing.assert_allclose(turned[:6], turned[6:], atol=1e-6)
 
-    def test_targets_move_slowly_and_not_far(self, g1: Robot) -> None:
+    def test_targets_move_slowly_and_within_a_limit(self, g1: Robot) -> None:
         postures, fallen = standing(g1), pitched(g1, 1.0)
         targets = np.array([postures.command(time_s, fallen).position for time_s in np.arange(0, 1, 0.002)])
         assert np.abs(np.diff(targets, axis=0)).max() < 0.01
@@ -66,7 +66,7 @@ class TestABipedThatStandsUp:
         assert np.abs(targets[-1] - g1.default_pose).max() > 0.1
 
     @pytest.mark.parametrize("hangs", [True, False])
-    def test_holds_its_pose_when_it_hangs_or_is_a_quadruped(self, hangs: bool) -> None:
+    def test_a_hanging_biped_and_a_quadruped_keep_the_pose(self, hangs: bool) -> None:
         robot = load_robot("g1" if hangs else "go1")
         postures = Postures(robot, DeployConfig(), lie_down=True, stand_up=not hangs)
         postures.stand_up(robot.default_pose, np.array([1.0, 0.0, 0.0, 0.0]))

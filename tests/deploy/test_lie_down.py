@@ -43,7 +43,7 @@ class Tick(NamedTuple):
 
 
 class Notebook:
-    """What happened at each tick."""
+    """Mode, targets and readings of each tick."""
 
     def __init__(self, then: Callable[[ControlLoop, SimulatedRobot], None] | None = None) -> None:
         self.ticks: list[Tick] = []
@@ -79,7 +79,7 @@ def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: o
 
 class TestPath:
     def test_a_paths_duration_is_that_of_the_longest_travel(self) -> None:
-        """One radian at pi/2 rad/s in the middle, which is 1 rad/s on average."""
+        """One radian at pi/2 rad/s in the middle of the path, which is 1 rad/s on average."""
         path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
         assert path.duration_s == pytest.approx(1.0)
         np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
@@ -99,11 +99,13 @@ class TestPath:
 
 
 class TestPostures:
-    def test_a_robot_lies_if_its_clearance_is_gone(self, go1: Robot) -> None:
+    def test_a_robot_lies_if_its_base_has_no_clearance(self, go1: Robot) -> None:
         postures = Postures(go1, CONFIG, lie_down=True)
         postures.stand_up(go1.lying_pose + 0.05, LEVEL)
         assert not postures.on_legs(0.0, Mode.STANDING)
-        postures.stand_up(np.tile([0.0, 1.2, -2.4], 4), LEVEL)  # a crouch, in which 48 % are gone
+        postures.stand_up(
+            np.tile([0.0, 1.2, -2.4], 4), LEVEL
+        )  # a crouch, in which the clearance is 48 % smaller
         assert postures.on_legs(0.0, Mode.STANDING)
 
     def test_legs_are_folded_before_they_push(self, go1: Robot) -> None:
@@ -140,8 +142,11 @@ class TestPostures:
         assert postures.on_legs(0.0, Mode.STANDING)
 
     @pytest.mark.parametrize("ending", [Ending.STANDING, Ending.STOPPED, Ending.WALKING])
-    def test_no_posture_asks_for_more_than_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:
-        """At 0.1 rad/s on average pi / 2 times as long: a calf has 0.3 rad to standing and 0.9 to lying."""
+    def test_no_posture_exceeds_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:
+        """At 0.1 rad/s a path takes pi / 2 times as long as at a constant rate.
+
+        A calf moves 0.3 rad to standing and 0.9 rad to lying.
+        """
         slow = replace(go1, description=replace(go1.description, target_rate_rad_s=0.1))
         postures = Postures(slow, CONFIG, lie_down=True)
         stretched = go1.default_pose + np.tile([0.0, 0.0, 0.3], 4)
@@ -171,7 +176,7 @@ class TestRun:
         assert np.ptp([tick.height_m for tick in released]) < 0.01  # nothing drops
 
     def test_a_policy_that_fails_at_top_speed_leaves_it_lying_on_its_belly(self, go1: Robot) -> None:
-        """Its kinetic energy would lift it by 0.17 m: it would turn over on feet that stop under it."""
+        """Its kinetic energy would lift it by 0.17 m, so it would turn over on feet that stop under it."""
         policy = InjectingPolicy(load_policy("go1-flat", go1))
 
         def fail(loop: ControlLoop, body: SimulatedRobot) -> None:

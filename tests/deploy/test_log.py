@@ -89,7 +89,7 @@ class TestContent:
         found = {m.topic: m.kind for m in messages}
         absent = {"/policy/observation", "/policy/action"}  # Sway has no network
         absent |= {"/notes", "/orders", "/policy/changes", "/policy/applied"}
-        absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # nor does it ask for an estimate
+        absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # and needs no estimate
         absent |= {"/foot_forces"}  # go1 has no foot sensors
         absent |= {"/battery_state", "/loop_timing", "/from_can_bus", "/to_can_bus"}
         absent |= {"/from_can_bus_fd", "/to_can_bus_fd"}
@@ -213,7 +213,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
 
 
 def test_a_killed_run_keeps_its_log(tmp_path: Path) -> None:
-    """Readings reach the file during the run. The process that writes lives on, and writes the index, too."""
+    """Readings reach the file during the run. The writing process outlives the run, and writes the index."""
     path, root = tmp_path / "killed.mcap", Path(__file__).parents[2]
     paths = f"{root / 'tests/support'}:{root / 'benchmarks'}:{root / 'src'}"
     command = [sys.executable, "-c", KILLED, str(path)]
@@ -283,7 +283,7 @@ def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: P
 
 
 class TestDisk:
-    """A log that fails loses its own content only; the run goes on."""
+    """A log that fails loses only its own content; the run continues."""
 
     def test_a_full_disk_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
         noted_at_us: list[int] = []
@@ -304,7 +304,9 @@ class TestDisk:
         monkeypatch.setattr(log_module, "MAX_WAITING_BYTES", 20_000)
         path, log = log_of(go1, tmp_path, may_wait=False)
         os.kill(log._process.pid, signal.SIGSTOP)
-        resumes = threading.Timer(30.0, os.kill, (log._process.pid, signal.SIGCONT))  # or it never ends
+        resumes = threading.Timer(
+            30.0, os.kill, (log._process.pid, signal.SIGCONT)
+        )  # otherwise it would never end
         resumes.start()
         slowest_s = 0.0
         for tick in range(1000):

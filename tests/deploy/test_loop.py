@@ -37,7 +37,7 @@ class Adding(Hold):
 
 
 class TestCommands:
-    def test_it_stands_up_under_gains_of_its_own(self, go1: Robot) -> None:
+    def test_it_stands_up_with_the_gains_for_standing(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
         until(loop, Mode.STANDING)
         for _ in range(5):
@@ -211,7 +211,7 @@ class TestFaults:
         sent = len(body.sent)
         taken.append(True)
         assert not loop.tick()
-        assert len(body.sent) == sent  # nothing over the guard's damping
+        assert len(body.sent) == sent  # no frame after the guard's damping
         assert failed or loop.walked_s == pytest.approx(0.052)
         assert (loop.state.mode, loop.state.over) == (Mode.ESTOP, True)
         assert len(loop.state.faults) == 1 + failed

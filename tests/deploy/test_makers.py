@@ -58,7 +58,9 @@ class TestRounding:
     """Values are rounded to the nearest code and clamped to the range."""
 
     @given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
-    def test_of_commands_and_readings(self, wiring: Wiring, codes: list[int], share: np.ndarray) -> None:
+    def test_rounding_of_commands_and_readings(
+        self, wiring: Wiring, codes: list[int], share: np.ndarray
+    ) -> None:
         assume(not (share > 0.998).all(axis=0).any())  # would read as a special frame of MIT mode
         driver, end = both_ends(wiring)
         most, rows = driver.highest, [0, 1, 4]
@@ -87,7 +89,7 @@ def test_a_motor_that_is_suddenly_off_has_rebooted(wiring: Wiring) -> None:
 @WITH_SETTINGS
 class TestSettings:
     def own(self, end: Any) -> tuple[dict[int, float], int]:
-        """The settings of the knee, and the number of its time-out: 2000 are 0.1 s, 20 000 a second."""
+        """Settings of the knee's motor, and the index of its time-out: 2000 are 0.1 s, 20 000 are 1 s."""
         if hasattr(end, "registers"):
             return end.registers[1], damiao.TIME_OUT
         return end.parameters[1], robstride.TIME_OUT
@@ -154,7 +156,7 @@ MIXTURES = "AK70-10 AK80-9|DM4310 DM8009|RS00 RS03|ODrive ODrive|AK80-9 RS03|ODr
 
 @pytest.mark.parametrize("models", MIXTURES.split("|"))
 def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> None:
-    """20,000 frames: identifiers of every kind on both buses, some as long as they should be."""
+    """20,000 frames with identifiers of every kind on both buses, some of the right length."""
     wiring = two_motors(*models.split())
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100

@@ -1,4 +1,4 @@
-"""MIT-mode frames: which bits mean what, and what happens at the edges."""
+"""MIT-mode frames: the meaning of their bits, and values at the ends of the ranges."""
 
 from dataclasses import replace
 from typing import Any
@@ -48,7 +48,7 @@ class TestCommandFrames:
         values = CODEC.lowest + share * (CODEC.highest - CODEC.lowest)
         data = CODEC.encode(values)
         error = np.abs(decoded(data) - values)
-        lowered = mit.words(data) == mit.ENTER - 1  # would have read as a special frame, see below
+        lowered = mit.words(data) == mit.ENTER - 1  # would be decoded as a special frame, see below
         assert np.all((error <= 0.5 * CODEC.quantum * (1 + 1e-9)) | lowered)
 
     @pytest.mark.parametrize(("word", "last"), [(mit.ENTER, 0xFC), (mit.EXIT, 0xFD), (mit.ZERO, 0xFE)])

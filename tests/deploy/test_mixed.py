@@ -23,7 +23,7 @@ def frames(identifier: Any, time_us: np.ndarray | None = None) -> Frames:
 
 @dataclass
 class Maker:
-    """A driver whose frames have one identifier for each of its joints, from `first_id` on."""
+    """A driver whose frames have one identifier for each joint, beginning at `first_id`."""
 
     first_id: int
     n: int
@@ -121,7 +121,7 @@ def test_only_motors_that_are_not_ready_are_queried() -> None:
 
 
 def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:
-    """Two of one and three of the other: after six all start again."""
+    """Two batches of one maker and three of the other: after six ticks both start again."""
     driver = mixed(Maker(0x10, 2, turns=2), Maker(0x20, 3, turns=3))
     sent = [batch.id.tolist() for batch in driver.damping(np.zeros(5))]
     assert sent == [[0x10 + turn % 2, 0x20 + turn % 3] for turn in range(6)]

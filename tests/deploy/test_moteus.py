@@ -38,7 +38,7 @@ def reply(content: str, motor: int = 0) -> Frames:
 class TestSubframes:
     """Frames in the maker's own documents."""
 
-    def test_a_command_and_a_query(self) -> None:
+    def test_a_command_and_a_query_equal_the_documents(self) -> None:
         assert list(subframes(bytes.fromhex("01000a07206000200150ff140400130d"))) == [
             Subframe(0x00, 0x000, 1, "b", (10,)),
             Subframe(0x00, 0x020, 3, "h", (96, 288, -176)),
@@ -46,7 +46,7 @@ class TestSubframes:
             Subframe(0x10, 0x00D, 3, "b", ()),
         ]
 
-    def test_a_reply(self) -> None:
+    def test_a_reply_equals_the_documents(self) -> None:
         assert list(subframes(bytes.fromhex("2404000a005000000170ff230d181400"))) == [
             Subframe(0x20, 0x000, 4, "h", (10, 80, 256, -144)),
             Subframe(0x20, 0x00D, 3, "b", (24, 20, 0)),
@@ -59,7 +59,7 @@ class TestSubframes:
 
 
 class TestFrames:
-    def test_a_command_worked_out_by_hand(self) -> None:
+    def test_a_command_equals_the_one_calculated_by_hand(self) -> None:
         """To id 3 from 0x7d with a reply: 0.25, 0.5 turns (/s), 1.5 N m, half kp, a quarter kd, 100 ms."""
         driver = open_driver(TWO)
         one = [0.25 * TURN, 0.5 * TURN, 0.5 * PER_RAD[0], 0.25 * PER_RAD[1], 1.5]
@@ -72,19 +72,19 @@ class TestFrames:
         )
         assert not sent.data[:, 48:].any()
 
-    def test_a_stop(self) -> None:
+    def test_a_stop_command_equals_the_documents(self) -> None:
         driver = open_driver(TWO)
         assert hexed(driver.disable())[0] == "01 00 00 11 00 1f 01 13 0d 50 50 50"
         assert hexed(driver.clear()) == hexed(driver.disable())
 
-    def test_a_reply_worked_out_by_hand(self) -> None:
+    def test_a_reply_equals_the_one_calculated_by_hand(self) -> None:
         end = open_motor_end(TWO)
         report = Report(READINGS, np.zeros(2, np.uint64), np.array([True, False]), 20, (12.0, 1.0))
         sent = end.reply(slice(None), report)
         assert sent.id.tolist() == [FD | 0x37D] * 2
         assert hexed(sent)[0] == "21 00 0a 2f 01 00 00 80 3e 00 00 00 bf 00 00 c0 3f 23 0d 18 14 00 50 50"
 
-    def test_gains_end_at_the_drives_own(self) -> None:
+    def test_gains_are_limited_to_the_drives_own(self) -> None:
         driver, end = open_driver(TWO), open_motor_end(TWO)
         requests = end.requests(driver.command(np.full((5, 2), 1e4)))
         np.testing.assert_allclose(requests.values[2:4], np.tile(PER_RAD, (2, 1)).T, rtol=1e-6)
@@ -118,7 +118,7 @@ class TestFrames:
 
 class TestMotors:
     def test_a_silent_host_stops_them_until_they_are_stopped(self, go1: Robot) -> None:
-        """Commands carry 100 ms; neither commands nor time switch a motor on again that has timed out."""
+        """Commands contain a time-out of 100 ms. A motor that has timed out stays off until it is stopped."""
         driver, end = open_driver(TWO), open_motor_end(TWO)
         figures = {name: value[:2] for name, value in go1.motor._asdict().items() if value is not None}
         motor = go1.motor._replace(**figures)
@@ -139,7 +139,7 @@ class TestMotors:
 
 
 class TestBuses:
-    def test_the_time_of_a_frame(self) -> None:
+    def test_the_duration_of_a_frame(self) -> None:
         """8 bytes, 11 bits: 17 + 4 + 13 at 1 Mbit/s; 5 + 64 + 17 + 4 + 17 + 6 at 5 Mbit/s are 22.6 us."""
         assert fd_bits(8) == 17 + 4 + 13 + 23
         assert fd_bits(64, True) == 36 + 8 + 13 + -(-(517 + 129 + 4 + 28) // 5)

@@ -35,7 +35,7 @@ class TestDrift:
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_walked_distance(self) -> None:
-        """There and back, 2 x 1.5 m: three metres."""
+        """1.5 m there and 1.5 m back: three metres."""
         drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
         for speed in (0.5, -0.5):
             for _ in range(300):
@@ -46,7 +46,7 @@ class TestDrift:
 
 class TestLateness:
     def swayed(self, late_s: float, frequency_hz: float = 2.0) -> Lateness:
-        """After a second at 0.5 m/s ahead, 0.1 m/s of sway to the left and right."""
+        """A second at 0.5 m/s ahead, then a sway of 0.1 m/s to the left and right."""
         lateness = Lateness(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
         for tick in range(4000):
             angle = math.tau * frequency_hz * 0.001 * tick

@@ -89,7 +89,7 @@ class TestFrames:
         assert hexed(driver.command(values)) == [(0x06E, "00 00 20 40"), (0x06E, "00 00 a0 3e")]
 
     def test_damping_is_velocity_control_at_rest(self, driver: OdriveDriver) -> None:
-        """Behind a gear of 8 3 N m s/rad are 3 * 2 pi / 64 = 0.29452 N m/(turn/s), 0x3e96cbe4."""
+        """Behind a gear of 8, 3 N m s/rad are 3 * 2 pi / 64 = 0.29452 N m/(turn/s), 0x3e96cbe4."""
         rest, gain, mode = driver.damping(np.full(2, 3.0))
         assert hexed(rest)[1] == (0x06D, "00 00 00 00 00 00 00 00")
         assert hexed(gain)[1] == (0x07B, "e4 cb 96 3e 00 00 00 00")
@@ -149,7 +149,7 @@ class TestJointLaw:
         assert hip == pytest.approx(10.0 * (2.0 - TURN / 4) + 2.0 * (0.5 - 1.0) + 0.25, rel=1e-6)
         assert knee == pytest.approx((10.0 * 2.0 + 2.0 * 0.5 + 0.25) / 8.0, rel=1e-6)
 
-    def test_an_old_reading_makes_no_torque(self, driver: OdriveDriver) -> None:
+    def test_an_old_reading_gives_no_torque(self, driver: OdriveDriver) -> None:
         """The hip continues to report, the knee does not."""
         for tick in range(8):
             driver.replies(pair(0x069, 0.0, 0.0))
@@ -207,7 +207,10 @@ class TestStart:
         ],
     )
     def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, reason: str) -> None:
-        """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
+        """Endpoints of the knee, 0x19a and 0x199: little-endian after a 0 for reading.
+
+        The switch is one byte.
+        """
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         answer_all(driver)
         assert "watchdog" in driver.not_ready()
@@ -248,13 +251,13 @@ class TestStart:
 
 
 class TestMotorEnd:
-    def test_a_torque_needs_torque_mode(self) -> None:
+    def test_a_torque_command_needs_torque_mode(self) -> None:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
         assert not end.requests(driver.command(np.ones((5, 2)))).values.size
         end.requests(driver.query_settings())
         assert end.requests(driver.command(np.ones((5, 2)))).values.shape == (5, 2)
 
-    def test_it_damps_in_velocity_mode(self, driver: OdriveDriver) -> None:
+    def test_a_simulated_axis_damps_in_velocity_mode(self, driver: OdriveDriver) -> None:
         end = OdriveMotorEnd(TWO)
         end.requests(driver.query_settings())
         rest, gain, mode = driver.damping(np.full(2, 3.0))
@@ -290,7 +293,7 @@ class TestMotorEnd:
         ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
     )
     def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver, error: int, bits: int) -> None:
-        """0x200 is under-voltage, 0x01000000 a watchdog that expired; and it is the hip's alone."""
+        """0x200 is under-voltage, 0x01000000 an expired watchdog; only the hip reports it."""
         received = self.receive(driver, np.array([error, 0]))
         beats = received.take(received.id & 0x1F == odrive.HEARTBEAT)
         words = beats.data[:, :4].copy().view("<u4")[:, 0]
@@ -327,7 +330,7 @@ class TestRobots:
         assert np.flatnonzero(simulated.body.motors_on).tolist() == [deaf]
 
     def test_axes_damp_by_themselves_when_the_host_receives_nothing(self, go1: Robot) -> None:
-        """The joint law is the host's, whose readings grow old: the axes have to damp by themselves."""
+        """The joint law runs on the host, whose readings become old: the axes have to damp by themselves."""
         robot = with_motors(go1, **MAKERS["ODrive"])
         braked: list[float] = []
 

@@ -1,4 +1,4 @@
-"""A robot whose IMU gives no orientation stands, walks and is pushed, on the attitude of the filter."""
+"""A robot whose IMU gives no orientation stands, walks and is pushed, with the filter's attitude."""
 
 from dataclasses import replace
 

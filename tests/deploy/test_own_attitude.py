@@ -13,14 +13,16 @@ from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 
 UP = np.array([0.0, 0.0, 1.0])
-LEANING = Rotation.from_euler("xy", [2.0, -2.0], degrees=True)  # by which the first orientation is wrong
+LEANING = Rotation.from_euler("xy", [2.0, -2.0], degrees=True)  # error of the first orientation
 
 
 class Blind:
-    """An estimator that gets a wrong orientation at first, and never a right one; notes its tilt's error."""
+    """An estimator that never gets a correct orientation; records the error of its tilt."""
 
     def __init__(self, plant: DirectPlant) -> None:
-        unknown = GyroConfig(bias_half_s=1e6)  # of the gyro's bias: the orientations that follow are wrong
+        unknown = GyroConfig(
+            bias_half_s=1e6
+        )  # a gyro bias, so the orientations after the first one are wrong
         self._plant = plant
         self._estimator = BaseEstimator(plant.robot, EstimatorConfig(own_attitude=True, gyro=unknown))
         self.tilt_errors: list[float] = []  # degrees
@@ -46,7 +48,7 @@ def test_standing_legs_correct_the_tilt_of_a_robot_that_trots(go1: Robot) -> Non
     assert np.sqrt(np.mean(np.square(blind.tilt_errors[-500:]))) < 1.0
 
 
-def test_a_wrong_tilt_is_all_of_a_horizontal_bias_of_the_accelerometer() -> None:
+def test_a_wrong_tilt_appears_as_a_horizontal_accelerometer_bias() -> None:
     true, config = Rotation.from_euler("xy", [0.1, -0.2]), AttitudeConfig()
     wrong = true * Rotation.from_euler("xy", [0.02, 0.01])
     attitude = at_rest((0.0, 0.0, 0.0), tuple(wrong.inv().apply(UP).tolist()), config)
@@ -58,7 +60,7 @@ def test_a_wrong_tilt_is_all_of_a_horizontal_bias_of_the_accelerometer() -> None
 
 
 def test_tilt_that_legs_keep_correcting_is_the_gyros_bias() -> None:
-    """Legs pull the vertical towards the body's x axis: the body turns more about y than the gyro does."""
+    """Corrections turn the vertical towards x: the body turns faster about y than the gyro reports."""
     config = AttitudeConfig()
     attitude = at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
     corrected, _ = leveled(attitude, [0.1, 0.0, 0.0], config)

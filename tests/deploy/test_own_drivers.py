@@ -68,7 +68,7 @@ def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytes
 
 
 def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two of three protocols answer: those of robot.yaml, and no other's."""
+    """Only the two protocols of robot.yaml are probed, not the third."""
     simulated = Simulation(with_own(go1, knee=MOTOR))
     nothing = own_drivers.milli(np.zeros((3, 1)), own_drivers.DISABLE).tobytes()
     monkeypatch.setattr(OwnDriver, "probes", staticmethod(lambda motor: ((motor, nothing),)))
@@ -145,9 +145,7 @@ def test_an_unsuitable_motor_driver_is_refused_with_the_reason(
         ("NoSuchMotor", "MODULE:NAME"),
     ],
 )
-def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(
-    import_path: str, part: str
-) -> None:
+def test_a_missing_driver_is_refused_with_its_joint_or_as_the_imus(import_path: str, part: str) -> None:
     assert_refused(two_motors(import_path, "RS00"), "joint hip", part)
     with pytest.raises(UserError, match=part):
         open_imu(replace(two_motors("RS00", "RS00"), imu_protocol=import_path))

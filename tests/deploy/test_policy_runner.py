@@ -43,7 +43,7 @@ def step(runner: PolicyRunner, now_us: int, walking: bool = True) -> Any:
 
 
 def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
-    """The times since it took over at which a policy took its steps, s."""
+    """Times of a policy's steps since its start, s."""
     times = list(times_us)
     runner.start(times[0])
     taken = []
@@ -111,7 +111,7 @@ class TestTimes:
     @pytest.mark.parametrize(
         ("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (-1.0, False), (math.nan, False)]
     )
-    def test_a_policys_rate_is_within_the_joints_rate(self, go1: Robot, rate_hz: float, fits: bool) -> None:
+    def test_a_policys_rate_is_at_most_the_joints_rate(self, go1: Robot, rate_hz: float, fits: bool) -> None:
         policy = Hold(go1)
         policy.rate_hz = rate_hz
         if fits:
@@ -188,7 +188,9 @@ class TestFailure:
             (lambda hold: sys.exit(3), "SystemExit: 3"),
         ],
     )
-    def test_a_step_without_a_command_is_a_failure(self, go1: Robot, change: Any, error: str) -> None:
+    def test_a_step_that_returns_no_valid_command_is_a_failure(
+        self, go1: Robot, change: Any, error: str
+    ) -> None:
         runner = runner_of(Changing(go1, change))
         assert walk(runner, [0]) == []
         assert all(part in runner.signals.error for part in error.split(".*"))

@@ -31,7 +31,7 @@ def found(robot: Robot, position: float, lower: float, upper: float, margin_rad:
         (1.95 + TURN, "+1 turn of the joint (+6.28 rad)"),
         (1.5 + 2 * TURN, "+2 turns of the joint (+12.57 rad)"),
         (1.5 - TURN, "-1 turn of the joint (-6.28 rad)"),
-        (2.05 + TURN, ""),  # above the range, and a turn less below it
+        (2.05 + TURN, ""),  # above the range; a turn less is below it
         (0.95 - TURN, ""),
         (math.nan, ""),
         (math.inf, ""),
@@ -55,8 +55,11 @@ def test_a_joint_may_begin_beyond_its_range_by_a_margin_also_after_a_turn(go1: R
     assert f"{'+' if side > 0 else '-'}1 turn of the joint" in turned
 
 
-def test_a_joint_off_by_a_turn_of_its_rotor_is_named_so(go1: Robot) -> None:
-    """A hip's gear has 6.33 turns for one: 0.99 rad, less than its range of 1.7 rad."""
+def test_a_joint_off_by_a_turn_of_its_rotor_is_reported_as_that(go1: Robot) -> None:
+    """A hip's gear ratio is 6.33.
+
+    One turn of the rotor is 0.99 rad, less than the joint's range of 1.7 rad.
+    """
     gear = go1.motor_figures("gear_ratio")[0]
     position = go1.default_pose.copy()
     position[0] = go1.upper_rad[0] + 0.5

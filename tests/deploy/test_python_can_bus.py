@@ -206,7 +206,7 @@ class TestPythonCanBus:
             (0x004, b"\0\x08", ""),  # a warning
             (0x004, b"", ""),
             (0x088, b"\0\0\x04", ""),  # one frame was garbled, and was sent again
-            (0x020, b"\0\x30", ""),  # byte 1 is the controller's alone
+            (0x020, b"\0\x30", ""),  # only byte 1 is the controller's state
         ],
     )
     def test_error_frames_report_the_bus_state(

@@ -1,4 +1,4 @@
-"""Getting up after a fall: on frames alone, then on the simulated robot."""
+"""Getting up after a fall: first a fake robot made of frames, then the simulated robot."""
 
 import math
 from collections.abc import Callable
@@ -122,7 +122,7 @@ class TestOnFrames:
         to_the_end(loop)
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
 
-    def test_joints_that_chatter_in_place_are_at_rest(self, go1: Robot) -> None:
+    def test_joints_that_vibrate_in_place_are_at_rest(self, go1: Robot) -> None:
         loop, body, *_ = fallen(go1)
         for tick in range(500):
             body.gyro = (0.0, 0.6 * (-1) ** tick, 0.0)
@@ -187,7 +187,7 @@ class TestFaultsWhileItGetsUp:
         assert modes[-1] in (ends, Mode.FALLING)
         if mode is Mode.RECOVERING:
             assert modes == [mode, ends]
-        assert not body.sent[-5][1].values[2].any()  # damped, before the motors went off
+        assert not body.sent[-5][1].values[2].any()  # damped, before the motors are disabled
 
     def test_a_policy_that_fails_does_not_get_another_try(self, go1: Robot) -> None:
         loop, *_, rises = fallen(go1)

@@ -42,7 +42,7 @@ def inputs(time_s: float, joints: int = 12) -> PolicyInput:
 
 
 class Counts(Hold):
-    """Its target is 0.1 rad after a reset and 0.1 rad more at each step."""
+    """A policy whose target is 0.1 rad after a reset and 0.1 rad more at each step."""
 
     def reset(self, inputs: PolicyInput) -> None:
         super().reset(inputs)

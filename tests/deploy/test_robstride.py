@@ -1,4 +1,4 @@
-"""RobStride motors: their frames by the maker's manual, what they are asked at the start."""
+"""RobStride motors: their frames by the maker's manual, and queries at the start."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,10 @@ def driver() -> RobstrideDriver:
 
 class TestFrames:
     def test_a_command_is_encoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
-        """No torque is the middle, 32767.5, to even 0x8000. 30 N m of 60 is 3/4 of 65535, 0xbfff."""
+        """Zero torque is the middle, 32767.5, rounded to 0x8000.
+
+        30 N m of a range of 60 are 3/4 of 65535, 0xbfff.
+        """
         values = np.array([[-TURNS, TURNS], [33.0, 0.0], [0.0, 5000.0], [5.0, 25.0], [0.0, 30.0]])
         assert hexed(driver.command(values)) == [
             ("01800007", "0000 ffff 0000 ffff"),
@@ -52,7 +55,7 @@ class TestFrames:
             ([0x028107FD], "under-voltage"),
             ([0x028407FD], "over-temperature"),
             ([0x02A207FD], "over-current and that it is not calibrated"),
-            ([0x028007FD, 0x020107FD], "under-voltage and that it is disabled"),  # it was on before
+            ([0x028007FD, 0x020107FD], "under-voltage and that it is disabled"),  # it was enabled before
         ],
     )
     def test_faults_are_bits_of_the_id(
@@ -77,7 +80,7 @@ class TestFrames:
             ("0400 0000", "under-voltage"),
             ("0040 0000", "stall overload"),  # bit 14
             ("0000 0100", "over-current of phase A"),  # bit 16
-            ("2800 0000", "over-voltage"),  # bits 3 and 5: the lowest of several
+            ("2800 0000", "over-voltage"),  # bits 3 and 5: the lowest bit counts
             ("0000 0080", "fault bit 31"),
         ],
     )

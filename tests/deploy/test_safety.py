@@ -31,7 +31,7 @@ def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
 
 
 def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.0, **more: Any) -> State:
-    """The state a tick after a mode with quiet signals but for these."""
+    """The state a tick after a mode, with faultless signals except these."""
     return advance(State(mode, since_s), with_changes(FAULTLESS, (changes or {}) | more), CONFIG)
 
 
@@ -106,7 +106,7 @@ class TestTable:
         state = after(mode, changes | (STARTED if mode is N else {}))
         assert state.mode is (E if leads_to is L and mode is not L else leads_to)
 
-    def test_it_has_a_row_for_every_rule_but_the_time_to_start(self) -> None:
+    def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
         """And in every mode in which a rule counts, the row leads to a fault."""
         for check in CHECKS[1:]:
             rows = [row for row in TABLE if check.find(with_changes(FAULTLESS, row[0]), CONFIG)]
@@ -143,7 +143,7 @@ class TestTable:
         assert final == State(mode, 6.0, ("why",), over=True)
         assert advance(final, FAULTLESS._replace(now_s=99.0), CONFIG) == final
 
-    def test_a_fault_counts_more_than_the_wish_to_end_and_follows_older_ones(self) -> None:
+    def test_a_fault_precedes_a_request_to_end_and_follows_older_faults(self) -> None:
         fallen = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "end.finish": True})
         state = advance(State(W, 4.0, ("earlier",)), fallen, CONFIG)
         assert (state.mode, state.since_s, state.faults[0], len(state.faults)) == (F, 5.0, "earlier", 2)
@@ -159,7 +159,9 @@ class TestStart:
             ({"start.not_ready": "motor x is off"}, "motor x is off"),
         ],
     )
-    def test_a_silent_part_is_named_after_the_time(self, changes: dict[str, Any], fault: str) -> None:
+    def test_a_silent_part_is_named_after_the_start_timeout(
+        self, changes: dict[str, Any], fault: str
+    ) -> None:
         early = 0.999 * CONFIG.start_timeout_s
         assert after(N, changes, now_s=early).mode is N
         state = after(N, changes, now_s=CONFIG.start_timeout_s)
@@ -169,7 +171,7 @@ class TestStart:
     def test_a_robot_that_is_ready_stands_up(self) -> None:
         assert after(N, STARTED) == State(S, 0.5)
 
-    def test_a_dead_bus_counts_also_while_motors_are_silent(self) -> None:
+    def test_a_bus_fault_is_reported_while_motors_are_silent(self) -> None:
         """Otherwise the reason would be missing."""
         silent = STARTED | {"motors.silence_s": 9e9}
         assert after(N, silent, **{"bus.fault": "bus can2 is bus-off"}).mode is E
@@ -291,7 +293,7 @@ def test_the_documented_diagram_has_the_transitions_of_the_tables() -> None:
     page = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
     drawn = set(re.findall(r"^    ([A-Z]+) --> ([A-Z]+):", page, re.MULTILINE))
     faults = {(mode, check.leads_to) for check in CHECKS for mode in check.modes}
-    # what would end the mode that follows at once keeps a robot out of it
+    # a fault that would end the next mode at once also prevents the change to that mode
     faults |= {
         (mode, check.leads_to)
         for mode, (_, following) in PROGRESS.items()
@@ -300,7 +302,7 @@ def test_the_documented_diagram_has_the_transitions_of_the_tables() -> None:
     }
     faults |= {(mode, check.leads_to) for mode in (N, S) for check in CHECKS if C in check.modes}
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    faults |= {(F, E)}  # the same, of a robot that may get up
+    faults |= {(F, E)}  # the same, for a robot that may get up
     faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
     faults -= {(L, L)}  # a stop is latched while it continues to lie down
     progress |= {(N, C), (S, C), (C, W)}  # with a wiring check

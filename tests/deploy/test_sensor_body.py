@@ -1,4 +1,7 @@
-"""Checks of the base: the IMU's parts against each other, and the base's height and attitude by the legs."""
+"""Checks of the base.
+
+The IMU's readings against each other, and the base's height and attitude by the legs.
+"""
 
 import math
 from collections.abc import Callable
@@ -37,7 +40,7 @@ def about(axis: str, angle_rad: float) -> tuple[float, float, float, float]:
 
 
 class TestWindow:
-    """What follows from the readings of a window, against scipy's rotations."""
+    """Quantities computed from the readings of a window, against scipy's rotations."""
 
     @pytest.mark.parametrize("quaternion", [*ATTITUDES, *BY_EACH_NUMBER, HALF_A_TURN])
     @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -81,7 +84,7 @@ class TestRotation:
 
 
 class TestRepeated:
-    """How long a part has repeated itself after two windows of joints that move at 1 rad/s."""
+    """Time for which a reading has repeated itself after two windows of joints that move at 1 rad/s."""
 
     def repeated(self, robot: Robot, check: Any, reading: Callable[[int], Inertial], **more: Any) -> float:
         windows = BodyWindows(robot, check, reading(0))
@@ -162,7 +165,7 @@ class TestGravity:
 
 
 class TestSunk:
-    """How much of the base's clearance is gone: by the legs, the IMU, and the lowest corner of the base."""
+    """Lost share of the base's clearance: by the legs, the IMU, and the lowest corner of the base."""
 
     def test_the_lowest_corner_of_a_tilted_base_counts(self, go1: Robot) -> None:
         """Nose down by 0.5 rad: front feet 0.188 m ahead and 0.271 m below, a trunk of half 0.13 by 0.05 m.
@@ -194,9 +197,13 @@ class TestSunk:
 
     @pytest.mark.parametrize("name", available_robots())
     def test_a_level_robot_has_sunk_before_a_simulator_calls_it_fallen(self, name: str) -> None:
-        """Else a run could end in an orderly way after a fall that nothing on the robot noticed."""
+        """Otherwise a run could end in an orderly way after a fall that the robot did not notice."""
         robot = load_robot(name)
-        squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}  # of a biped, at the end of its knees
+        squat = {
+            "hip_pitch": -1.9,
+            "knee": 2.8,
+            "ankle_pitch": -0.9,
+        }  # of a biped with its knees at their limit
         folded = robot.lying_pose
         if folded is None:
             folded = np.array(

@@ -40,7 +40,7 @@ NAMED = [
     ("encoder jumps by 0.3 rad", 10, "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     ("ids of two motors swapped", 0, "FR_", 0.05),
     ("one reply over and over", 5, f"FL_calf_joint (can1, id 3): {REPEATS} | repeats", 0.2),
-    # A rebooted motor reports no torque, which is one torque over and over.
+    # A rebooted motor reports a torque of zero again and again.
     ("one motor rebooted: limp, but replies", 2, f"FR_calf_joint (can0, id 3): {REPEATS} | no torque", 0.3),
     ("motor pulls the other way", 8, "RR_calf_joint (can2, id 3): the other way | off its commands", 0.4),
     ("motor at 90 degrees Celsius", 6, "RR_hip_joint (can2, id 1): the motor is at 90 degrees", 0.03),

@@ -40,7 +40,7 @@ class TestDrift:
         assert drift[0] > LIMITS.drift_rad
         assert (drift[1:] == 0.0).all()
 
-    def test_it_is_a_root_of_squares_less_a_share(self, go1: Robot) -> None:
+    def test_the_drift_is_a_root_of_squares_minus_a_share(self, go1: Robot) -> None:
         """1 rad/s while nothing moves: on average 22 ms of the first 40. A fifth of 40 mrad passes.
 
         The next ten readings are 40 ms later than these.
@@ -57,7 +57,7 @@ class TestDrift:
         drift = measured(go1, Drift, lambda t: (swing(t)[0], swing(t - lag_s)[1]))
         assert (drift[0] > LIMITS.drift_rad) == noticed
 
-    def test_travel_is_that_between_the_readings_that_came(self, go1: Robot) -> None:
+    def test_travel_is_between_the_readings_that_arrived(self, go1: Robot) -> None:
         """Every second reply is lost, two more in a row now and then."""
         assert measured(go1, Drift, lost=lambda k: k % 2 == 1 or k % 14 < 4)[0] < 0.5 * LIMITS.drift_rad
 
@@ -115,7 +115,7 @@ class TestStuck:
         assert wander[0] < LIMITS.wander_rad
         assert (stuck[1:] == 0.0).all()
 
-    def test_it_restarts_where_both_move(self, go1: Robot) -> None:
+    def test_the_time_restarts_where_position_and_velocity_both_change(self, go1: Robot) -> None:
         """One of ten readings differs: a velocity that is 0.2 rad/s too high is not stuck."""
 
         def alive(time_s: float) -> tuple[float, float]:
@@ -137,14 +137,14 @@ class TestTorqueStuck:
         assert (share[1:] == 0.0).all()
         return float(share[0])
 
-    def test_counts_from_the_window_in_which_it_began_to_the_one_before_the_last(self, go1: Robot) -> None:
+    def test_a_stuck_torque_counts_from_its_first_window_to_the_last_but_one(self, go1: Robot) -> None:
         """By 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
         assert [self.stuck(go1, 0.3, samples) for samples in (10, 20)] == [0.0, 0.0]
         added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
         assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
         assert added_up[1] < LIMITS.torque_stuck < added_up[2]
 
-    def test_is_reduced_by_stiffness_times_reading_noise(self, go1: Robot) -> None:
+    def test_a_stuck_torque_is_reduced_by_stiffness_times_reading_noise(self, go1: Robot) -> None:
         """2 mrad at 500 N m/rad are 1 N m, of 23.7."""
         noise = 1.0 / 23.7
         expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)
@@ -161,7 +161,7 @@ class TestTorqueStuck:
         ],
         ids=["full", "nearly full", "coarse", "reached", "late"],
     )
-    def test_is_zero_for_a_sound_motor(
+    def test_a_stuck_torque_is_zero_for_a_sound_motor(
         self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
     ) -> None:
         """Reported and commanded shares of the peak torque; frames are ten times finer."""
@@ -187,7 +187,9 @@ class TestOpposing:
         return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
 
     @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
-    def test_is_compared_in_size_and_sign(self, go1: Robot, reported: float, opposing: float) -> None:
+    def test_torque_and_command_are_compared_in_size_and_sign(
+        self, go1: Robot, reported: float, opposing: float
+    ) -> None:
         assert self.commanded(go1, reported) == pytest.approx(opposing, abs=0.01)
 
     def test_a_lag_behind_a_moving_target_passes(self, go1: Robot) -> None:
@@ -205,7 +207,10 @@ class TestOpposing:
         assert late[0] < 0.5 * LIMITS.opposing
 
     def test_a_still_joint_counts_but_for_a_readings_rounding(self, go1: Robot) -> None:
-        """A fifth of the peak the other way; 100 N m/rad make 0.2 N m of 0.002 rad, which nothing expects."""
+        """A fifth of the peak in the opposite direction.
+
+        100 N m/rad make 0.2 N m of a rounding of 0.002 rad.
+        """
         fifth = 0.2 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
         assert found[0] == pytest.approx(fifth / (fifth - 0.2))
@@ -222,7 +227,9 @@ class TestLimp:
         ("reported", "expected", "limp_s"),
         [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
     )
-    def test_a_limp_motor(self, go1: Robot, reported: float, expected: float, limp_s: float) -> None:
+    def test_the_time_of_a_limp_motor(
+        self, go1: Robot, reported: float, expected: float, limp_s: float
+    ) -> None:
         """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
         peak = float(go1.motor.peak_torque[0])
         found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
@@ -252,7 +259,7 @@ class TestReplyRepeated:
         more = {"samples": samples, "stiffness": self.STIFFNESS, "target": target}
         return float(measured(robot, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0])  # type: ignore[arg-type]
 
-    def test_counts_from_the_window_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
+    def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(self, go1: Robot) -> None:
         """A leap may go out with a window's last tick: only what the next window expects of it counts."""
 
         def leap(time_s: float) -> float:

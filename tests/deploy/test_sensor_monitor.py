@@ -41,7 +41,7 @@ def window(
     temperature_c: np.ndarray | float = math.nan,
     voltage: np.ndarray | float = math.nan,
 ) -> Implausible | None:
-    """Findings for the joints in one window of constant readings."""
+    """Finding on the joints in one window of constant readings."""
     for k in range(10 * number + 1, 10 * number + 11):
         full = monitor.add(k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), inertial, joints, ZEROS)
     assert full
@@ -76,7 +76,7 @@ class TestFigures:
             ("temperature_c", 85.0, 86.0, "86 degrees Celsius"),
         ],
     )
-    def test_a_motors_figures_limit_what_it_may_report(
+    def test_a_motors_limits_bound_its_readings(
         self, go1: Robot, row: str, allowed: float, beyond: float, message: str
     ) -> None:
         assert found(go1, row, allowed) == ""
@@ -91,7 +91,7 @@ class TestFigures:
         assert bool(off) == bool(fault)
         assert found(go1, "voltage", voltage) == ""  # without a range
 
-    def test_nan_is_a_fault_where_motors_do_report(self, go1: Robot) -> None:
+    def test_nan_is_a_fault_if_the_motor_reports_the_quantity(self, go1: Robot) -> None:
         assert found(with_motors(go1, voltage_v=(10.0, 14.8))) == ""  # without voltage and temperature
         assert found(go1, "torque", math.nan).startswith("FR_calf_joint")
 
@@ -124,7 +124,7 @@ class TestAdding:
         monitor.begin(20 * SAMPLE_US, np.full(12, 20 * SAMPLE_US), STILL, moving, moving[0])
         assert window(monitor, moving, number=2) is None
 
-    def test_a_made_up_row_stands_in_the_table_of_rules(self) -> None:
+    def test_a_made_up_check_is_in_the_table_of_rules(self) -> None:
         row = "| how much a joint twitches | `speed_share` 1.5 | `safety.sensors` | FALLING |"
         assert row in rules.table((*JOINT_CHECKS, Twitch))
 

@@ -47,7 +47,7 @@ class TestSignals:
         with ending_on_signals(loop.finish):
             signal.raise_signal(number)
             assert loop.calls == 1
-            signal.raise_signal(number)  # an impatient one
+            signal.raise_signal(number)  # a second signal
         assert loop.calls == 2
         assert signal.getsignal(number) is before
 
@@ -203,7 +203,7 @@ class TestSession:
     @pytest.mark.parametrize(
         ("needs", "knows", "seen_m_s"), [(True, False, 10.0), (False, False, np.nan), (True, True, 0.5)]
     )
-    def test_the_base_is_estimated_where_a_policy_needs_it_and_no_truth_is_given(
+    def test_the_base_is_estimated_if_a_policy_needs_it_and_ground_truth_is_not_given(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, needs: bool, knows: bool, seen_m_s: float
     ) -> None:
         monkeypatch.setattr("footfall.deploy.estimation.estimator.BaseEstimator", FakeEstimator)

@@ -74,7 +74,7 @@ class TestMotors:
         """Off or on, standing, lying or hanging: the robot is held at first, then released."""
         bench = Bench(go1, held=True, **start)
         before = bench.body.data.qpos.copy()
-        bench.tick(bench.hold())  # they are off
+        bench.tick(bench.hold())  # the motors are off
         for _ in range(50):
             bench.enter()
         np.testing.assert_array_equal(bench.body.data.qpos, before)
@@ -151,7 +151,7 @@ class TestPlants:
             bench.tick(bench.hold())
         return bench.body.fall() is None
 
-    def test_with_actuators_sensors_keyframe_and_floor_of_its_own(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_plant_may_have_actuators_sensors_keyframe_and_floor(self, go1: Robot, tmp_path: Path) -> None:
         extra = """
           <worldbody><geom name="floor" type="plane" size="0 0 1"/></worldbody>
           <actuator><position joint="FR_hip_joint" kp="300"/><motor joint="FL_calf_joint"/></actuator>
@@ -174,7 +174,7 @@ class TestPlants:
         ],
         ids=["names", "passive", "wide"],
     )
-    def test_with_other_names_its_feet_are_found(
+    def test_feet_of_a_plant_with_other_names_are_found(
         self, go1: Robot, tmp_path: Path, changes: list[tuple[str, str]], stands: bool
     ) -> None:
         renamed = ('geom name="FR_foot"', 'geom name="toe"')
@@ -184,7 +184,7 @@ class TestPlants:
             assert self.stands(bench)
             assert bench.body.truth().foot_contact.all()
 
-    def test_of_another_maker_has_its_feet_found_by_position(self, go1: Robot, tmp_path: Path) -> None:
+    def test_feet_of_another_makers_plant_are_found_by_position(self, go1: Robot, tmp_path: Path) -> None:
         """Nameless geoms: a mesh and a capsule along the shank, a foot on a body that is fixed to it."""
         shank = """<geom class="collision" type="mesh" mesh="shank"/>
           <geom class="collision" type="capsule" size="0.012" fromto="0 0 -0.02 0 0 -0.2"/>
@@ -206,10 +206,10 @@ class TestPlants:
         slippery = Bench(go1, plant=tmp_path / "other.xml", sample=Sample(friction=np.array(0.2))).body.model
         toes = slippery.geom_friction[slippery.geom_bodyid == slippery.body("FR_end").id]
         assert toes[:, 0] == pytest.approx(0.2)
-        assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep theirs
+        assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep their names
 
-    def test_without_shapes_at_its_feet_still_stands(self, go1: Robot, tmp_path: Path) -> None:
-        """Shanks that end where the feet would be: no foot's motion is known, and nothing else suffers."""
+    def test_a_plant_without_shapes_at_its_feet_still_stands(self, go1: Robot, tmp_path: Path) -> None:
+        """Shanks end where the feet would be. No foot's motion is known; the rest works."""
         shank = '<geom class="collision" type="capsule" size="0.023" fromto="0 0 0 0 0 -0.213"/>'
         feet = [(f'<geom name="{leg}_foot" class="foot"/>', shank) for leg in ("FR", "FL", "RR", "RL")]
         bench = Bench(go1, plant=rewritten(go1, tmp_path / "stilts.xml", *feet))
@@ -219,7 +219,7 @@ class TestPlants:
         assert not truth.foot_contact.any()
         assert len(bench.body.notes) == 1
 
-    def test_without_reflected_inertia_it_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
+    def test_a_plant_without_reflected_inertia_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
         plant = rewritten(
             go1, tmp_path / "light.xml", (' armature="0.00403"', ""), (' armature="0.00906"', "")
         )

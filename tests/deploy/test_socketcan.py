@@ -38,7 +38,7 @@ def batch(*rows: tuple[int, int, bytes]) -> Frames:
 
 
 class Kernel:
-    """The far ends of the sockets: datagrams with time stamps, as CAN's raw sockets have them."""
+    """The other ends of the sockets: datagrams with time stamps, as CAN's raw sockets have them."""
 
     def __init__(self) -> None:
         self.ends: dict[str, socket.socket] = {}

@@ -127,7 +127,7 @@ def test_a_stop_is_latched_and_a_damping_one_replaces_it(steering: Steering, sou
 
 
 def test_orders_and_changes_carry_their_author(steering: Steering, source: ScriptedSource) -> None:
-    assert set(Wish) <= {kind.value for kind in OrderKind}  # every wish is an order
+    assert set(Wish) <= {kind.value for kind in OrderKind}  # every wish is recorded as an order
     source.request = Request(FORWARD, owner="page 1", gait="walk", settings={"step_height_m": 0.03})
     assert [change.by for change in changes_of(steering)] == ["page 1", "page 1"]
     source.request = source.request._replace(settings={"step_height_m": 0.02}, settings_by="page 2")

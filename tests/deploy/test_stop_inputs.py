@@ -123,7 +123,7 @@ def device(tmp_path: Path) -> Iterator[tuple[str, int]]:
 
 
 class TestKey:
-    def test_any_key_or_only_the_declared_one_stops(self, device: tuple[str, int]) -> None:
+    def test_any_key_stops_or_only_the_declared_key(self, device: tuple[str, int]) -> None:
         path, end = device
         any_key = StopKeyInput(StopKey(path))
         assert any_key.stopped is None
@@ -143,7 +143,7 @@ class TestKey:
         assert space.stopped.damp
         space.close()
 
-    def test_a_device_that_is_pulled_out_stops(self, tmp_path: Path) -> None:
+    def test_unplugging_the_device_stops_the_robot(self, tmp_path: Path) -> None:
         path = tmp_path / "event0"
         os.mkfifo(path)
         key = StopKeyInput(StopKey(str(path)))

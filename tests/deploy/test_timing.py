@@ -1,11 +1,11 @@
-"""How the loop kept time: figures of the last durations, in memory that stays as it is."""
+"""Timing of the loop: figures of the last durations, in memory of constant size."""
 
 import numpy as np
 
 from footfall.deploy.timing import Durations, Timing
 
 
-def test_the_last_durations_are_kept_in_order_and_the_longest_for_ever() -> None:
+def test_the_last_durations_are_kept_in_order_and_the_longest_always() -> None:
     durations = Durations(kept=4)
     for value in (9.0, 1.0, 2.0):
         durations.add(value)

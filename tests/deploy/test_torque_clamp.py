@@ -90,7 +90,7 @@ class Ends:
 
 
 def precision(model: str) -> list[float]:
-    """The share of its range in which a model's frames count each number of a command; 0 for floats."""
+    """Quantum of each number of a command in a model's frames, as a share of its range; 0 for floats."""
     if model == "ODrive":
         return [0.0] * 5
     return [1 / 65535] * 5 if model.startswith("RS") else [1 / 65535, *[1 / 4095] * 4]
@@ -142,7 +142,7 @@ def test_damping_is_lowered_only_as_far_as_necessary() -> None:
 @settings(max_examples=60, deadline=None)
 @given(decision=decisions, share=readings)
 def test_a_possible_command_is_sent_unchanged(decision: np.ndarray, share: np.ndarray) -> None:
-    """Bit for bit what the driver makes of the decision, at joints that ask for no more than a share."""
+    """Joints whose torque is within the limits get the bits that the driver encodes from the decision."""
     ends = Ends(WIRING, 0.3 * share, ROBOT.default_pose)
     lower, upper = ROBOT.soft_limits
     step = 60.0 * 0.002

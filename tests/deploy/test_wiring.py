@@ -15,7 +15,7 @@ def test_an_imu_may_have_its_own_bus(go1: Robot) -> None:
 
 
 def test_buses_are_in_the_order_of_the_joints_and_the_imus_comes_last(go1: Robot) -> None:
-    """Whatever they are called, and wherever a joint's motor sits on them."""
+    """The order does not depend on the buses' names or on the motors' ids."""
     called = {"can0": "z", "can1": "b", "can2": "y", "can3": "a"}
     joints = tuple(replace(each, bus=called[each.bus], id=20 + each.id) for each in go1.description.joints)
     description = replace(go1.description, joints=joints[::-1], imu_bus="imu")

@@ -78,7 +78,7 @@ def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..., None]) -> None:
-    """Commands act late, as on robots whose bus or computer is slow."""
+    """Commands act with a delay, as on robots whose bus or computer is slow."""
     motions(alike=0.25, doubtful=0.25, settle_s=0.8, move_s=0.4)
     late: Sample = {"action_delay_s": np.array(0.012)}
     proven: list[Verdict] = []
@@ -120,7 +120,7 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
 
 
 def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> None:
-    """Their ranges differ: each torque is read as a share of the other's."""
+    """The two motors' ranges differ, so each torque is read in the other's range."""
     motions(settle_s=0.5, move_s=0.25)
     g1, yaw, other = load_robot("g1"), "left_hip_yaw_joint", "left_ankle_roll_joint"
     outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
@@ -129,8 +129,8 @@ def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> 
 
 
 @pytest.mark.parametrize("joints", [(7,), (6, 7)])
-def test_a_cause_is_simulated_that_does_not_look_likely(joints: tuple[int, ...], go1: Robot) -> None:
-    """A mistake at one joint changes the responses to the motions of others, and another looks like it."""
+def test_a_cause_that_seems_unlikely_is_simulated(joints: tuple[int, ...], go1: Robot) -> None:
+    """A mistake at one joint changes responses to motions of other joints, like another mistake."""
     every = list(causes(wiring_of(go1), go1.foot_joints))
     true = next(each for each in every if each.key == joints and each.ratio[7] != -1.0)
     right = Responses(50.0 * np.eye(12), np.full((12, 2), 0.1))
@@ -146,8 +146,8 @@ def test_a_cause_is_simulated_that_does_not_look_likely(joints: tuple[int, ...],
 
 
 @pytest.mark.parametrize("likely", [True, False])
-def test_an_exchange_is_simulated_that_looks_less_likely_than_wrong_ratios(likely: bool, go1: Robot) -> None:
-    """One that looks less likely than other exchanges, too, is simulated if the robot fails anyway."""
+def test_an_exchange_that_seems_less_likely_than_wrong_ratios_is_simulated(likely: bool, go1: Robot) -> None:
+    """An exchange that seems less likely than other exchanges is also simulated if the robot fails."""
     every = list(causes(wiring_of(go1), go1.foot_joints))
     true = next(each for each in every if each.key == (6, 7))
     torque = 50.0 * np.eye(12)
@@ -200,7 +200,7 @@ class TestProof:
     def state(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
 
-    def test_it_holds_for_this_wiring_on_this_bus(self, go1: Robot) -> None:
+    def test_a_proof_holds_for_this_wiring_on_this_bus(self, go1: Robot) -> None:
         assert not is_proven(go1, "socketcan")
         assert str(proof_file(go1, "socketcan")) in keep_proof(go1, "socketcan", PROOF)
         assert is_proven(go1, "socketcan")

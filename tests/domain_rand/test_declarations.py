@@ -38,7 +38,7 @@ class WithTorque(Noise):
 
 @dataclass(frozen=True)
 class WithSpeed(Randomisation):
-    """The quantities, and how fast the motors turn without load."""
+    """The quantities, and the motors' no-load speed."""
 
     motor_speed: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, motor=scales("no_load_speed"))
 

@@ -97,7 +97,7 @@ LEVEL = {
 class TestEveryField:
     """Each effect on values that all differ, worked out with plain NumPy."""
 
-    def test_the_model(self, go1: Robot) -> None:
+    def test_effects_on_the_model_equal_plain_numpy(self, go1: Robot) -> None:
         model, rng = plant_model(go1), np.random.default_rng(1)
         sample = Sample(
             friction=0.37, payload_kg=2.5, com_offset_m=np.array([0.01, -0.02, 0.03]),
@@ -132,7 +132,7 @@ class TestEveryField:
         changed = effect.change(np.arange(1.0, 9.0), np.array([10.0, 100.0, 1000.0]), where)
         np.testing.assert_allclose(changed, [1, 2, 300, 4, 50, 6, 7, 8000])
 
-    def test_motors_and_commands(self, go1: Robot) -> None:
+    def test_effects_on_motors_and_commands_equal_plain_numpy(self, go1: Robot) -> None:
         rng = np.random.default_rng(2)
         names = ("joint_friction", "joint_damping", "motor_strength", "kp", "kd")
         sample = {name: rng.uniform(0.5, 1.5, 12) for name in names} | {"battery": np.array(0.8)}
@@ -204,16 +204,22 @@ class TestBodyMap:
         monkeypatch.setattr("footfall.domain_rand.bodies.joint_addresses", lambda *_: addresses)
         return go1
 
-    def test_friction_is_of_feet_and_floors_found(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_friction_is_of_the_feet_and_floors_that_are_found(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
-        robot = self.robot(go1, monkeypatch, [[4], [], [0]])  # one foot was not found; one is the first geom
+        robot = self.robot(
+            go1, monkeypatch, [[4], [], [0]]
+        )  # a foot without geoms, and a foot that is the first geom
         where = body_map(model, robot)
         assert where.contact_geoms == (0, 1, 2, 4)
         assert where.dofs == (6, 0)
         assert where.base == model.body("trunk").id == 2
 
-    def test_without_feet_it_is_of_all_that_touch(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_without_feet_friction_is_of_all_geoms_that_touch(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         shown = '<geom name="shown" size=".1" contype="0" conaffinity="0"/>'
         touched = '<geom size=".1" contype="0"/><geom size=".1" conaffinity="0"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=shown + touched))

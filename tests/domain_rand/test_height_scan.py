@@ -54,7 +54,7 @@ def test_up_to_the_declared_share_of_points_is_missing() -> None:
     assert np.mean(shares) == pytest.approx(0.2, abs=0.03)
 
 
-def test_scans_cease_in_the_declared_share_of_episodes() -> None:
+def test_scans_stop_in_the_declared_share_of_episodes() -> None:
     errors = HeightScanErrors(lost_share=0.5, lost_before_s=4.0)
     gone = {
         at_s: np.mean([np.isnan(delivered(errors, u, at_s)).all() for u in episodes(3)])
@@ -65,7 +65,7 @@ def test_scans_cease_in_the_declared_share_of_episodes() -> None:
     assert gone[0.0] < gone[2.0] < gone[4.0]
 
 
-def test_a_useless_scan_does_not_correlate_with_the_ground() -> None:
+def test_a_scan_without_information_does_not_correlate_with_the_ground() -> None:
     errors = HeightScanErrors(useless_share=1.0, useless_m=0.2)
     found = delivered(errors, np.full(NUMBERS, 0.5))
     assert abs(np.corrcoef(found, HEIGHTS)[0, 1]) < 0.15

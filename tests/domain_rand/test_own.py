@@ -93,7 +93,7 @@ def test_presets_take_quantities_that_only_this_robot_declares(own_folder: Path)
     assert trained == replace(shipped, torque_lag_s=lag, action_jitter_s=jitter)
 
 
-def test_a_robots_training_yaml_has_the_last_word(own_folder: Path) -> None:
+def test_a_robots_training_yaml_overrides_its_ranges(own_folder: Path) -> None:
     (own_folder / "training.yaml").write_text("env: {randomisation: {payload_kg: {low: 0.0, high: 0.1}}}")
     assert load_preset("cpu", own_robot(own_folder, OWN)).env.randomisation.payload_kg == Distribution(
         0.0, 0.1

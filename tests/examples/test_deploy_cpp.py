@@ -96,7 +96,7 @@ def agree(program: Path, file: Path, robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["go1", "hexapod", "g1"])
-def test_the_program_acts_as_the_shipped_policies_do(program: Path, name: str) -> None:
+def test_the_program_gives_the_actions_of_the_shipped_policies(program: Path, name: str) -> None:
     agree(program, ZOO / f"{name}-flat" / "policy.onnx", load_robot(name))
 
 

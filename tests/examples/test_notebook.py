@@ -16,7 +16,7 @@ def test_it_trains_deploys_and_plots(user_folder: UserFolder, monkeypatch: pytes
     nbformat.validate(notebook)
     (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", ())]
     (user_folder.path / "quick.yaml").write_text("{base: smoke, ppo: {total_steps: 512}, env: {physics: c}}")
-    parameters.source += '\npreset, episodes = "quick.yaml", 1'  # the figures do not matter here
+    parameters.source += '\npreset, episodes = "quick.yaml", 1'  # the values do not matter here
     for cell in notebook.cells:
         cell.source = cell.source.replace("duration_s=8.0", "duration_s=1.0")
     folder = str(user_folder.path)

@@ -36,7 +36,7 @@ def test_a_reward_with_a_state_is_trained_with(user_folder: UserFolder) -> None:
     assert metrics["reward/air_time"] != 0.0
 
 
-def test_air_time_is_paid_at_the_landing(user_folder: UserFolder) -> None:
+def test_air_time_is_rewarded_at_the_landing(user_folder: UserFolder) -> None:
     user_folder.copy("feet_air_time.py")
     term = find("feet_air_time:FeetAirTime", "reward")(threshold_s=0.1)
     contacts = jnp.array([[1.0, 1.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]])
