@@ -53,17 +53,12 @@ def test_a_step_is_mujocos_in_float32(name: str, optimisation: int, monkeypatch:
     assert np.quantile(found[:, 0], 0.99) < SINGLE
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_robots_that_lie_move_as_mujocos(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "contacts"), [("go1", "whole_body"), ("g1", "whole_body"), ("go1", "rough_limbs")]
+)
+def test_robots_that_lie_or_whose_limbs_rub_move_as_mujocos(name: str, contacts: str) -> None:
     robot = load_robot(name)
-    model = training_model(robot, contacts="whole_body")
-    assert not_generated(model) == ""
-    assert np.quantile(errors(robot, model, count=20, fallen=True), 0.9) < DOUBLE
-
-
-def test_limbs_that_rub_on_each_other_move_as_mujocos() -> None:
-    robot = load_robot("go1")
-    model = training_model(robot, contacts="rough_limbs")
+    model = training_model(robot, contacts=contacts)
     assert not_generated(model) == ""
     assert np.quantile(errors(robot, model, count=20, fallen=True), 0.9) < DOUBLE
 
