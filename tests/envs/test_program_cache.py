@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from flax import struct
+from hostile import Hostile
 
 import footfall
 from footfall.envs.workarounds import program_cache
@@ -145,20 +146,10 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
         assert (make.made, len(list(cache.rglob("programs/*")))) == (made, files)
 
 
-class CreatesFile:
-    """Reading it from a pickle makes a folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def __reduce__(self) -> tuple:
-        return os.mkdir, (str(self.folder),)
-
-
 def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, tmp_path: Path) -> None:
     kept(make)
     file = only_file(cache)
-    file.write_bytes(pickle.dumps(CreatesFile(tmp_path / "made")))
+    file.write_bytes(pickle.dumps(Hostile(tmp_path / "made")))
     file.chmod(0o620)
     lines: list[str] = []
     assert float(kept(make, say=lines.append)(STATE)[1]["total"]) == 6.0
