@@ -16,7 +16,7 @@ from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=0.8, burst_s=0.3)
-BUS_S = 0.0007  # of a command and of a reading
+BUS_S = 0.0007  # transport time of a command and of a reading
 
 
 def test_an_effect_missing_in_the_model_is_named(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ def fit(recording: Recording) -> LegFit:
     return fit_leg(LEG, [recording], config=FitConfig(rounds=2, rate_hz=125.0))
 
 
-def test_a_fit_finds_planted_parameters(fit: LegFit) -> None:
+def test_a_fit_finds_the_parameters_of_the_simulated_robot(fit: LegFit) -> None:
     for joint in LEG.joint_names:
         found = {
             name: fit.value(name, joint)
@@ -83,7 +83,7 @@ def test_a_proposal_is_a_robot_with_the_identified_joints(fit: LegFit, tmp_path:
     np.testing.assert_array_equal(made.armature[3:], ROBOT.armature[3:])
     ranges = load_randomisation(folder / "randomisation.yaml")
     assert ranges.armature is not None
-    assert ranges.armature.high - ranges.armature.low < 0.3  # the default's: 0.9 to 1.2
+    assert ranges.armature.high - ranges.armature.low < 0.3  # the default range: 0.9 to 1.2
     assert ranges.action_delay_s is not None
     assert ranges.action_delay_s.low < fit.value("delay_s", LEG.joint_names[0]) < ranges.action_delay_s.high
     with pytest.raises(UserError):
@@ -116,7 +116,7 @@ def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recordi
 
 
 def test_a_solver_that_rounds_a_bound_to_just_beyond_it_finds_a_prediction(recording: Recording) -> None:
-    """A delay of -1e-18 s asks for a command that has not been sent."""
+    """With a delay of -1e-18 s the model would need a command that has not been sent."""
     problem = problem_of(LEG, [recording], FitConfig())
     at = problem.scaled(np.array([each.kind.nominal for each in problem.parameters]))
     delays = [each.quantity == "delay_s" for each in problem.parameters]
@@ -148,7 +148,7 @@ def test_the_noise_of_torque_readings_is_found(recording: Recording) -> None:
     np.testing.assert_allclose(problem_of(LEG, [noisy], FitConfig()).torque_sigma, 0.5, rtol=0.15)
 
 
-def test_a_page_shows_each_joint_and_needs_nothing_else(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:
     text = page(ROBOT, [fit], [Path("log.mcap")], None)
     for name in (*LEG.joint_names, *LEG.body_names, "armature", "delay_s"):
         assert name in text

@@ -27,7 +27,7 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
     duration_s = policy.duration_s + 0.5
     run_on_stand(go1, policy, scales.bus, duration_s, DeployConfig(), False, done=lambda: policy.done)
     assert len(press_findings(policy.held, QUICK)) == findings
-    # These motors report what they deliver.
+    # These motors report their true torque.
     assert [each.scale_n for each in policy.held] == pytest.approx(
         [each.force_n for each in policy.held], abs=0.5
     )
@@ -56,7 +56,7 @@ def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> 
     assert reached == pytest.approx(commanded, abs=0.001)
 
 
-def test_a_foot_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_foot_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", "foot", "tail"]) == 2
     assert "FL" in capsys.readouterr().err
 

@@ -40,11 +40,11 @@ def test_overshoot_and_rise_are_those_of_a_second_order_system(damping: float) -
     assert not found.rings
 
 
-def test_a_swing_that_lasts_is_ringing() -> None:
+def test_a_lasting_oscillation_is_ringing() -> None:
     assert second_order(0.01).rings
 
 
-def test_a_joint_that_flies_away_rings() -> None:
+def test_a_joint_with_a_large_error_rings() -> None:
     assert response_of(TIME_S, TIME_S, np.ones_like(TIME_S), 0.05, CONFIG).rings
 
 
@@ -53,7 +53,7 @@ def test_a_joint_that_does_not_move_has_no_rise_time() -> None:
 
 
 def searched(rings: Callable[[Gains], bool]) -> tuple[Tuned, list[Gains]]:
-    """The result for a joint that rings at some gains, and the tried gains."""
+    """The result for a joint that rings at some gains, and the gains that were tried."""
     trials = search(CONFIG)
     tried = [next(trials)]
     while True:

@@ -1,4 +1,4 @@
-"""A recording of another program, with its commands, is compared and fitted like one of ours."""
+"""A recording of another program, with its commands, is compared and fitted like a log of footfall."""
 
 import csv
 import json
@@ -31,7 +31,7 @@ Pair = tuple[Recording, Path]
 
 @pytest.fixture(scope="module")
 def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
-    """A recording of a robot of too much friction, and the same as another program's CSV file."""
+    """A recording of a robot with too much friction, and the same as another program's CSV file."""
     own = read_recording(stiff_log, ROBOT)
     path = tmp_path_factory.mktemp("recording") / "theirs.csv"
     with path.open("w", newline="") as file:
@@ -61,7 +61,7 @@ def test_a_file_of_another_program_is_read_and_compared_like_a_log(
     assert theirs.command == pytest.approx(own.command)
     assert theirs.position == pytest.approx(own.position)
     assert theirs.time_s - theirs.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
-    assert np.isnan(theirs.torque).all()  # unknown: no reading of zero
+    assert np.isnan(theirs.torque).all()  # unknown, not a reading of zero
     assert shell("log", "compare", tmp_path / "theirs.mcap", "--json", tmp_path / "gap.json").status == 1
     for gap in json.loads((tmp_path / "gap.json").read_text()).values():
         assert gap["error_mrad"] > 2.0 * gap["noise_mrad"]
@@ -95,7 +95,7 @@ def test_incomplete_commands_are_refused(
 
 
 def test_one_wrong_reading_is_not_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
-    """It would widen the noise, within which every error of the model is small."""
+    """Otherwise the noise would be so large that every error of the model is small against it."""
     lines = pair[1].read_text().splitlines()
     cells = lines[200].split(",")
     cells[3] = "6.4"  # a full turn more

@@ -26,7 +26,10 @@ def test_noise_and_too_few_rows_leave_directions_undetermined() -> None:
 
 
 def test_a_profile_shows_how_other_parameters_compensate_for_one() -> None:
-    """misfit of a + d = 3 with d held: all values fit alike; a second equation 0.1 d = 0.1 bounds it."""
+    """Misfit of a + d = 3 with d held: all values of d fit equally well.
+
+    A second equation 0.1 d = 0.1 bounds d.
+    """
 
     def fit_at(delay: float) -> tuple[float, np.ndarray]:
         return 1.0 + (delay - 1.0) ** 2, np.array([3.0 - delay])

@@ -31,7 +31,7 @@ def test_a_fit_without_a_log_and_a_record_that_cannot_be_made_are_refused(
         ("net x --steps 0", ""),
         ("net x --steps 24", "steps"),  # before the first check
         ("fit x x", "twice"),
-        ("fit x --held-out ./x", "twice"),  # a fit cannot be tested on its own log
+        ("fit x --held-out ./x", "twice"),  # a fit cannot be validated on its own log
         ("fit x --out absent/robot", "absent"),  # before minutes of work
         ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains
         ("record log.mcap --bus virtual --plant other.xml", ""),  # a plant is for the simulated robot alone

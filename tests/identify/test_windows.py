@@ -11,7 +11,7 @@ from footfall.identify.windows import cut
 
 
 def recording(time_s: np.ndarray) -> Recording:
-    """Of one joint, which stands still."""
+    """A recording of one joint that stands still."""
     rows = len(time_s)
     return Recording(
         "a file",

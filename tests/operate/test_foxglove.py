@@ -72,7 +72,7 @@ def test_a_late_viewer_gets_the_robot_and_its_readings_and_cannot_steer(go1: Rob
         with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer:
             hello = json.loads(viewer.recv(timeout=WAIT_S))
             assert hello["op"] == "serverInfo"
-            assert hello["capabilities"] == []  # nothing that a viewer could send
+            assert hello["capabilities"] == []  # a viewer cannot send anything
             expected = {"/robot_description", "/tf_static", "/joint_states"}
             assert topics_seen(viewer, expected, beat) == expected
     assert log.close() == ""

@@ -1,4 +1,4 @@
-"""A gamepad steers while its dead-man button is pressed; unplugged it is silent."""
+"""A gamepad steers while its dead-man button is pressed; an unplugged one sends nothing."""
 
 import os
 import struct
@@ -46,14 +46,14 @@ def device(tmp_path: Path) -> Iterator[Device]:
     device.unplug()
 
 
-def test_a_gamepad_steers_with_its_dead_man_button_and_unplugged_it_is_silent(device: Device) -> None:
+def test_a_gamepad_steers_with_its_dead_man_button_and_sends_nothing_when_unplugged(device: Device) -> None:
     config = GamepadConfig(str(device.path), dead_zone=0.1, expo=0.0, speed_share=1.0, rate_hz=100.0)
     inbox = Inbox()
     inbox.poll(WALKING)
     with steered_by_gamepad(inbox, abilities, config) as opened:
         device.send((BUTTON | INITIAL, DEAD_MAN, 1), (AXIS | INITIAL, 1, -32767))
         time.sleep(0.05)
-        assert not inbox.poll(WALKING).velocity.any()  # held while it was plugged in
+        assert not inbox.poll(WALKING).velocity.any()  # pressed before the device was connected
         device.send((BUTTON, DEAD_MAN, 0), (BUTTON, DEAD_MAN, 1), (AXIS, 0, 32767), (AXIS, 3, 2000))
         request = polled_until(inbox, lambda r: r.velocity[1])
         assert request.velocity.tolist() == pytest.approx([1.0, -0.3, 0.0])

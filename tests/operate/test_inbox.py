@@ -100,7 +100,7 @@ def test_one_operator_steers_until_another_takes_over(inbox: Inbox) -> None:
     assert "keys" in inbox.put("page", velocity=[0.9, 0, 0])
     assert inbox.poll(WALKING).velocity[0] == 0.3
     assert inbox.take_over("page") == ""
-    assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner requests it
+    assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner requests a velocity
     assert inbox.put("keys", velocity=[0.3, 0, 0])
     assert inbox.put("page", velocity=[0.9, 0, 0]) == ""
     request = inbox.poll(WALKING)
@@ -120,7 +120,7 @@ def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, 
     assert inbox.poll(WALKING).velocity[0] == 0.2
     watch.now_s += 3.01
     end = inbox.poll(WALKING)
-    assert (end.wish, end.velocity[0], end.owner) == (Wish.LIE_DOWN, 0.0, "")  # the run itself wants that
+    assert (end.wish, end.velocity[0], end.owner) == (Wish.LIE_DOWN, 0.0, "")  # requested by the run itself
     assert "page" in end.note
     inbox.put("page", velocity=[0.2, 0, 0])
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN

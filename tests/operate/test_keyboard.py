@@ -1,4 +1,4 @@
-"""Keys of a terminal steer a run, and the terminal is as before afterwards."""
+"""Keys of a terminal steer a run; afterwards the terminal's settings are restored."""
 
 import os
 import pty
@@ -19,7 +19,7 @@ QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
 
 @pytest.fixture
 def terminal() -> Iterator[tuple[int, int]]:
-    """Both ends of a terminal: that of a person, and that of a program, which controls it."""
+    """Both ends of a terminal: the user's, and that of a program that controls it."""
     person, program = pty.openpty()
     yield person, program
     os.close(person)

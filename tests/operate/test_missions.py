@@ -1,4 +1,4 @@
-"""Missions on a robot that moves as commanded, late: where they lead, and when they give up."""
+"""Missions on a robot that follows commands with a lag: their goals, and when they give up."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from footfall.operate.missions.mission import load_mission, mission_of
 from footfall.operate.missions.source import DONE, MissionSource
 
 STEP_S, LAG_S = 0.02, 0.15
-START = Pose(3.0, -2.0, 2.5)  # a mission begins where the robot is, not where odometry has its zero
+START = Pose(3.0, -2.0, 2.5)  # a mission begins at the robot's position, not at the origin of the odometry
 
 
 class Walker:
@@ -68,7 +68,7 @@ class Walker:
 def test_each_step_is_planned_from_the_end_of_the_previous_one() -> None:
     there_and_back = mission_of({"steps": [{"go_to": [1.0, 0.0]}, {"go_to": [0.0, 0.0]}]}, "mission")
     there_s, back_s = there_and_back.planned_s("trot", abilities)
-    assert back_s > there_s > 0.0  # it turns round first
+    assert back_s > there_s > 0.0  # the robot turns round first
 
 
 def test_each_step_reaches_its_goal() -> None:

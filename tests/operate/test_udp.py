@@ -65,7 +65,7 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     assert receiver.receive(pack([], TOKEN, REQUEST)) == b""  # type: ignore[arg-type]
     assert inbox.poll(WALKING).velocity.tolist() == [0.2, 0.0, 0.0]
     last = sender.sent
-    watch.now_s += 5.0  # a datagram that was held back
+    watch.now_s += 5.0  # a datagram that was delayed
     assert sender.again(last) == "challenge"
     sender.head["number"] = 1000
     assert sender.send(velocity=[0.1, 0, 0]) == ""
@@ -77,7 +77,7 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     other_inbox = Inbox()
     damping = Sender(Receiver(other_inbox, TOKEN, watch))
     damping.send(stop="now", damp=True)
-    assert damping.send(stop="now", damp=True) == ""  # with the challenge that it got
+    assert damping.send(stop="now", damp=True) == ""  # with the received challenge
     assert other_inbox.stopped is not None
     assert other_inbox.stopped.damp
 

@@ -20,12 +20,12 @@ ORDER = [
     3,
     8,
     6,
-]  # of the joints, none at its old position or beside its old neighbour
+]  # order of the joints: none at its old position or beside its old neighbour
 
 
 @pytest.fixture
 def odd(own_folder: Path) -> Robot:
-    """go1 with its joints in another order, a foot of two spheres, behind a gate that swings in its world."""
+    """go1 with its joints in another order and a foot of two spheres; before it a gate that swings."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2"/></body>'

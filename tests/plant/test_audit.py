@@ -31,14 +31,14 @@ class TestAudit:
         off = go1.default_pose.copy()
         off[0] += 0.5
         kp = 2.5 * go1.motor.peak_torque[0] / 0.5
-        self.update(go1, audit, off, kp)  # asks for 2.5 times the peak
+        self.update(go1, audit, off, kp)  # requests 2.5 times the peak
         assert audit.torque_over == pytest.approx(1.5, abs=0.02)
         assert audit.stiff
         self.update(go1, audit, go1.default_pose, kp)
-        assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the worst of all
+        assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the largest of all
 
     def test_a_motor_at_its_no_load_speed_can_only_brake(self, go1: Robot, audit: Audit) -> None:
-        """A tenth of its peak is all too much there, in the direction of its motion."""
+        """There a tenth of its peak torque is already too much in the direction of motion."""
         spinning, off = np.zeros(12), go1.default_pose.copy()
         spinning[4] = -(go1.motor.no_load_speed * np.ones(12))[4]
         kp = 0.1 * go1.motor.peak_torque[4] / 0.5
@@ -56,8 +56,8 @@ class TestAudit:
         self.update(go1, audit, off, 1.0)
         assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
 
-    def test_a_target_of_a_joint_without_stiffness_is_none(self, go1: Robot, audit: Audit) -> None:
-        """All but the first have no stiffness, and distant targets."""
+    def test_a_target_of_a_joint_without_stiffness_does_not_count(self, go1: Robot, audit: Audit) -> None:
+        """All joints except the first have no stiffness, and distant targets."""
         far, kp = go1.default_pose + 3.0 * (np.arange(12) > 0), 1.0 * (np.arange(12) == 0)
         self.update(go1, audit, go1.default_pose, kp)
         self.update(go1, audit, far, kp)

@@ -40,12 +40,12 @@ def test_energy_drawn_is_charge_lost_and_the_voltage_falls_with_load_and_charge(
     assert motors.share == pytest.approx(pack.voltage_v / battery.nominal_v)
     assert motors.supply == pytest.approx((pack.voltage_v, pack.current_a / 12))
     spent = 1.0 - pack.charge
-    # Above half of its charge a joule takes less charge than the mean one, whose voltage is the nominal one.
+    # Above half of its charge the voltage exceeds the nominal one, so a joule takes less charge.
     assert 0.85 * given_j < spent * 3600.0 * battery.capacity_wh < given_j
 
 
 def test_a_drawn_charge_is_that_of_the_simulated_pack(go1: Robot) -> None:
-    """And it is refused by name for a robot without one."""
+    """A robot without a pack is refused by name."""
     pack = Battery(8, 230.0, 0.1)
     robot = replace(go1, description=replace(go1.description, battery=pack))
     drawn = {"battery_charge": np.array(0.3)}

@@ -13,7 +13,9 @@ class TestEnergy:
         torque, velocity = np.zeros(12), np.zeros(12)
         torque[0], velocity[0] = 2.0, 3.0
         torque[5], velocity[5] = 1.0, -4.0
-        meter.add(torque, velocity - 1.0, velocity + 1.0)  # the mean of before and after counts
+        meter.add(
+            torque, velocity - 1.0, velocity + 1.0
+        )  # the mean of the velocities before and after counts
         meter.add(0 * torque, velocity, velocity)
         first = meter.take()
         assert first.mechanical == pytest.approx((6.0 - 4.0) / 2)
@@ -25,7 +27,7 @@ class TestEnergy:
         meter.add(0 * torque, velocity, velocity)
         assert meter.take().electrical == 0.0
 
-    def test_it_holds_any_number_of_steps_each_once(self, go1: Robot) -> None:
+    def test_each_step_counts_once_for_any_number_of_steps(self, go1: Robot) -> None:
         meter = EnergyMeter(go1)
         rng = np.random.default_rng(4)
         assert tuple(meter.take()) == (0.0, 0.0, 0.0)

@@ -78,7 +78,7 @@ def test_a_robot_in_the_air_moves_as_in_mujoco(name: str, other_engine: str) -> 
 @pytest.mark.parametrize(
     ("foot", "ground", "priority", "holds"), [(0.6, 0.3, 0, 0.6), (0.3, 0.6, 0, 0.6), (0.8, 0.3, 1, 0.3)]
 )
-def test_a_slide_slows_down_as_mujocos(
+def test_a_sliding_body_slows_down_as_in_mujoco(
     foot: float, ground: float, priority: int, holds: float, other_engine: str
 ) -> None:
     model = mujoco.MjModel.from_xml_string(BLOCK.format(foot=foot, ground=ground, priority=priority))
@@ -104,7 +104,7 @@ def test_a_model_that_moves_differently_is_refused(part: str, named: str, other_
         )
 
 
-def test_a_foot_that_is_not_round_is_refused(go1: Robot) -> None:
+def test_a_foot_that_is_no_sphere_is_refused(go1: Robot) -> None:
     pytest.importorskip("pydrake")
     model = read_plant(go1).model
     foot = model.geom("FR_foot").id

@@ -15,7 +15,7 @@ from footfall.robots.description import Robot
 
 
 class FakeBody:
-    """Counts its calls; each truth differs."""
+    """Counts its calls; each ground truth differs."""
 
     def __init__(self) -> None:
         self.model = SimpleNamespace(nq=19)
@@ -96,7 +96,7 @@ def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[Trial, Fake
 
 
 class TestTrial:
-    def test_it_records_at_the_record_rate_while_the_robot_walks(self, go1: Robot) -> None:
+    def test_a_trial_records_at_the_record_rate_while_the_robot_walks(self, go1: Robot) -> None:
         watched = []
         trial, body, loop = trial_of(
             go1, lambda loop, body: watched.append((loop, body)), record_rate_hz=40.0
@@ -136,14 +136,14 @@ class TestTrial:
             seen.append([delta[0] for delta in body.pushes])
         assert seen == [[], [], [1, 2], [1, 2], [1, 2], [1, 2, 3], [1, 2, 3]]
 
-    def test_a_robot_that_lies_is_not_pushed_then_nor_once_it_walks_again(self, go1: Robot) -> None:
+    def test_a_push_that_is_due_while_the_robot_lies_is_left_out(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1, pushes=(Push(0.01, (1.0, 0.0, 0.0)), Push(0.03, (2.0, 0.0, 0.0))))
         times = {0.0: Mode.WALKING, 0.01: Mode.RECOVERING, 0.02: Mode.WALKING, 0.03: Mode.WALKING}
         for loop.walking_s, loop.state.mode in times.items():
             trial.tick(loop)  # type: ignore[arg-type]
         assert [delta[0] for delta in body.pushes] == [2.0]
 
-    def test_without_a_record_it_still_measures_and_sees_falls(self, go1: Robot) -> None:
+    def test_a_trial_without_a_record_still_measures_and_detects_falls(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1, record=False)
         for tick in range(3):
             loop.walking_s = 0.01 * tick
@@ -167,7 +167,7 @@ class TestTrial:
             assert getattr(trace, name).shape == (0, *width), name
             assert getattr(trace, name).dtype == (bool if name in ("foot_contact", "legs_touch") else float)
 
-    def test_a_diverged_simulation_ends_it_as_a_fault(self, go1: Robot) -> None:
+    def test_a_diverged_simulation_ends_the_trial_as_a_fault(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1)
         body.lost = True
         trial.tick(loop)  # type: ignore[arg-type]
@@ -176,7 +176,7 @@ class TestTrial:
         assert trace.faults == ("first", "the simulation diverged")
         assert (trace.fell, trace.fall_reason, trace.final_state) == (True, "", "IDLE")
 
-    def test_a_fall_that_the_supervisor_saw_has_its_reason(self, go1: Robot) -> None:
+    def test_a_fall_that_the_supervisor_noticed_has_its_reason(self, go1: Robot) -> None:
         trial, *_ = trial_of(go1)
         trace = trial.trace(replace(OUTCOME, final_state="FALLING", faults=("tilt of 1.2 rad", "later")))
         assert (trace.fell, trace.fall_reason) == (True, "tilt of 1.2 rad")

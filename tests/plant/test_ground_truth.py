@@ -62,7 +62,10 @@ class TestTruth:
         assert data.ncon == (2 if foot == 0 else 1)
 
     def test_legs_touch_where_two_of_them_press_on_each_other(self, go1: Robot) -> None:
-        """Standing they do not; in the air, the feet of the front or of the rear are led together."""
+        """Legs of a standing robot do not touch.
+
+        In the air, the front or the rear feet are moved together.
+        """
         body = body_of(go1)
         data, model = body.data, body.model
         mujoco.mj_forward(model, data)
@@ -78,7 +81,9 @@ class TestTruth:
             assert len({model.geom_bodyid[geom] for geom in data.contact.geom.ravel()}) == 2
 
     @pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
-    def test_a_base_below_0_4_of_its_height_has_sunk(self, go1: Robot, share: float, sunk: bool) -> None:
+    def test_a_base_below_0_4_of_the_standing_height_has_sunk(
+        self, go1: Robot, share: float, sunk: bool
+    ) -> None:
         body = body_of(go1)
         body.data.qpos[2] = 7.0
         body.data.qpos[9] += 0.2  # one foot is higher than the others
@@ -90,8 +95,8 @@ class TestTruth:
         )
         assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
 
-    def test_only_the_base_may_not_touch_the_ground(self, go1: Robot) -> None:
-        """Thighs on the ground are no fall, nor is what the base touches of the robot itself."""
+    def test_only_contact_of_the_base_with_the_ground_is_a_fall(self, go1: Robot) -> None:
+        """Thighs on the ground are no fall, nor are contacts of the base with the robot itself."""
         body = body_of(go1)
         data, model = body.data, body.model
         data.qpos[7:] = np.tile([0.0, 1.57, -0.9], 4)

@@ -44,7 +44,7 @@ def test_heights_are_those_of_the_ground_above_the_base() -> None:
     np.testing.assert_allclose(flat.heights, -0.9)
 
 
-def test_scans_come_at_their_rate_and_after_their_lag() -> None:
+def test_scans_arrive_at_their_rate_and_after_their_lag() -> None:
     late = scanner(HeightScanErrors(lag_s=(0.06, 0.06)))
     taken = [found.taken_us if (found := late.newest(now)) else None for now in range(0, 240_000, 20_000)]
     assert taken[:3] == [None, None, None]
@@ -63,7 +63,7 @@ def seeing(tmp_path: Path, contract: Contract, go1: Robot) -> LearnedPolicy:
 
 
 def walked(go1: Robot, policy: LearnedPolicy, **settings: object) -> tuple[Trace, np.ndarray]:
-    """A short run on stairs; with the heights that the policy saw, (steps, points + 1)."""
+    """A short run on stairs, and the heights that the policy observed, (steps, points + 1)."""
     observed = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -27,7 +27,7 @@ def limp(command: JointCommand) -> JointCommand:
     return command._replace(kp=0.0 * command.kp, kd=0.0 * command.kd)
 
 
-def test_it_does_not_sink_until_it_is_released(held: Robot, go1: Robot) -> None:
+def test_a_held_robot_does_not_sink_until_it_is_released(held: Robot, go1: Robot) -> None:
     config = DeployConfig(in_place_s=0.6)
     walked_s = {
         robot.description.held_start: run_episode(
@@ -39,7 +39,7 @@ def test_it_does_not_sink_until_it_is_released(held: Robot, go1: Robot) -> None:
     assert 0.6 < walked_s[True] < 1.0
 
 
-def test_it_steps_in_place_at_first_and_before_the_end(held: Robot) -> None:
+def test_a_held_robot_steps_in_place_at_first_and_before_the_end(held: Robot) -> None:
     config = DeployConfig(in_place_s=0.5, stop_s=0.3)
     policy = Hold(held)
     seen: list[tuple[Mode, bool]] = []

@@ -45,7 +45,7 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 
 class TestFrames:
-    def test_late_ones_come_once_later_by_their_own_time_too(self) -> None:
+    def test_a_delayed_frame_arrives_once_with_a_later_time(self) -> None:
         hold = late(3000)
         came = [hold([batch(n, 1000 * n)] if n < 3 else [], 1000 * n) for n in range(7)]
         assert [numbers(each) for each in came] == [[], [], [], [0], [1], [2], []]
@@ -70,19 +70,19 @@ class TestFrames:
         assert 4000 - len(left.id) == pytest.approx(1000, abs=110)
         assert len(dropped(0.0, np.random.default_rng(0))(batch(7, k=100)).id) == 100
 
-    def test_one_bit_anywhere_of_a_share_of_frames_is_the_other_one(self) -> None:
+    def test_one_bit_of_a_share_of_frames_is_flipped(self) -> None:
         whole = batch(0x55, k=4000)
         hurt = flipped(0.25, np.random.default_rng(0))(whole)
         bits = np.unpackbits(hurt.data ^ whole.data, axis=1).astype(int)
         assert set(bits.sum(axis=1).tolist()) == {0, 1}
         assert bits.sum() == pytest.approx(1000, abs=110)
-        assert bits.sum(axis=0).min() > 0  # none of the 64 is safe
+        assert bits.sum(axis=0).min() > 0  # each of the 64 bits may change
         assert (whole.data == 0x55).all()
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_quaternion_is_turned_about_the_bodys_own_axis(axis: int) -> None:
-    """And nothing else of a reading is."""
+    """Nothing else of a reading changes."""
     body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2])
     reading = READING._replace(quaternion=body.as_quat(scalar_first=True).tolist())
     askew = turned(reading, axis, 30.0)
@@ -93,7 +93,7 @@ def test_a_quaternion_is_turned_about_the_bodys_own_axis(axis: int) -> None:
 
 
 class TestReadings:
-    """What arrives of a go1, as its motors and its IMU sent it."""
+    """The frames of a go1's motors and IMU."""
 
     VALUES = np.array([0.05, 0.4, 0.9])[:, None] * np.linspace(-1.0, 1.0, 12)
 
@@ -126,7 +126,7 @@ class TestReadings:
         assert of_the_imu == arriving[1].data.tolist()
 
     def test_half_the_reading_rate_makes_lag(self, injector: FaultInjector, arriving: list[Frames]) -> None:
-        """What comes 10 ms after the first is read 20 ms after it."""
+        """Readings from 10 ms after the first one arrive 20 ms after it."""
         injector.falls_behind(0.5, from_imu)
         read: list[list[int]] = []
         for now_ms in range(21):
@@ -144,7 +144,7 @@ class TestLooseImu:
     SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
 
     def read(self, time_s: float, axis: int) -> imu.Inertial:
-        """At a time, on a body that spins evenly, where the acceleration is 9.81 m/s^2 up and 2 ahead."""
+        """Reading of a body that spins evenly and accelerates by 9.81 m/s^2 up and 2 ahead."""
         body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
         measured = body.inv().apply([2.0, 0.0, 9.81])
         there = imu.Inertial(self.SPIN.tolist(), measured.tolist(), body.as_quat(scalar_first=True).tolist())
@@ -154,8 +154,8 @@ class TestLooseImu:
         return Rotation.from_quat(reading.quaternion, scalar_first=True)
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_all_its_parts_agree(self, axis: int) -> None:
-        """Its gyro follows its change of orientation; gravity by its orientation stays the same."""
+    def test_all_parts_of_a_rotated_reading_agree(self, axis: int) -> None:
+        """The gyro follows the change of orientation; gravity by the orientation stays the same."""
         now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
         changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
         np.testing.assert_allclose(now.gyro, changed, atol=1e-6)

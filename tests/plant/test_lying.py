@@ -53,14 +53,14 @@ def test_a_pose_is_found_in_which_go1_rests_on_its_trunk(go1: Robot) -> None:
     np.testing.assert_allclose(np.abs(folded), np.abs(folded[[0]]).repeat(4, axis=0), atol=1e-3)
 
 
-def test_another_makers_quadruped_gets_one(tmp_path: Path) -> None:
+def test_another_makers_quadruped_gets_a_lying_pose(tmp_path: Path) -> None:
     robot = make(tmp_path, quadruped(knee_limit=FOLDS), "urdf", find_lying_pose=quickly)[0]
     assert robot.lying_pose is not None
     assert "- lying pose: legs folded" in (robot.folder / "robot.yaml").read_text()
 
 
 @pytest.mark.parametrize(("text", "suffix"), [(BIPED_MJCF, "xml"), (quadruped(), "urdf")])
-def test_a_robot_that_tips_or_hardly_folds_gets_none(tmp_path: Path, text: str, suffix: str) -> None:
+def test_a_robot_that_tips_or_hardly_folds_gets_no_lying_pose(tmp_path: Path, text: str, suffix: str) -> None:
     robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
     assert robot.lying_pose is None
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
@@ -68,7 +68,7 @@ def test_a_robot_that_tips_or_hardly_folds_gets_none(tmp_path: Path, text: str, 
 
 @pytest.fixture
 def no_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`robot check` lets no controller walk, which takes long."""
+    """`robot check` without the walks of controllers, which take long."""
     monkeypatch.setattr("footfall.plant.walking.controllers_test", lambda *_: [])
 
 
@@ -87,7 +87,7 @@ def test_check_reports_the_lying_pose(
 
 
 def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
-    """With both front knees a hundredth as strong, it is no harder than with one of them."""
+    """With both front knees a hundredth as strong, the effort is the same as with one of them."""
     pose = go1.lying_pose
     assert pose is not None
 

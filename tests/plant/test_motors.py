@@ -92,7 +92,7 @@ def torque_of(values: np.ndarray, bias: np.ndarray | float = 0.0) -> np.ndarray:
 
 
 class TestMotors:
-    def test_each_follows_its_own_command_until_the_next(self) -> None:
+    def test_each_motor_follows_its_own_command_until_the_next(self) -> None:
         stand = Stand()
         assert not stand.torque(0).any()
         stand.on()
@@ -108,7 +108,7 @@ class TestMotors:
         )
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
-        """Over steps in which its memory counts."""
+        """The steps are long enough for the memory to have an effect."""
         net = some_net(3)
         values = np.array([[1.0], [0.0], [1.0], [1.0], [0.0]]) * VALUES
         stand = Stand(net)
@@ -184,7 +184,7 @@ class TestMotors:
         assert stand.end.next is not None
         np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
 
-    def test_they_control_on_encoders_with_errors(self) -> None:
+    def test_motors_control_with_the_errors_of_their_encoders(self) -> None:
         bias = np.array([0.01, -0.02, 0.03])
         stand = Stand(encoder_bias=bias)
         stand.on()
@@ -224,7 +224,7 @@ class TestMotors:
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
 
-    def test_silent_and_stuck_motors_are_distinguished_from_their_neighbours(self) -> None:
+    def test_silence_and_stuck_readings_affect_single_motors(self) -> None:
         stand = Stand()
         first = stand.on()
         assert first is not None

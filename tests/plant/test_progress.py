@@ -7,7 +7,7 @@ from footfall.plant.progress import Progress, path_length
 
 
 def test_progress_counts_the_chord_since_the_last_corner() -> None:
-    """At 4 samples a second a chord is of two of them: a corner within one is cut."""
+    """At 4 samples a second a chord has two of them: a corner within a chord is cut."""
     progress = Progress(4.0)
     found = []
     for point in ((0, 0), (3, 0), (3, 4), (3, 8), (3, 8), (0, 8)):

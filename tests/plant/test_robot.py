@@ -1,4 +1,4 @@
-"""The simulated robot: how it is put down, its time, its pushes and its IMU."""
+"""The simulated robot: its initial position, its time, its pushes and its IMU."""
 
 from pathlib import Path
 
@@ -15,8 +15,10 @@ from footfall.robots.model import joint_addresses
 
 
 class TestStart:
-    def test_it_stands_just_on_the_highest_ground_below(self, odd: Robot, own_folder: Path) -> None:
-        """A step under one foot lifts the robot by its height; the gate is where its file has it."""
+    def test_the_robot_starts_on_the_highest_ground_below_its_feet(
+        self, odd: Robot, own_folder: Path
+    ) -> None:
+        """A step under one foot raises the robot by the step's height; the gate stays at its position."""
         text = odd.xml_path.read_text()
         step = '<geom type="plane" size="0 0 1" pos="0 0 -1"/>'
         step += '<geom type="box" size="0.1 0.1 0.2" pos="0.19 0.13 -0.9"/>'
@@ -37,7 +39,7 @@ class TestStart:
         with pytest.raises(Exception, match="4 m"):
             body_of(go1, plant=tmp_path / "deep.xml")
 
-    def test_a_push_is_in_the_worlds_axes_and_of_the_base_alone(self, odd: Robot) -> None:
+    def test_a_push_is_in_the_worlds_axes_and_acts_on_the_base_only(self, odd: Robot) -> None:
         body = body_of(odd)
         thrown(body)
         before = body.data.qvel.copy()
@@ -54,13 +56,13 @@ class TestStart:
         assert times == [0, 0, 1000, 3000, 3000, 4000]
         assert body.data.time == pytest.approx(0.004)
 
-    def test_the_imu_reports_every_two_milliseconds_one_count_on(self, go1: Robot) -> None:
+    def test_the_imu_reports_every_two_milliseconds_with_the_next_count(self, go1: Robot) -> None:
         wiring = wiring_of(go1)
         wires = SimulatedWires(wiring.buses)
         body = SimulatedRobot(go1, wiring, wires)
 
         def received_ids(until_us: int) -> list[int]:
-            """Counters of the gyro frames that arrived; they are on the IMU's bus alone."""
+            """Counters of the gyro frames that arrived, which are only on the IMU's bus."""
             body.advance(until_us)
             frames = wires.receive(Side.HOST, until_us)
             assert all((batch.channel == wiring.imu_channel).all() for batch in frames)
@@ -79,7 +81,10 @@ class TestStart:
 
 
 def test_a_shifted_centre_of_mass_removes_no_contact(go1: Robot, tmp_path: Path) -> None:
-    """Bounding volumes lie in a body's inertial frame, which moves. A block makes MuJoCo use them."""
+    """Bounding volumes are relative to a body's inertial frame, which moves.
+
+    With a box in the scene MuJoCo uses them.
+    """
     shapes = '<geom type="box" size=".2 .2 .05" pos="0 0 .1"/><geom type="box" size=".1 .1 .1" pos="9 0 0"/>'
     hull = '<geom size=".01" pos=".2 0 .1" mass="0"/>'
     text = go1.xml_path.read_text().replace("<worldbody>", f"<worldbody><body>{shapes}</body>")

@@ -48,7 +48,7 @@ UNIT = 0.3  # noise and bias of a reading
 LARGEST = 1.3 * UNIT  # of a direction, which is normalised
 ROUNDING = 0.03  # of a frame
 TICK_S = 0.002
-STILL_TICKS = 20  # that the robot is held before its motors are commanded
+STILL_TICKS = 20  # during which the robot is held before its motors are commanded
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ DELAYS = {
 
 @pytest.fixture(scope="module", autouse=True)
 def declared() -> Iterator[None]:
-    """Declares them, as a field of `Noise` and of `Randomisation` does."""
+    """Declares the additional quantities, as fields of `Noise` and `Randomisation` do."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(READINGS, "joint_torque", MORE_READINGS["joint_torque"])
         patch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
@@ -135,7 +135,7 @@ def observer_of(robot: Robot, noise: Noise) -> Observer:
 
 
 def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u: float) -> np.ndarray:
-    """The readings that the actor sees for true ones, concatenated, (physics steps, size)."""
+    """The actor's readings for given true readings, concatenated, (physics steps, size)."""
     observer = observer_of(robot, noise)
     state = SimpleNamespace(
         sample=sample, actions=jnp.zeros((3, N)), command=jnp.zeros(3), phase=jnp.zeros(1)
@@ -155,7 +155,7 @@ def true_readings(robot: Robot) -> np.ndarray:
 
 
 class TestEveryReading:
-    def test_motors_imu_and_feet_report_all_that_is_sensed(self) -> None:
+    def test_motors_imu_and_feet_report_every_field_of_sensed(self) -> None:
         assert sorted((*MOTORS, *IMU, "foot_force")) == sorted(SENSED)
 
     @pytest.mark.parametrize("noisy", [tuple(MORE_READINGS), ("joint_torque",)], ids=["all", "one"])
@@ -201,13 +201,15 @@ class TestEveryReading:
         np.testing.assert_allclose(trained[:3], np.full(3, 5.5), rtol=1e-6)
         seen = rows_in_log(go1, tmp_path / "late.mcap", sample={name: np.array(2 * TICK_S)})
         for each, values in nominal.items():
-            if each not in ("gyro", "gravity"):  # whose latest frames come at other ticks of the loop
+            if each not in ("gyro", "gravity"):  # whose latest frames arrive at other ticks of the loop
                 np.testing.assert_array_equal(seen[each][2:], values[:-2])
                 assert np.ptp(values, axis=0).any()
 
 
 @pytest.mark.parametrize("name", DELAYS["actions"])
-def test_a_delay_of_actions_acts_in_both(go1: Robot, nominal: Readings, tmp_path: Path, name: str) -> None:
+def test_a_delay_of_actions_acts_in_training_and_on_the_plant(
+    go1: Robot, nominal: Readings, tmp_path: Path, name: str
+) -> None:
     goals = jnp.asarray(go1.default_pose) + jnp.array([[0.01], [0.0], [0.0]])
     actuation = Actuation(go1, CONFIG)
     late = actuation.targets(goals, goals[1], {name: 2 * CONFIG.timestep_s})
@@ -235,7 +237,9 @@ class TestRefusals:
         with pytest.raises(ValueError, match=f"'mine'.*{word}"):
             declared_quantities(cls)
 
-    def test_impossible_noise(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_impossible_noise_is_refused(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         squared = MORE_READINGS["joint_torque"]._replace(source=lambda torque: torque**2)
         monkeypatch.setitem(READINGS, "joint_torque", squared)
         assert rows_in_log(go1, tmp_path / "quiet.mcap", MoreNoise())["joint_torque"].any()
@@ -273,7 +277,7 @@ class Past:
 
 class TestSensors:
     @pytest.mark.parametrize(("delay_s", "steps"), [(0.0, 0), (0.002, 2), (0.0026, 3)])
-    def test_they_show_the_state_of_a_delay_ago(self, delay_s: float, steps: int) -> None:
+    def test_delayed_sensors_show_an_earlier_state(self, delay_s: float, steps: int) -> None:
         past = Past(observation_delay_s=delay_s)
         for now in range(12):
             past.step(now)
@@ -288,7 +292,7 @@ class TestSensors:
             np.testing.assert_allclose(inertial.quaternion, turn.as_quat(scalar_first=True), atol=1e-12)
 
     def test_mean_velocities_add_up_to_the_positions(self) -> None:
-        """An engine's velocities may alternate from step to step, and readings take every other one."""
+        """An engine's velocities may alternate from step to step; readings have every second step."""
         past, travel = Past(mean_velocity=True), np.zeros(2)
         for k in range(100):
             past.data.qvel[7:9] = (3.0, -3.0) if k % 2 else (-1.0, 2.0)

@@ -38,7 +38,7 @@ class Stub:
 
 
 def served(stall_s: float) -> tuple[list[int], float]:
-    """Times of 40 steps with a stall in their middle, us, and how long they took, s."""
+    """Times of 40 steps with a stall in their middle, us, and their duration, s."""
     stop = threading.Event()
     stub = Stub(stop, stall_s)
     began = time.monotonic()
@@ -46,7 +46,7 @@ def served(stall_s: float) -> tuple[list[int], float]:
     return stub.times_us, time.monotonic() - began
 
 
-def test_a_stall_is_not_made_up_for() -> None:
+def test_a_stall_is_not_caught_up() -> None:
     times_us, took_s = served(stall_s=0.1)
     steps = [after - before for before, after in pairwise(times_us)]
     assert max(steps) <= MAX_STEP_US
@@ -55,7 +55,7 @@ def test_a_stall_is_not_made_up_for() -> None:
 
 
 def arrived(times_us: list[float] | None) -> Frames:
-    """Three frames, and when they came."""
+    """Three frames, and their arrival times."""
     ids = np.array([1, 2, 3])
     when = None if times_us is None else np.array(times_us)
     return Frames(np.zeros(3, int), ids, np.zeros((3, 8), np.uint8), np.full(3, 8), when)
@@ -73,7 +73,7 @@ def test_frames_in_time_or_of_unknown_time_are_passed_on() -> None:
         assert not_before(frames, 5000) is frames
 
 
-def test_the_stand_in_robot_takes_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
 
     @contextmanager

@@ -71,7 +71,7 @@ def test_friction_holds_a_sphere_on_a_slope_of_half(friction: float, holds: bool
 
 
 @given(PLACE, PLACE)
-def test_the_surface_is_the_grounds(x: float, y: float) -> None:
+def test_the_surface_equals_the_grounds_heights(x: float, y: float) -> None:
     here = ground(0.3, bumps_m=0.02)
     tangent = tangent_at(here, np.array([x, y]))
     normal = np.array([*-tangent.slope, 1.0]) / np.hypot(1.0, np.hypot(*tangent.slope))

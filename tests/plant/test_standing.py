@@ -50,7 +50,9 @@ def strong(go1: Robot) -> Robot:
     )
 
 
-def test_sinking_and_tilt_are_the_most_of_all(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:
+def test_sinking_and_tilt_are_the_largest_of_all_samples(
+    monkeypatch: pytest.MonkeyPatch, strong: Robot
+) -> None:
     found, (_, episode) = stood(monkeypatch, strong)
     assert (found.sank_m, found.tilt_rad, found.moved_m) == pytest.approx((0.05, 0.3, 0.5))
     assert found.stood_s == 0.04
@@ -75,14 +77,14 @@ def test_torques_and_contacts_are_means_after_settling(
         ({"faults": ("no reply",)}, "", False),
     ],
 )
-def test_it_stood_if_it_neither_fell_nor_had_a_fault(
+def test_a_robot_stood_if_it_neither_fell_nor_had_a_fault(
     monkeypatch: pytest.MonkeyPatch, strong: Robot, changes: dict, reason: str, is_up: bool
 ) -> None:
     found, _ = stood(monkeypatch, strong, **changes)
     assert (found.fall_reason, found.stood) == (reason, is_up)
 
 
-def test_it_stands_with_the_robots_own_gains(go1: Robot) -> None:
+def test_the_standing_test_uses_the_robots_own_gains(go1: Robot) -> None:
     policy = HoldDefaultPose(go1)
     command = policy.act(None)  # type: ignore[arg-type]
     for part, expected in zip(command, (go1.default_pose, 0.0, go1.kp, go1.kd, 0.0), strict=True):

@@ -23,7 +23,7 @@ def with_controllers(go1: Robot, tmp_path: Path) -> Callable[[dict], Robot]:
     return make
 
 
-def test_each_stands_and_walks_or_names_the_reason(
+def test_each_controller_stands_and_walks_or_the_reason_is_named(
     go1: Robot, with_controllers: Callable[[dict], Robot]
 ) -> None:
     own = yaml.safe_load((go1.folder / "controllers.yaml").read_text())

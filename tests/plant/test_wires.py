@@ -32,7 +32,7 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 class TestTime:
     def test_frames_with_29_bits_take_longer(self) -> None:
-        """160 us with the most stuff bits, 135 with 11 bits; also where both kinds follow one another."""
+        """160 us with the largest number of stuff bits, 135 us with 11 bits; also if both kinds alternate."""
         wires = SimulatedWires(("a",))
         plain, extended = frames(0), frames(0)
         extended.id[:] |= EXTENDED
@@ -108,7 +108,10 @@ def arrivals(wires: SimulatedWires, side: Side) -> list[tuple[int, float]]:
 
 class TestArbitration:
     def test_with_equal_first_bits_the_11_bit_identifier_wins(self) -> None:
-        """Its next bit is dominant. 0x101 in 29 bits begins with 0x000, and so wins over 0x001."""
+        """The next bit of the 11-bit frame is dominant.
+
+        0x101 in 29 bits begins with 0x000, and so wins over 0x001.
+        """
         wires = SimulatedWires(("a",))
         begins_alike = EXTENDED | 0x101 << 18
         wires.send(Side.ROBOT, named(begins_alike, 0x101, 0x001, EXTENDED | 0x101), 0)
@@ -196,7 +199,7 @@ class TestFaults:
         given: Any = SimpleNamespace(geometric=lambda *_: next(draws))
         wires, sent = FaultyWires(WireFaults(destroyed=0.1), 2, given), np.ones(4, np.intp)
         wires.repetitions(sent, from_host=True)
-        assert wires.transmit_errors.tolist() == [0, 0]  # there is nothing to take off
+        assert wires.transmit_errors.tolist() == [0, 0]  # a counter of zero stays
         assert wires.repetitions(sent, from_host=True).tolist() == [2, 0, 1, 0]
         assert wires.transmit_errors.tolist() == [0, 20]  # 15, 14, 21, 20
         wires.repetitions(sent, from_host=False)  # a motor's errors are its own

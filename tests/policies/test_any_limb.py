@@ -72,7 +72,7 @@ class TestAnyRobot:
         assert height == pytest.approx(-robot.legs.default_foot[:, 2].mean(), abs=1e-3)
 
     def test_the_estimator_finds_the_speed_of_the_legs(self, robots: dict[str, Robot], kind: str) -> None:
-        """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
+        """If all feet move at one velocity relative to the base, the base moves at the opposite velocity."""
         robot = robots[kind]
         legs, desired, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
         moving, estimator = at_rest(robot), BaseEstimator(robot)
@@ -80,7 +80,7 @@ class TestAnyRobot:
         for _ in range(100):
             pose = legs.pose(moving.joint_position)
             contact = pose.jacobian + legs.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
-            if kind == SOLES:  # which do not turn
+            if kind == SOLES:  # joints that do not turn
                 contact = np.concatenate([pose.jacobian, pose.axes], axis=1)
             back = np.zeros(contact.shape[1])
             back[:3] = -desired
@@ -93,7 +93,9 @@ class TestAnyRobot:
 
 @pytest.mark.parametrize("kind", [BIPED, SOLES])
 class TestTwoLegs:
-    def test_it_carries_standing_feet_back_and_lifts_some(self, robots: dict[str, Robot], kind: str) -> None:
+    def test_a_walk_carries_standing_feet_back_and_lifts_others(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
         """The lowest point of a sphere moves with the ground, its centre slower because it rolls."""
         robot = robots[kind]
         config = controller_settings(GO1, "trot", WalkConfig)

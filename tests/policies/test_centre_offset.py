@@ -28,7 +28,7 @@ def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
     return dynamics, dynamics.bias[6:] - to_joints @ wrenches
 
 
-def test_it_is_above_the_centre_of_pressure() -> None:
+def test_the_centre_of_mass_is_above_the_centre_of_pressure() -> None:
     point = standing(BODY, G1).centre[:2] + np.array([0.02, -0.01])
     dynamics, torque = at_rest(point)
     found = CentreOffset(BODY.weight_n, 3.9, 500.0)
@@ -52,7 +52,7 @@ def test_unknown_torques_give_no_centre_of_pressure() -> None:
     assert centre_of_pressure(dynamics, np.full_like(torque, np.nan)) is None
 
 
-def test_a_load_on_one_side_does_not_fell_a_robot_that_walks() -> None:
+def test_a_robot_with_a_load_on_one_side_walks() -> None:
     load = {"com_offset_m": np.array([0.05, 0.05, 0.0])}
     delays = {"action_delay_s": np.array(0.012), "observation_delay_s": np.array(0.006)}
     walk = Episode(command_source=lambda _: np.array([0.3, 0.0, 0.0]), duration_s=3.6, sample=load | delays)

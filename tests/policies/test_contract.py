@@ -85,7 +85,7 @@ def test_a_wrong_field_is_named(contract: Contract) -> None:
 
 
 def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot) -> None:
-    """Values per joint tell nothing new where the joints differ, nor does the digest where any field does."""
+    """If the joints differ, values per joint are not listed; if any field differs, the digest is not."""
     other: dict[str, Any] = {
         "robot": "go2",
         "version": 0,
@@ -107,7 +107,10 @@ def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot) -> None
 
 
 def test_a_mismatch_shows_both_values(contract: Contract, go1: Robot) -> None:
-    """Of the first joint that differs; a last bit of a gain counts, and so does the joints' order."""
+    """Values are of the first joint that differs.
+
+    The last bit of a gain counts, and so does the joints' order.
+    """
     nudged = (contract.kp[0] * (1 + 2**-52), *contract.kp[1:])
     swapped = (contract.joints[1], contract.joints[0], *contract.joints[2:])
     for field, value, result in (

@@ -47,7 +47,9 @@ class TestOverrides:
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
         assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
         assert (changed.gait.name, changed.weights.attitude) == (own.gait.name, own.weights.attitude)
-        changed = load_settings(f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1)  # what follows it wins
+        changed = load_settings(
+            f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1
+        )  # later settings override earlier ones
         assert (changed.gait.period_s, changed.contact.friction) == (0.41, 0.55)
         assert changed.weights.force == 1e-4
 
@@ -63,7 +65,9 @@ class TestOverrides:
         assert isinstance(settings, StandConfig)
         assert settings == replace(load_settings("stand", go1), kp=62.0, kd=2.5)  # type: ignore[type-var]
 
-    def test_the_controller_runs_with_them_and_is_called_by_them(self, go1: Robot, mine: Path) -> None:
+    def test_the_controller_runs_with_its_settings_and_has_them_in_its_name(
+        self, go1: Robot, mine: Path
+    ) -> None:
         assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
         assert load_policy("stand", go1).name == "stand"
         assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
@@ -104,11 +108,11 @@ def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, refusal: Refusal
 class TestSetOption:
     """--set CONTROLLER.KEY=VALUE"""
 
-    def test_they_reach_every_contender_of_that_controller(self) -> None:
+    def test_settings_reach_every_contender_with_that_controller(self) -> None:
         given = add_settings(["mpc", "stand", "mpc@a.yaml"], ["mpc.swing.kp=50", "stand.kp=9", "mpc.force=1"])
         assert given == ("mpc@swing.kp=50@force=1", "stand@kp=9", "mpc@a.yaml@swing.kp=50@force=1")
 
-    def test_a_setting_of_no_given_controller_is_refused(self) -> None:
+    def test_a_setting_for_a_controller_that_does_not_run_is_refused(self) -> None:
         for setting in ("mpc", "mpc.kp", "mpc.=1", "kp=1.5", "trot.kp=1"):
             with pytest.raises(UserError, match=f"--set {setting}: "):
                 add_settings(["mpc", "stand"], [setting])
@@ -186,7 +190,7 @@ class TestImpossibleNumbers:
                 checked.add(name)
         assert checked >= ABOVE_ZERO | MAY_BE_NEGATIVE | MIXED
 
-    def test_ranges_shares_and_weights(self, refusal: Refusal) -> None:
+    def test_impossible_ranges_shares_and_weights_are_refused(self, refusal: Refusal) -> None:
         for robot, spec, name in (
             *(
                 ("go1", f"mpc@weights.{task}=[1, 0, -1]", task)

@@ -81,12 +81,14 @@ class TestCentre:
 
 class TestAct:
     def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
-        """A roll of 0.02 rad, a pitch of -0.03 rad, and a gyro: -100 tilt - 20 rate."""
+        """For a roll of 0.02 rad, a pitch of -0.03 rad and a rotation: -100 tilt - 20 rate."""
         tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
         np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
 
-    def test_it_brings_joints_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_spring_and_a_damper_act_on_the_joints(
+        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         velocity = np.linspace(-0.1, 0.3, N)
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
         np.testing.assert_allclose(desired.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)

@@ -37,7 +37,7 @@ def test_step_refuses_a_robot_of_four_feet() -> None:
 
 
 class TestBalance:
-    def test_a_nudge_is_caught_on_the_spot(self) -> None:
+    def test_a_small_push_is_balanced_without_a_step(self) -> None:
         policy, plant = Balance(G1), DirectPlant(G1, seed=3)
         result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([-0.15, -0.15, 0.0])))
         assert not result.fell
@@ -48,7 +48,7 @@ class TestBalance:
         assert np.linalg.norm(result.velocity[-1]) < 0.05
 
 
-def test_balance_serves_four_round_feet_as_well() -> None:
+def test_balance_works_on_four_spherical_feet() -> None:
     go1 = load_robot("go1")
     config = load_policy("balance", G1)._config  # type: ignore[attr-defined]
     policy, plant = Balance(go1, config), DirectPlant(go1, seed=3)
@@ -59,7 +59,7 @@ def test_balance_serves_four_round_feet_as_well() -> None:
 
 
 class Missing(BoundedSolver):
-    """Has no solution for a number of ticks, after the first hundred."""
+    """A solver without a solution for a number of ticks, after the first hundred."""
 
     def __init__(self, ticks: int) -> None:
         super().__init__()
@@ -98,7 +98,7 @@ class TestStep:
         assert forward == pytest.approx(0.2, abs=0.06)
         assert yaw_rate == pytest.approx(0.3, abs=0.08)
 
-    def test_a_shove_causes_steps_and_then_it_stands(self) -> None:
+    def test_after_a_push_it_steps_and_then_stands(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         shove = (0.8, np.array([-0.37, 0.15, 0.0]))
         result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
@@ -107,7 +107,7 @@ class TestStep:
         assert policy.footwork.phase is Phase.STAND
         assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
 
-    def test_a_harder_shove_causes_a_step_before_the_weight_has_shifted(self) -> None:
+    def test_after_a_harder_push_it_steps_before_the_weight_has_shifted(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         lifted: list[float] = []
 
@@ -127,7 +127,7 @@ class TestStep:
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
 
-    def test_a_swing_is_the_same_across_the_heading_of_pi(self) -> None:
+    def test_a_turn_across_a_heading_of_pi_gives_the_same_swing(self) -> None:
         """A turn across pi gives the same commands as a quarter of a circle earlier.
 
         A quarter, because the friction pyramids are square. The joints stand still, toes outwards; the test

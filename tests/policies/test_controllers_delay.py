@@ -17,7 +17,7 @@ TICK_S = 0.002
 
 
 def measured(delay_ticks: int, change_nm: float, ticks: int = 200, noise_nm: float = 0.02) -> int:
-    """Ticks of delay found at motors that follow the command sent `delay_ticks` before the last one."""
+    """Measured delay, in ticks, of motors that follow the command sent `delay_ticks` before the last one."""
     rng = np.random.default_rng(0)
     delay, sent, still = CommandDelay(ROBOT.motor, TICK_S), [], np.zeros(JOINTS)
     for tick in range(ticks):
@@ -56,7 +56,7 @@ def test_walks_and_turns_though_commands_act_30_ms_late() -> None:
 
 
 def test_walks_on_slippery_ground() -> None:
-    """With planned forces for a friction of 0.4 the feet would slide apart."""
+    """With forces planned for a friction of 0.4 the feet would slide apart."""
     schedule = CommandSchedule((0.0, 1.5), ((0.8, -0.3, -0.5), (-0.8, 0.3, 0.5)))
     episode = Episode(schedule, duration_s=2.4, sample={"friction": np.array(0.2)})
     trace = run_episode(ROBOT, load_policy("mpc", ROBOT), episode)

@@ -41,7 +41,7 @@ def standing(
 
 
 def forces(command: JointCommand) -> np.ndarray:
-    """Forces of the ground (legs, 3) that feed-forward torques of legs at rest stand for, base frame."""
+    """Ground forces (legs, 3), base frame, that correspond to the feed-forward torques of legs at rest."""
     pose = LEGS.pose(ROBOT.default_pose)
     contact = pose.jacobian + LEGS.rolling_offset(pose.axes, UP)
     torque = LEGS.gather(command.torque)[:, :, None]
@@ -69,7 +69,7 @@ class Planned(NamedTuple):
 class TestStanding:
     @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
     def test_turned_to_the_left_it_pushes_back_to_the_right(self, begun: float, now: float) -> None:
-        """Also across the heading where angles jump from pi to -pi."""
+        """Also at the heading where angles jump from pi to -pi."""
         policy = Mpc(ROBOT)
         policy.reset(standing(begun))
         assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
@@ -103,7 +103,7 @@ class TestSwingBegins:
         np.testing.assert_allclose(policy.swing_feet.target[swinging, :2], under[swinging, :2], atol=0.005)
 
     def test_a_foot_in_the_air_keeps_the_position_of_its_lift_off(self) -> None:
-        """Through later plans, while the base moves on over it."""
+        """The position stays for later plans, while the base moves over it."""
         policy = Mpc(ROBOT)
         policy.reset(standing())
         for tick in range(20):
@@ -131,7 +131,7 @@ class TestTicks:
     """Result of a tick of `act`."""
 
     def test_a_tilted_robot_moves_along_the_ground_and_turns_about_the_vertical(self) -> None:
-        """Feet that stand pass under it at -(v + w x r), v level and w upright in the world."""
+        """Standing feet move at -(v + w x r) relative to the base; v is horizontal, w vertical."""
         policy = Mpc(ROBOT)
         yaw = 0.7
         tilted = Rotation.from_euler("ZYX", [yaw, -0.3, 0.2])
@@ -139,7 +139,7 @@ class TestTicks:
         seen = standing()
         seen = seen._replace(sensed=seen.sensed._replace(quaternion=np.array([w, x, y, z])))
         policy.reset(seen)
-        policy.command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: it stays
+        policy.command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: the target stays
         command = policy.act(seen)
         up = tilted.inv().apply(UP)
         velocity = tilted.inv().apply(Rotation.from_euler("z", yaw).apply([0.4, -0.1, 0.0]))
@@ -191,7 +191,7 @@ class TestPlan:
         return plans
 
     def test_it_counts_all_feet_as_on_the_ground(self, policy: Mpc, planned: list[Planned]) -> None:
-        """At any height that the leg kinematics of a tilted or badly estimated base give."""
+        """Contact does not depend on the heights by the kinematics of a tilted or badly estimated base."""
         low = standing()._replace(base_height=HEIGHT - 0.07)
         policy.reset(low)
         policy.act(low)
@@ -204,7 +204,7 @@ class TestPlan:
     def test_a_plan_contains_present_and_scheduled_contacts(
         self, policy: Mpc, planned: list[Planned]
     ) -> None:
-        """The first step is now, the others are the clock's at their middle."""
+        """The first step has the present contacts, the others those of the clock at their middle."""
         policy.reset(standing())
         gait, horizon = CONFIG.gait, CONFIG.horizon
         duty, phase = find_gait(gait.name, ROBOT)
@@ -221,7 +221,7 @@ class TestPlan:
         assert len(planned) > 10
 
     def test_it_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
-        """An even share of the weight to begin with; later, the plan before, as the heading is now."""
+        """At first an even share of the weight; later the previous plan, rotated to the present heading."""
         for _ in range(2):
             policy.reset(standing(2.0))
             policy.act(standing(2.0, velocity=(0.0, 0.4, 0.0)))
@@ -235,7 +235,7 @@ class TestPlan:
         assert first[:, 1].sum() < -5.0
 
     def test_a_foots_second_step_is_under_the_body(self, policy: Mpc, planned: list[Planned]) -> None:
-        """Turning left at 1 rad/s, when one pair is about to lift: at the horizon's end it stands again."""
+        """Turning left at 1 rad/s, one pair is about to lift off; at the horizon's end it stands again."""
         policy.reset(standing())
         for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):
             policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.0, 0.0, 1.0)))
@@ -271,7 +271,7 @@ class TestLegs:
             ROBOT.default_pose, pose, self.FORCE, np.array(velocity), yaw_rate * UP, UP, [1, 2], swing
         )
 
-    def test_standing_legs_are_sources_of_force_and_swinging_legs_follow(self) -> None:
+    def test_standing_legs_give_forces_and_swinging_legs_follow_positions(self) -> None:
         command = self.command()
         kp, kd = LEGS.gather(command.kp), LEGS.gather(command.kd)
         np.testing.assert_array_equal(kp[TROT], 0.0)
@@ -300,7 +300,7 @@ class TestLegs:
             np.testing.assert_allclose(torque[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
 
     def test_friction_is_fed_forward_along_the_desired_motion(self) -> None:
-        """At more than its friction speed a joint gets all of the share that is compensated."""
+        """Above its friction speed a joint gets the whole compensated share."""
         fast = self.command(swing_velocity=(1.0, 0.5, 1.0))
         speed, torque = LEGS.gather(fast.velocity)[1], LEGS.gather(fast.torque)[1]
         expected = CONFIG.friction_compensation * LEGS.gather(ROBOT.motor.friction)[1] * np.sign(speed)

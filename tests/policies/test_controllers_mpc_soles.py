@@ -21,7 +21,7 @@ HEIGHT = 0.65
 
 
 def planned(lean_m: float, friction: float = 0.5) -> Wrenches:
-    """The plan of a body that stands on its left foot, its centre a distance ahead of the sole's middle."""
+    """The plan of a body that stands on its left foot with its centre ahead of the sole's middle."""
     horizon = Horizon(steps=5, step_s=0.03, solve_hz=100.0)
     weights = Weights((500.0,) * 3, (20.0,) * 3, (5.0,) * 3, (20.0,) * 3, 1e-5, moment=1e-3)
     problems = ForceProblems(BODY, horizon, weights, Contact(friction, 900.0), LEVERS)
@@ -52,7 +52,7 @@ class TestMoments:
 
 
 def pendulum_walk(desired: complex, velocity: complex, steps: int) -> tuple[list[complex], complex]:
-    """Places of the feet, and the mean velocity of the last two steps, of a pendulum caught by each foot."""
+    """Positions of the feet that catch a pendulum, and its mean velocity in the last two steps."""
     timing, config = GaitTiming(0.8, 0.6), CatchConfig(0.2, (-1.0, 1.0), (0.05, 1.0))
     rate, dt_s, swing_s, both_s = math.sqrt(9.81 / HEIGHT), 0.002, 0.32, 0.08
     position, feet, began = 0j, [0.1j, -0.1j], []

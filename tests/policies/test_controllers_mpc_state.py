@@ -160,7 +160,7 @@ class TestMpc:
             np.testing.assert_allclose(path[k, :2], expected, atol=1e-4)
         assert path[:, 2].tolist() == [0.25] * steps
 
-    def test_it_follows_the_base_by_its_velocity_turned_into_the_world(self, mpc: Mpc) -> None:
+    def test_the_reference_follows_the_base_by_its_velocity_in_the_world(self, mpc: Mpc) -> None:
         velocity = np.array([0.7, -0.4, 0.2])
         seen = observed(TILTED, gyro=(1, 2, 3), base_velocity=velocity, base_height=0.24)
         mpc.reset(seen)

@@ -134,14 +134,16 @@ class TestWanted:
     def test_its_height_is_measured_from_the_bearing_foot(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The other one hangs 0.1 m higher."""
+        """The other foot is 0.1 m higher."""
         policy.footwork.load = np.array([1.0, 0.0])
         lifted = moment((0.0, 0.0, policy.com_height_m))
         lifted.foot[RIGHT, 2] += 0.1
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(), lifted)
         assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
 
-    def test_no_command_before_it_settled(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_commands_before_settling_are_ignored(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         whole_body_arguments(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
         assert not policy.footwork.command.value.any()
         assert policy.footwork.phase is Phase.STAND
@@ -216,7 +218,7 @@ class TestLand:
                 ((x, 0.0), (0.0, 0.0), False, stands)
                 for x, stands in ((0.069, True), (0.071, False), (-0.071, False))
             ),
-            ((0.0, 0.2), (0.0, 0.0), False, True),  # sideways it does not count
+            ((0.0, 0.2), (0.0, 0.0), False, True),  # a sideways distance does not count
             ((0.0, 0.0), (0.009, -0.01), False, True),
             ((0.0, 0.0), (0.011, -0.01), False, False),
             ((0.0, 0.0), (-0.011, 0.01), False, False),
@@ -240,7 +242,9 @@ class TestLand:
         assert footwork.load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
 
     @pytest.mark.parametrize("walk", [False, True])
-    def test_it_lands_in_its_time(self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool) -> None:
+    def test_the_swing_foot_lands_in_time(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool
+    ) -> None:
         """With a walking command it starts the next step, otherwise it stands."""
         dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
         policy.footwork.lift(dynamics, shifted=True)
@@ -265,7 +269,7 @@ class TestSteer:
         np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_it_stays_under_the_sole(self, footwork: Footwork, sign: float) -> None:
+    def test_the_pressure_stays_under_the_sole(self, footwork: Footwork, sign: float) -> None:
         step = nominal(RIGHT)
         capture = (step.foothold + step.offset) * math.exp(-0.3 * footwork.fall_rate) + sign * np.array(
             [0.3, 0.2]
@@ -280,7 +284,7 @@ class TestFly:
     HERE = np.array([0.05, -0.2, 0.04])
 
     def dynamics(self, turn: Rotation) -> Any:
-        """Its velocity is (1, ..., 6) / 10."""
+        """Dynamics with a velocity of (1, ..., 6) / 10."""
         foot = np.array([MIDDLE, MIDDLE + self.HERE])
         jacobian = np.zeros((2, 6, 6))
         jacobian[RIGHT] = np.eye(6)

@@ -94,9 +94,9 @@ class TestGaits:
         assert most < 0.12
 
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
-        """At 2 s a cycle the body would tip onto the foot in the air without sway.
+        """At 2 s a cycle the body would tip towards the foot in the air without sway.
 
-        Backwards, which is the harder order of the feet.
+        It walks backwards, which is harder for this order of the feet.
         """
         config = controller_settings(ROBOT, "walk", WalkConfig)
         policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))
@@ -116,7 +116,7 @@ class TestGaits:
         assert note.endswith("a shorter gait.period_s, a larger gait.duty or more stance.sway would help")
 
     def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
-        """Every second another gait and other steps, at no particular phase; it neither falls nor stops."""
+        """Every second it gets another gait and other steps, at any phase; it neither falls nor stops."""
         policy = Generator(ROBOT, "trot")
         step = controller_settings(ROBOT, "trot", WalkConfig).step
         others = {

@@ -136,16 +136,16 @@ class TestHeading:
     @pytest.fixture
     def heading(self) -> Heading:
         heading = Heading(self.CONFIG)
-        assert heading.correction(1.0, 0.0) == 0.0  # it holds the heading that it has when it starts
+        assert heading.correction(1.0, 0.0) == 0.0  # it keeps the heading of its start
         return heading
 
     @pytest.mark.parametrize(("turned", "back"), [(0.1, -0.2), (-0.05, 0.1), (0.5, -0.4), (-3.0, 0.4)])
-    def test_it_turns_back_to_where_it_headed(self, heading: Heading, turned: float, back: float) -> None:
+    def test_it_returns_to_its_heading(self, heading: Heading, turned: float, back: float) -> None:
         assert heading.correction(1.0 + turned, 0.0) == pytest.approx(back)
 
     @pytest.mark.parametrize("tempo", [1.0, 0.5])
     def test_it_turns_at_the_gaits_own_pace(self, monkeypatch: pytest.MonkeyPatch, tempo: float) -> None:
-        """A gait that is slowed to half takes twice as long for its steps, and for what they turn."""
+        """A gait that is slowed to half takes twice as long for its steps and for its turn."""
         turns: list[float] = []
         monkeypatch.setattr(WalkLimits, "pace", lambda *_: Pace(tempo=tempo))
         monkeypatch.setattr(Heading, "correction", lambda _, yaw, turned: turns.append(turned) or 0.0)
@@ -156,7 +156,7 @@ class TestHeading:
         assert turns[-1] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
 
     def test_a_standing_robot_forgets_its_heading(self) -> None:
-        """Turned by half a circle meanwhile, it starts like a robot that holds no heading."""
+        """After a turn by half a circle it starts like a robot without a heading."""
         both = Walk(ROBOT, "trot", replace(CONFIG, heading=self.CONFIG)), make()
         positions = []
         for policy in both:
@@ -170,13 +170,16 @@ class TestHeading:
 
 
 class TestGround:
-    """Feet that stand by the clock and carry no load, and feet that swing by it and carry some."""
+    """By the clock some feet stand and others swing.
+
+    Some of the former carry no load, some of the latter do.
+    """
 
     assert CONFIG.touch_down is not None
     TOUCH_DOWN = replace(CONFIG.touch_down, from_progress=0.5, probe_m=0.01, probe_m_s=0.03)
 
     def bearing(self) -> np.ndarray:
-        """Torques (12,), N m, of legs that hold themselves and each half as much again as its even share."""
+        """Torques (12,), N m, of legs that carry themselves and 1.5 times their even share each."""
         pose, up = ROBOT.default_pose, np.array([0.0, 0.0, 9.81])
         push = np.tile(1.5 * up * nominal_body(ROBOT).mass / 4, (4, 1))
         holding = LEGS.holding_torque(pose, up) + LEGS.torque(LEGS.pose(pose).jacobian, push)
@@ -202,8 +205,8 @@ class TestGround:
         np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)
 
 
-def test_turning_is_limited_to_the_length_of_a_step_as_walking_is() -> None:
-    """Half a metre from the middle, a turn of 1 rad/s moves a foot by 0.5 m in a stance of 1 s."""
+def test_turning_is_limited_by_the_length_of_a_step_like_walking() -> None:
+    """At half a metre from the middle, a turn of 1 rad/s moves a foot by 0.5 m in a stance of 1 s."""
     limits = SimpleNamespace(pace=lambda _: Pace())
     for command, share in (((0.0, 0.0, 1.0), 0.4), ((0.3, 0.4, 0.0), 0.4), ((0.0, 0.5, -1.0), 0.2)):
         pacing = Pacing(limits, 0.5)  # type: ignore[arg-type]
@@ -212,7 +215,7 @@ def test_turning_is_limited_to_the_length_of_a_step_as_walking_is() -> None:
 
 
 class TestTempo:
-    """How much of a period, over its share of a tick, the gait's clock advances in each tick."""
+    """Advance of the gait's clock in each tick, relative to that at full speed."""
 
     def tempos(self, monkeypatch: pytest.MonkeyPatch, *phases: tuple[float, float]) -> np.ndarray:
         """Of walks ahead, 0.6 s each, at commanded speeds that allow certain tempos: (phases, ticks)."""
@@ -228,14 +231,16 @@ class TestTempo:
         passed = np.diff(clocks) % 1.0 * CONFIG.gait.period_s
         return (passed * CONFIG.rate_hz).reshape(len(phases), ticks)
 
-    def test_it_falls_at_once_and_rises_by_half_in_a_second(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_the_tempo_falls_at_once_and_rises_by_half_in_a_second(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         first, slow, faster = self.tempos(monkeypatch, (0.30, 1.0), (0.31, 0.6), (0.32, 0.8))
         assert first[-1] == pytest.approx(1.0)
         np.testing.assert_allclose(slow, 0.6)
         np.testing.assert_allclose(np.diff(faster[100:150]), 0.5 / CONFIG.rate_hz, rtol=1e-6)
         assert faster[-1] == pytest.approx(0.8)
 
-    def test_between_two_speeds_it_suits_both(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_the_tempo_between_two_speeds_suits_both(self, monkeypatch: pytest.MonkeyPatch) -> None:
         before, after = self.tempos(monkeypatch, (0.35, 0.7), (0.25, 1.0))
         ticks = int((0.35 - 0.25) / CONFIG.command.acceleration_m_s2 * CONFIG.rate_hz) - 1
         assert ticks > 10

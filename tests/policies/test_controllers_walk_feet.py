@@ -34,7 +34,7 @@ def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
 
 
 def test_a_steady_swing_goes_from_half_a_stance_behind_to_half_a_stance_ahead() -> None:
-    """Over ground that passes meanwhile, so as seen from the body it first continues backwards."""
+    """The ground moves meanwhile, so relative to the body the foot first continues backwards."""
     feet = steady_cycle(FOOTING, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
     half = 0.6 * PASSING
     up = np.array([0.0, 0.0, 0.04])
@@ -46,7 +46,7 @@ def test_a_steady_swing_goes_from_half_a_stance_behind_to_half_a_stance_ahead() 
 
 
 def test_a_steady_stance_moves_backward_with_the_ground() -> None:
-    """At clock 0.15 the first foot has done a quarter of its stance, the other is in the air."""
+    """At clock 0.15 the first foot has completed a quarter of its stance; the other is in the air."""
     (first, second) = stances(FOOTING, TIMING, OFFSETS, VELOCITY, np.array([0.15, 0.55]))
     np.testing.assert_allclose(first, (FEET + 0.25 * 1.2 * PASSING)[:1, :2])
     through = (0.55 / 0.6, 0.05 / 0.6)
@@ -87,7 +87,7 @@ class TestRolling:
         np.testing.assert_allclose(ends.mean(axis=0), FEET, atol=1e-12)
         np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
 
-    def test_a_rolling_foot_passes_at_its_share_of_v_plus_w_x_r(self) -> None:
+    def test_a_rolling_foot_moves_at_its_share_of_v_plus_w_x_r(self) -> None:
         half = Footing(FEET, np.tile(0.5 * np.eye(2), (2, 1, 1)))
         np.testing.assert_allclose(half.passing(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
 
@@ -101,7 +101,7 @@ class TestRolling:
 
 
 class TestFoot:
-    """One foot that rolls, under a body that goes ahead, to the right and turns left."""
+    """One rolling foot under a body that moves ahead and to the right, and turns left."""
 
     ROLLING: ClassVar = [[0.9, 0.05], [-0.02, 0.8]]
     HERE = np.array([0.25, 0.23])
@@ -115,8 +115,8 @@ class TestFoot:
     def passing(self, point: np.ndarray) -> np.ndarray:
         return np.array(self.ROLLING) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
 
-    def test_in_the_air_it_is_between_two_points_that_move_with_the_ground(self, foot: Foot) -> None:
-        """Three quarters of its way: a blend of 459 / 512, half of the lift, 0.2 s of the swing are left."""
+    def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground(self, foot: Foot) -> None:
+        """At three quarters of the swing: a blend of 459 / 512, half of the lift, and 0.2 s are left."""
         foot.lift_off(0.04)
         foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
         left = self.HERE - 0.5 * self.passing(self.HERE)
@@ -148,7 +148,7 @@ class TestCycle:
         assert cycle.progress.tolist() == [0.0, 0.0]
         np.testing.assert_allclose(cycle.feet, FEET, atol=1e-12)
 
-    def test_a_reset_puts_all_feet_in_their_positions(self, cycle: FootCycle) -> None:
+    def test_after_a_reset_all_feet_are_at_their_nominal_positions(self, cycle: FootCycle) -> None:
         for _ in range(14):
             cycle.advance(VELOCITY.tolist(), 0.1, 0.04, BOTH)
         assert cycle.swings.any()
@@ -181,7 +181,7 @@ class TestCycle:
         lift_feet(cycle, 1)
         cycle.lower([True, True], 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-        cycle.lower([True, True], 0.004, -0.002)  # none is raised to a higher bound
+        cycle.lower([True, True], 0.004, -0.002)  # no foot is raised to a higher bound
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
 
     @pytest.mark.parametrize(
@@ -227,7 +227,9 @@ class TestWalk:
         config = controller_settings(robot, "tripod", WalkConfig)
         return SimpleNamespace(policy=Walk(robot, "tripod", config), config=config, robot=robot)
 
-    def test_it_plans_contacts_with_a_tenth_of_the_stance_at_each_edge(self, walk: SimpleNamespace) -> None:
+    def test_trust_in_planned_contacts_changes_over_a_tenth_of_the_stance_at_each_edge(
+        self, walk: SimpleNamespace
+    ) -> None:
         policy = walk.policy
         assert policy.stance().tolist() == [1.0] * 6  # it does not step yet
         policy.stepping.active, cycle = True, policy.stepping.cycle
@@ -279,7 +281,7 @@ class TestLimits:
     def limits(self, share: float) -> WalkLimits:
         return WalkLimits(self.ROBOT, np.zeros(2), LimitsConfig(rate_share=share))
 
-    def test_it_runs_as_fast_as_the_fastest_joint_may(self) -> None:
+    def test_the_walk_is_as_fast_as_its_fastest_joint_permits(self) -> None:
         walk = self.steady((0.03, -0.04, 0.1))
         angles, _ = self.angles(walk, 301)
         fastest = np.abs(np.diff(angles, axis=0)).max() / (0.35 / 300)

@@ -48,7 +48,7 @@ def course(feet: FootCycle, seconds: float, dt_s: float = 0.001) -> tuple[np.nda
 @pytest.mark.parametrize("gait", GAITS)
 class TestFeet:
     def test_position_and_velocity_are_continuous(self, gait: str) -> None:
-        """A swing of this length and height has 5 m/s^2 at most: 0.005 m/s in a millisecond."""
+        """A swing of this length and height accelerates by at most 5 m/s^2: 0.005 m/s in a millisecond."""
         feet = cycle(gait)
         positions, _ = course(feet, 4.0)
         velocity = np.diff(positions, axis=0) / 0.001
@@ -116,7 +116,7 @@ class TestLimits:
         policy = Walk(ROBOT, gait)
         targets = Trial(policy).walk(command, 4.0)
         assert rates(targets, policy).max() < FASTEST + 1e-9
-        assert rates(targets, policy).max() > 0.75 * FASTEST  # and no slower than need be
+        assert rates(targets, policy).max() > 0.75 * FASTEST  # and not slower than necessary
 
     def test_it_notes_slowed_motion_once(self) -> None:
         trial = Trial(Walk(ROBOT, "ripple"))
@@ -151,7 +151,7 @@ def test_no_stride_is_longer_than_a_step() -> None:
     policy = Walk(ROBOT, "tripod")
     targets = Trial(policy).walk((0.5, 0.0, 0.0), 3.0)
     feet = np.array([LEGS.pose(each).foot for each in targets[-400:]])
-    assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # it swings out at both ends
+    assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # the swing continues at both ends
 
 
 GO1_GAITS = ("trot", "walk", "pace", "bound")

@@ -20,7 +20,7 @@ NOTHING = np.zeros(18)
 
 
 def readings(pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, heavier: float) -> Sensed:
-    """Readings of a robot whose motors move the legs and push against the ground with forces (6, 3)."""
+    """Readings of a robot whose motors move the legs and push on the ground with forces (6, 3)."""
     inertial = heavier * BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None]
     outside = LEGS.holding_torque(POSE, UP) + LEGS.torque(JACOBIAN, pushed) + inertial[:, :, 0]
     torque = LEGS.scatter(outside, NOTHING) - friction_torque(velocity, ROBOT.motor)
@@ -55,37 +55,37 @@ FALL = np.tile([[0.0], [0.0], [-5.0]], (6, 1, 1))  # m/s^2, of each foot
 LOWERING = LEGS.scatter(LEGS.joint_rates(JACOBIAN, FALL)[:, :, 0], NOTHING)  # rad/s^2
 
 
-def test_a_foot_feels_its_share_of_the_weight() -> None:
+def test_the_contact_share_of_a_foot_is_its_share_of_the_weight() -> None:
     shares = contact_shares(feet(LF=EVEN_N, RR=2 * EVEN_N))
     np.testing.assert_allclose(shares, [1.0, 0.0, 0.0, 0.0, 0.0, 2.0], atol=0.01)
 
 
 def test_gearbox_friction_is_not_mistaken_for_ground() -> None:
-    """Their friction at 2 rad/s is 0.13 N m: a fifth of a share at the foot and more."""
+    """The gearboxes' friction at 2 rad/s is 0.13 N m: at least a fifth of a share at the foot."""
     np.testing.assert_allclose(contact_shares(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)
 
 
-def test_accelerated_legs_feel_the_ground_only_where_they_touch() -> None:
+def test_accelerated_legs_have_contact_only_where_they_touch() -> None:
     """Such an acceleration takes three shares of force at the foot."""
     np.testing.assert_allclose(contact_shares(feet(), acceleration=LOWERING), 0.0, atol=0.05)
     shares = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
     np.testing.assert_allclose(shares, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
 
 
-def test_legs_heavier_than_described_feel_no_ground_within_the_doubt() -> None:
+def test_legs_heavier_than_described_have_no_contact_within_the_tolerance() -> None:
     assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2).min() > 0.4
     assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2, doubt=0.2) == pytest.approx(
         np.zeros(6), abs=0.05
     )
 
 
-def test_legs_that_brake_are_not_doubted() -> None:
+def test_contact_of_a_braking_leg_is_recognised() -> None:
     """A foot that the ground stops is recognised at once."""
     braked = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
     np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
 
 
-def test_a_landing_is_felt_within_two_time_constants() -> None:
+def test_a_landing_is_recognised_within_two_time_constants() -> None:
     ground = GroundForce(ROBOT, BODY, FILTER_S, 0.0)
     ground.reset(readings(feet(), NOTHING, NOTHING, 1.0))
     landed = readings(feet(LF=2 * EVEN_N), NOTHING, NOTHING, 1.0)
@@ -95,7 +95,10 @@ def test_a_landing_is_felt_within_two_time_constants() -> None:
 
 
 def test_noise_of_the_velocities_stays_below_half_a_share() -> None:
-    """Uniform within 0.1 rad/s, as the scenarios have it; differentiated over a tick it makes ten shares."""
+    """The noise is uniform within 0.1 rad/s, as in the scenarios.
+
+    Differentiated over a tick it is ten shares.
+    """
     ground, rng = GroundForce(ROBOT, BODY, FILTER_S, 0.0), np.random.default_rng(1)
     still = readings(feet(), NOTHING, NOTHING, 1.0)
     ground.reset(still)

@@ -24,7 +24,10 @@ def timing(period_s: float, duty: float = DUTY) -> GaitTiming:
 
 
 def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
-    """The middle of three corners is a third of its half away: a square wave. Its sine is 4 / pi of it."""
+    """The middle of three corners is a third of the half width away: a square wave.
+
+    Its first sine has 4 / pi of that amplitude.
+    """
     pressure = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
     most = 4 / math.pi * ASIDE / 3
     np.testing.assert_allclose(sine_at(pressure, 0.25), [0.0, -most], atol=1e-3)
@@ -35,7 +38,7 @@ def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
 @pytest.mark.parametrize(
     ("period_s", "part"), [(100.0, 1.0), (1.0, 1 / (1 + ONE_HZ)), (0.5, 1 / (1 + 4 * ONE_HZ))]
 )
-def test_the_faster_the_gait_the_less_the_body_has_to_move(period_s: float, part: float) -> None:
+def test_the_body_moves_less_in_a_faster_gait(period_s: float, part: float) -> None:
     plan = plan_sway(FEET, timing(period_s), OFFSETS, HEIGHT_M, 1.0)
     np.testing.assert_allclose(plan.body, part * plan.pressure, rtol=2e-4)
     for share in (0.0, 0.5, 1.25):
@@ -47,7 +50,10 @@ def test_the_faster_the_gait_the_less_the_body_has_to_move(period_s: float, part
 
 
 def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> None:
-    """Hind left in the air at 1/8: 0.0637 sin 45 degrees = 0.045 m to the right, 0.8 of that inside."""
+    """At 1/8 the hind left foot is in the air.
+
+    0.0637 sin 45 degrees = 0.045 m to the right, 0.8 of it inside the support.
+    """
     pressure = plan_sway(FEET, timing(2.0), OFFSETS, HEIGHT_M, 1.0).pressure
     three = [(x, y) for x, y in FEET[[0, 1, 3]].tolist()]
     assert support_margin(three, (0.0, 0.0)) == pytest.approx(0.0)
@@ -56,7 +62,7 @@ def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> 
 
 
 def test_a_walk_begins_where_the_body_turns_back() -> None:
-    """To the right at 1/4, or to the left at 3/4; front left, or front right, lifts off then."""
+    """To the right at 1/4, when front left lifts off, or to the left at 3/4, when front right does."""
     plan = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
     assert (plan.start(0.4) + 0.02) % 0.5 == pytest.approx(0.25, abs=3e-3)
     none = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 0.0)
@@ -75,7 +81,7 @@ def test_a_walk_begins_a_little_before_the_body_is_farthest_out(phase: float) ->
 
 
 def test_in_flight_the_target_pressure_is_in_the_middle() -> None:
-    """One foot at 0.1 m for a quarter of the cycle: its first sine is 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
+    """One foot at 0.1 m for a quarter of the cycle has the first sine 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
     plan = plan_sway(np.array([[0.1, 0.0]]), timing(1.0, 0.25), np.zeros(1), HEIGHT_M, 1.0)
     most = 0.2 * math.sin(math.pi / 4) / math.pi
     np.testing.assert_allclose(sine_at(plan.pressure, 0.125), [most, 0.0], atol=1e-3)

@@ -44,7 +44,7 @@ NAMES = [leg.name for leg in LEGS]
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    """With settings for its one gait: go1's, for its weight and height."""
+    """A robot with settings for its only gait: go1's, scaled to its weight and height."""
     folder = tmp_path_factory.mktemp("five")
     made = write_robot(folder, LEGS)
     like = controller_settings(load_robot("go1"), "walk", WalkConfig)

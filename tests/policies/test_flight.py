@@ -48,7 +48,7 @@ def test_no_foot_touches_for_a_part_of_each_cycle() -> None:
 
 
 def test_a_sideways_pronk_stays_upright_by_compensating_the_legs_momentum() -> None:
-    """All legs swing to the same side while no foot holds the base: it turns the other way."""
+    """All legs swing to the same side while no foot is on the ground, so the base rolls to the other side."""
     config = controller_settings(ROBOT, "pronk", MpcConfig)
 
     def largest_roll(compensated: bool) -> float:
@@ -60,7 +60,7 @@ def test_a_sideways_pronk_stays_upright_by_compensating_the_legs_momentum() -> N
 
 
 def test_the_momentum_of_legs_is_that_of_the_model() -> None:
-    """The base at rest: MuJoCo's own angular momentum about the centre of mass."""
+    """With the base at rest, the momentum equals MuJoCo's about the centre of mass."""
     model = load_spec(ROBOT.xml_path).compile()
     data = mujoco.MjData(model)
     body, legs = nominal_body(ROBOT), ROBOT.legs

@@ -31,4 +31,4 @@ def test_feet_land_where_they_are_planned_to(name: str, policy: str, duration_s:
 
     run_episode(robot, walker, Episode(lambda _: np.array([0.3, 0.0, 0.2]), duration_s), watch)
     assert len(missed) >= 2
-    assert np.abs(missed).max(axis=0) == pytest.approx(np.zeros(3), abs=0.035)  # a foot is as thick
+    assert np.abs(missed).max(axis=0) == pytest.approx(np.zeros(3), abs=0.035)  # the foot's thickness

@@ -1,4 +1,4 @@
-"""Named gaits: which foot steps when, on any robot with as many feet."""
+"""Named gaits: the order of the feet, on any robot with that number of feet."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -15,7 +15,7 @@ FOUR = ("trot", "walk", "pace", "bound", "gallop", "pronk")
 
 
 def standing_at(go1: Robot, feet_xy: dict[str, tuple[float, float]]) -> Robot:
-    """A robot with other feet: their names, and where they stand."""
+    """A robot with other feet, given by their names and positions."""
     foot = go1.description.feet[0]
     feet = tuple(replace(foot, name=name) for name in feet_xy)
     height = {name: (*phase, -0.2) for name, phase in feet_xy.items()}
@@ -37,7 +37,7 @@ def in_the_air(robot: Robot, name: str, clock: float) -> set[str]:
     return {foot.name for foot, up in zip(robot.description.feet, swings, strict=True) if up}
 
 
-HEXAPOD = {  # in no order, its middle feet farther out
+HEXAPOD = {  # feet in an arbitrary order, the middle ones farther out
     "RM": (0.01, -0.3),
     "LR": (-0.2, 0.22),
     "RF": (0.21, -0.2),
@@ -120,7 +120,7 @@ class TestFeetInTheMiddle:
         limp = hop | {"left": [0.1, 0.7], "middle": [0.3, 0.4]}
         monkeypatch.setattr(gaits, "_file", lambda: {5: {"hop": hop, "limp": limp}})
 
-    def test_they_have_phases_of_their_own_from_front_to_back(self, go1: Robot) -> None:
+    def test_feet_in_the_middle_plane_have_their_own_phases_from_front_to_back(self, go1: Robot) -> None:
         """A foot a millimetre beside the plane belongs to a side."""
         found = find_gait("hop", standing_at(go1, self.FEET))
         assert found.duty == 0.6
@@ -135,7 +135,7 @@ class TestFeetInTheMiddle:
 
 
 def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None:
-    """In the order of the file: a new robot begins with the first."""
+    """Gaits are in the order of the file; a new robot begins with the first."""
     assert gaits_of(go1) == list(FOUR)
     assert gaits_of(standing_at(go1, HEXAPOD)) == ["tripod", "ripple", "wave"]
     tail = {"a": (0.2, 0.1), "b": (0.2, -0.1), "c": (-0.1, 0.1), "d": (-0.1, -0.1), "e": (-0.3, 0.0)}
@@ -161,7 +161,7 @@ def test_duties_and_phases_are_shares_of_a_cycle() -> None:
 
 
 class TestPlannedLift:
-    """By hand: duty 0.75 leaves a quarter of the cycle for the swing, which comes first."""
+    """A duty of 0.75 leaves a quarter of the cycle for the swing, which is first."""
 
     @pytest.mark.parametrize(
         ("clock", "lift"), [(0.0, 0.0), (1 / 24, 0.5), (0.125, 1.0), (5 / 24, 0.5), (0.25, 0.0), (0.6, 0.0)]

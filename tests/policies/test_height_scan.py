@@ -36,7 +36,7 @@ def test_points_lie_from_back_to_front_and_from_right_to_left() -> None:
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.1, 3.1))
 def test_positions_rotate_with_the_heading(x: float, y: float, yaw: float) -> None:
     points = SCAN.positions(np.array([x, y, 0.3]), np.float64(yaw))
-    ahead = points[-3] - points[-8]  # the middle of the first row, less that of the second
+    ahead = points[-3] - points[-8]  # the middle of the first row minus that of the second
     np.testing.assert_allclose(ahead, 0.1 * np.array([np.cos(yaw), np.sin(yaw)]), atol=1e-9)
     leftward = points[-1] - points[-2]
     np.testing.assert_allclose(leftward, 0.1 * np.array([-np.sin(yaw), np.cos(yaw)]), atol=1e-9)
@@ -54,7 +54,7 @@ def test_a_policy_observes_scaled_clipped_heights_and_the_presence_of_a_scan(see
 
 
 @pytest.mark.parametrize("nothing", [None, np.full(SCAN.size, np.nan)])
-def test_a_lost_scan_reads_as_zeros(seeing: Contract, nothing: np.ndarray | None) -> None:
+def test_a_lost_scan_is_observed_as_zeros(seeing: Contract, nothing: np.ndarray | None) -> None:
     numbers = seen(seeing, nothing)
     assert len(numbers) == SCAN.size + 1
     assert not numbers.any()
@@ -69,7 +69,7 @@ def test_numpy_and_jax_agree(seeing: Contract) -> None:
     np.testing.assert_allclose(ours, theirs, rtol=1e-5)
 
 
-def test_mirrored_ground_reads_as_the_mirror_image(seeing: Contract) -> None:
+def test_mirrored_ground_gives_the_mirrored_observation(seeing: Contract) -> None:
     def ground(points: np.ndarray) -> np.ndarray:
         return 0.1 * points[:, 0] + 0.3 * points[:, 1] + points[:, 1] ** 3
 

@@ -27,7 +27,7 @@ class Landings:
         self._land = self._cycle.touch_down
         self._cycle.touch_down = self._note  # type: ignore[method-assign]
         self._met: list[int] = []
-        self.early: list[tuple[float, int, bool]] = []  # time, foot, and whether it truly touched
+        self.early: list[tuple[float, int, bool]] = []  # time, foot, and whether it touched
         self.planned: list[np.ndarray] = []  # (feet,) of each tick: thought to stand
         self.touched: list[np.ndarray] = []  # and truly on the ground
 
@@ -67,7 +67,10 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit() -> None
 
 
 def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> None:
-    """2 cm high under the left foreleg's first step; by the clock alone the foot lifts the body by 1 cm."""
+    """The block is 2 cm high, under the first step of the left foreleg.
+
+    By the clock alone the foot would lift the body by 1 cm.
+    """
     block = """<worldbody>
       <geom name="floor" type="plane" size="0 0 1" contype="2147483647" conaffinity="2147483647"/>
       <geom type="box" pos="0.31 0.25 0.01" size="0.05 0.1 0.01"/>"""
@@ -87,8 +90,8 @@ def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> Non
     assert np.ptp(trace.base_position[:, 2]) < 0.005
 
 
-def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
-    """The given steps allow 0.094 m/s at most, by the generator's own check."""
+def test_the_fast_contender_is_twice_as_fast_as_the_default_steps() -> None:
+    """The default steps allow at most 0.094 m/s, by the generator's own check."""
     policy = load_policy(f"tripod@{ROBOT.folder / 'fast.yaml'}", ROBOT)
     trace = run_episode(ROBOT, policy, AHEAD(lambda _: np.array([0.25, 0.0, 0.0]), 2.4))
     assert not trace.fell

@@ -109,7 +109,7 @@ def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract
 
 
 def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:
-    """However large: the joint layer limits the targets."""
+    """Actions of any size are passed on: the joint layer limits the targets."""
     weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
     episode(policy)
@@ -118,7 +118,7 @@ def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, g
 
 
 def test_it_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
-    """And so does its clock: 2.2 Hz at 40 steps a second are 0.055 cycles a step."""
+    """Its clock does so too: 2.2 Hz at 40 steps a second are 0.055 cycles a step."""
     contract = replace(contract, control_rate_hz=40.0)
     weights = np.zeros((observation_size(contract), 12), np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
@@ -141,7 +141,10 @@ def write_graph(
     takes: str = "FLOAT",
     answers: str = "FLOAT",
 ) -> Path:
-    """A network that returns zeros, with these inputs and outputs, by name and size, and their types."""
+    """A network that returns zeros.
+
+    `inputs` and `outputs` are sizes by name, `takes` and `answers` their types.
+    """
     helper, given, found = onnx.helper, getattr(onnx.TensorProto, takes), getattr(onnx.TensorProto, answers)
     first, size = inputs[0]
     number = np.float64 if takes == "DOUBLE" else np.float32
@@ -202,8 +205,8 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, contract: Contract,
         refusal(write_network(onnx, tmp_path / "p.onnx", weights, contract), "NaN")
 
 
-def test_it_leaves_the_other_cores_alone_and_is_quiet(policy: LearnedPolicy) -> None:
-    """A control loop has one core: it would miss deadlines beside threads that spin."""
+def test_it_uses_one_core_and_prints_nothing(policy: LearnedPolicy) -> None:
+    """A control loop has one core, and would miss deadlines beside busy threads."""
     options = policy._session.get_session_options()
     assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"

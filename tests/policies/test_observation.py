@@ -90,7 +90,7 @@ COMMAND = np.array([0.3, -0.2, 0.1])
 
 class TestObservation:
     def test_three_frames_by_hand(self, contract: Contract) -> None:
-        """Unequal scales and histories; the clock where sine and cosine differ."""
+        """Scales and histories all differ, and the clock is at a phase where sine and cosine differ."""
         terms = (Term("joint_velocity", 0.05, 2), Term("clock", 3.0, 1), Term("command", -2.0, 3))
         contract = replace(contract, observation=terms)
         moments = [
@@ -111,7 +111,7 @@ class TestObservation:
         )
         np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-6)
 
-    def test_a_clock_shows_nothing_while_the_command_is_to_stand(self, contract: Contract) -> None:
+    def test_the_clock_is_zero_while_the_command_is_to_stand(self, contract: Contract) -> None:
         contract = replace(contract, observation=(Term("clock"),))
         moment = random_inputs(RNG)._replace(command=COMMAND, phase=np.array([0.3]))
         angle = 2 * np.pi * 0.3

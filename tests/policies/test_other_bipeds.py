@@ -28,7 +28,7 @@ class Case(NamedTuple):
     """A biped, and figures that follow from its hinges."""
 
     legs: tuple[Leg, Leg]
-    mirror: tuple[float, ...]  # sign of each joint of a leg: rolls and yaws turn the other way
+    mirror: tuple[float, ...]  # sign of each joint of a leg in the mirror image: rolls and yaws are reversed
     actor: int  # numbers that the actor sees with the preset `smoke`: 11, and 4 for each joint
 
 
@@ -44,7 +44,9 @@ def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
     return {name: write_robot(folder / name, case.legs) for name, case in CASES.items()}
 
 
-def test_it_has_an_environment_and_falls_safely(robots: dict[str, Robot], tmp_path: Path) -> None:
+def test_a_made_up_biped_has_an_environment_and_falls_safely(
+    robots: dict[str, Robot], tmp_path: Path
+) -> None:
     """Contract, mirror image, environment, exported file, loop: compiled once for all of them."""
     onnx, jax = pytest.importorskip("onnx"), pytest.importorskip("jax")
     from footfall.envs.locomotion import LocomotionEnv

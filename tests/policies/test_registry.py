@@ -48,7 +48,7 @@ class TestControllers:
                 assert policy.needs_estimate is needs
                 assert not policy.notes
 
-    def test_knowing_their_names_imports_none_of_them(self) -> None:
+    def test_listing_names_imports_no_policy(self) -> None:
         code = (
             "import sys, footfall.policies.registry; print([m for m in sys.modules if m.startswith"
             "(('daqp', 'piqp', 'onnxruntime', 'footfall.policies.controllers.mpc'))])"
@@ -95,15 +95,17 @@ class TestOwn:
         for name in ("mine", "typo", "needy"):
             sys.modules.pop(name, None)
 
-    def test_it_works_wherever_a_policy_does(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_a_users_class_works_wherever_a_policy_does(
+        self, go1: Robot, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         policy = load_policy("mine:Sway", go1)
         assert isinstance(policy, Policy)
         assert policy.name == "sway"
         ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
         assert ended.status == 0, ended.err
 
-    def test_no_file_beside_it_replaces_a_library(self, go1: Robot, tmp_path: Path) -> None:
-        (tmp_path / "this.py").write_text("")  # as one that nothing has imported yet
+    def test_no_file_beside_a_users_class_replaces_a_library(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "this.py").write_text("")  # a library that nothing has imported yet
         load_policy("mine:Sway", go1)
         found = PathFinder.find_spec("this")
         assert found is not None
@@ -125,7 +127,7 @@ class TestOwn:
 
 
 class TestLearned:
-    """Run folders, files and the zoo, and the name that a policy goes by."""
+    """Run folders, files and the zoo, and the names of their policies."""
 
     @pytest.fixture
     def run(self, tmp_path: Path, go1: Robot) -> Path:
@@ -135,7 +137,7 @@ class TestLearned:
         write_policy(onnx, folder / "policy.onnx", go1.folder)
         return folder
 
-    def test_a_run_has_its_folders_name_and_a_file_its_stem(
+    def test_a_runs_policy_has_the_folders_name_and_a_files_policy_its_stem(
         self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         assert load_policy(str(run), go1).name == "tuesday"
@@ -161,7 +163,9 @@ def test_a_folder_without_a_policy_is_refused_with_the_command_that_makes_one(
     assert f"'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
 
 
-def test_a_robots_complete_name_counts(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_zoo_policy_needs_the_robots_complete_name(
+    go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("go1-rough", "go1-flat", "go10-flat", "go1x", "go1-stairs", "go1-b", "go1-a", "go1-z"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "policy.onnx").write_text("")

@@ -43,7 +43,7 @@ def parallel(heading: float) -> Rotation:
 
 
 def standing(heading: float, time_s: float = 9.0, forward_m_s: float = 0.0) -> PolicyInput:
-    """On the slope, parallel to it, in the default pose."""
+    """Inputs of a robot on the slope, parallel to it, in the default pose."""
     tips = parallel(heading).apply(LEGS.default_foot)
     height = -float(tips[:, 2].mean())
     command = (forward_m_s, 0.0, 0.0)
@@ -122,7 +122,7 @@ class TestWalk:
     CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), slope=CONFIG)
 
     @pytest.mark.parametrize("heading", HEADINGS)
-    def test_feet_stand_about_the_point_plumb_below_the_body(self, heading: float) -> None:
+    def test_feet_stand_around_the_point_vertically_below_the_body(self, heading: float) -> None:
         policy = Walk(ROBOT, "trot", self.CONFIG)
         inputs = settled(policy, heading)
         feet = LEGS.pose(policy.act(inputs).position).foot
@@ -134,7 +134,7 @@ class TestMpc:
     CONFIG = replace(controller_settings(ROBOT, "mpc", MpcConfig), slope=CONFIG)
 
     @pytest.mark.parametrize("heading", HEADINGS)
-    def test_forces_hold_the_weight_against_gravity_alone(self, heading: float) -> None:
+    def test_forces_carry_the_weight_and_nothing_else(self, heading: float) -> None:
         policy = Mpc(ROBOT, self.CONFIG)
         settled(policy, heading)
         force = policy.slope.axes @ policy.force.sum(axis=0)
@@ -161,7 +161,7 @@ class TestMpc:
         assert grip.friction(STEEP) >= STEEP + contact.slipping_friction
 
     def test_whole_body_control_uses_the_same_gravity(self) -> None:
-        """Where no foot presses, the body accelerates along the tilted gravity."""
+        """If no foot presses, the body accelerates along the tilted gravity."""
         policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
         policy.slope = Slope(CONFIG)
         built = []

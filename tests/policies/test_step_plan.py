@@ -27,7 +27,10 @@ WEIGHTS = StepWeights(place=1.0, time=0.02, offset=300.0)
 
 
 def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float, begin_s: float = 0.0) -> np.ndarray:
-    """The capture point from the new foot, integrated; the pressure moves there from the last one."""
+    """The capture point relative to the new foot, by integration.
+
+    The pressure moves there from the last foot.
+    """
 
     def rate(t: float, x: np.ndarray) -> np.ndarray:
         pressure = -last * max(0.0, 1.0 - t / BOTH_S)
@@ -71,7 +74,7 @@ class TestNextStep:
         return next_step(capture, p, elapsed_s, way_m, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
 
     def steady(self, elapsed_s: float) -> np.ndarray:
-        """Where the capture point is in the steady gait, the pressure under the middle of the foot."""
+        """The capture point in the steady gait, with the pressure under the middle of the foot."""
         end = self.nominal.foothold + self.nominal.offset
         return end * math.exp(-RATE * (STEP_S - elapsed_s))
 
@@ -89,7 +92,7 @@ class TestNextStep:
 
         def cost(x: np.ndarray) -> float:
             offset = np.array([0.01, 0.0]) + away * x[2] - x[:2]
-            # The step after it begins with the pressure's motion from one foot to the other.
+            # The next step begins with the pressure's motion from one foot to the other.
             begins = pendulum(offset, x[:2], BOTH_S) - pendulum(
                 self.nominal.offset, self.nominal.foothold, BOTH_S
             )
@@ -121,7 +124,7 @@ class TestNextStep:
         assert self.decide(hurried, way_m=0.45).remaining_s == pytest.approx(0.3)
         assert self.decide(hurried, elapsed_s=0.6, way_m=0.0).remaining_s == pytest.approx(0.05)
 
-    def test_nan_leaves_the_nominal_step(self) -> None:
+    def test_nan_gives_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))
         assert isinstance(self.nominal, NominalStep)
         np.testing.assert_array_equal(step.foothold, self.nominal.foothold)
@@ -152,7 +155,7 @@ class TestSwing:
         bend = (flight[2:, 1] - flight[:-2, 1]) / 0.004
         np.testing.assert_allclose(bend, flight[1:-1, 2], atol=0.35)
 
-    def test_a_goal_that_moves_just_before_the_landing_is_not_followed_with_a_jerk(self) -> None:
+    def test_a_goal_that_moves_just_before_the_landing_is_not_followed(self) -> None:
         swing = Swing(np.array([0.25, 0.15]), 0.0, 0.0, lift_m=0.06, depth_m=0.005)
         moved = swing.advance(np.array([0.26, 0.15, 0.0]), 1e-4, 0.002)
         assert abs(moved[0, 0] - 0.25) < 0.01

@@ -162,7 +162,10 @@ class TestDynamics:
 
     @pytest.mark.parametrize("name", ROBOTS)
     def test_a_level_robot_touches_the_ground_below_its_feet(self, name: str) -> None:
-        """Spheres by a radius, the soles as they stand; feet are the middles of their points."""
+        """The ground is a radius below spheres, and at the points of soles.
+
+        Feet are the middles of their points.
+        """
         robot, body = ROBOTS[name], WholeBody(ROBOTS[name])
         still = np.zeros(len(robot.joint_names))
         level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, still)
@@ -196,7 +199,7 @@ def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet(
 
 
 def test_a_robot_that_walks_ahead_moves_where_it_heads() -> None:
-    """Estimates are in the body's axes: turned left by a quarter, ahead is along the world's y."""
+    """Estimates are in the body's axes: after a quarter turn to the left, ahead is the world's y."""
     quarter = Rotation.from_euler("z", np.pi / 2)
     walking = policy_input(G1, base_velocity=(0.5, -0.1, 0.2), turn=quarter)
     np.testing.assert_allclose(observed(BODIES["g1"], walking).centre_velocity, [0.1, 0.5, 0.2], atol=1e-9)
@@ -236,12 +239,12 @@ class TestStanding:
         most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
         force, acceleration, _ = solved(G1, dynamics, STILL["g1"], most_force=most)
         assert not force[:4].any()
-        # One foot cannot hold the body from here without a turn or a fall towards the other side.
+        # One foot cannot carry the body here unless it turns or falls towards the other side.
         assert abs(acceleration[:6]).max() > 0.5
 
 
 class TestMoving:
-    def test_a_foot_in_the_air_accelerates_as_wanted_and_standing_points_come_to_rest(self) -> None:
+    def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest(self) -> None:
         """For a robot in motion, where the drift terms matter, with large weights."""
         body = BODIES["g1"]
         rng = np.random.default_rng(8)
@@ -302,7 +305,7 @@ class TestLimits:
         assert np.all(np.abs(torque) <= most + 1e-6)
         assert np.any(np.abs(torque) > most - 1e-3)  # the knees would need more
 
-    def test_a_point_presses_no_more_than_it_may(self) -> None:
+    def test_the_force_at_a_point_stays_within_its_limit(self) -> None:
         most = np.array([30.0, 45.0, 60.0, 20.0, 80.0, 70.0, 10.0, 40.0])
         force, _, _ = solved(G1, standing(BODIES["g1"], G1), STILL["g1"], most_force=most)
         assert np.all(force[:, 2] <= most + 1e-6)
@@ -323,7 +326,7 @@ def blind(solver: BoundedSolver) -> BoundedSolver:
 
 
 def hurried(_: BoundedSolver) -> BoundedSolver:
-    """Stops the solver before it has come to an end."""
+    """Stops the solver before it has converged."""
     return BoundedSolver(1, 2, unfinished=False)
 
 
@@ -358,7 +361,10 @@ class TestJoints:
         np.testing.assert_allclose(control._position, 0.25 + keep * (0.05 + 0.24 * 0.004) + 0.004 * velocity)
 
     def test_a_share_of_the_friction_at_the_desired_speed_is_compensated(self) -> None:
-        """Dry friction is developed in proportion below its speed and whole above; damping is viscous."""
+        """Dry friction is proportional to the speed below `friction_speed` and constant above.
+
+        Damping is viscous.
+        """
         motor, control = G1.motor, self.control(friction_compensation=0.6)
         for times, developed in ((0.5, 0.5), (-0.5, -0.5), (4.0, 1.0), (-4.0, -1.0)):
             speed = times * motor.friction_speed

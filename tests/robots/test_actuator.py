@@ -44,14 +44,18 @@ def test_numpy_and_jax_agree(go1: Robot) -> None:
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))
-def test_friction_is_lost(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
+def test_friction_acts_against_motion(
+    command: JointCommand, position: np.ndarray, velocity: np.ndarray
+) -> None:
     expected = motor_torque(command, position, velocity, MOTOR) + friction_torque(velocity, MOTOR)
     np.testing.assert_array_equal(joint_torque(command, position, velocity, MOTOR), expected)
 
 
 @given(commands, arrays(-2, 2), arrays(-40, 40))
-def test_damping_is_a_slope(command: JointCommand, position: np.ndarray, velocity: np.ndarray) -> None:
-    """Wherever the law has one: the slope is the same a little slower and a little faster."""
+def test_damping_is_the_slope_of_the_torque(
+    command: JointCommand, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    """Where the torque is differentiable: the slope is the same at slightly lower and higher speeds."""
     d = 1e-6
     at = [joint_torque(command, position, velocity + k * d, MOTOR)[0] for k in (-1, 0, 1)]
     slower, faster = at[0] - at[1], at[1] - at[2]
@@ -111,7 +115,7 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
 
 
 def test_targets_by_hand() -> None:
-    """Six joints: in reach, too far up, too far down, outside the limits by little and by much."""
+    """Six joints: in reach, too far up, too far down, and outside the limits by a little and by much."""
     lower, upper = np.array([-1.0, -1, -1, -1, -1, 0.5]), np.array([2.0, 2, 2, 2, 2, 0.8])
     previous = np.array([0.3, 0.3, 0.3, -0.95, 1.97, 0.75])
     goal = np.array([0.35, 1.0, -0.4, -3.0, 2.4, 0.2])

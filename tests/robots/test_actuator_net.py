@@ -63,7 +63,7 @@ def test_a_file_holds_the_net_and_is_not_overwritten(tmp_path: Path) -> None:
         save_net(tmp_path / "net.npz", NET, names)
 
 
-def test_a_robot_with_a_net_is_another_robot(tmp_path: Path) -> None:
+def test_a_net_changes_the_digest(tmp_path: Path) -> None:
     plain = load_robot("go1")
     one, other = (with_net(plain, tmp_path / str(seed), seed) for seed in (0, 1))
     assert len({plain.digest, one.digest, other.digest}) == 3

@@ -14,7 +14,7 @@ RIGHT = np.array([0.0, -0.4, 0.0])  # m/s, of the base
 
 
 @pytest.mark.parametrize(("name", "corners"), [("go1", 4), ("g1", 6)])
-def test_a_standing_robot(name: str, corners: int) -> None:
+def test_balance_of_a_standing_robot(name: str, corners: int) -> None:
     robot = load_robot(name)
     model, seen = BalanceModel(load_robot(name)), []
 

@@ -62,7 +62,7 @@ class TestStanding:
         assert (dog_standing.feet_down == 1.0).all()
 
     def test_torques_are_those_of_the_weight(self, dog: Robot, dog_standing: StandingResult) -> None:
-        """The knees' torques: a quarter of the weight each, on the foot's distance from the knee's axis."""
+        """Torque of each knee: a quarter of the weight times the foot's distance from the knee's axis."""
         knees = [dog.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
         angle = dog.default_pose[knees] + dog.default_pose[[k - 1 for k in knees]]
         distance = 0.2 * np.abs(np.sin(angle))
@@ -70,7 +70,7 @@ class TestStanding:
         shares = dog_standing.torque_share[knees] * dog.motor.peak_torque[knees]
         assert shares.sum() == pytest.approx(np.mean(distance) * weight, rel=0.3)
 
-    def test_weak_knees_give_way(self, changed: Callable[..., Path]) -> None:
+    def test_a_robot_with_weak_knees_does_not_stand(self, changed: Callable[..., Path]) -> None:
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
         found = standing_test(load_robot(folder), duration_s=1.5)
         assert not found.stood
@@ -122,7 +122,7 @@ class TestInspection:
 
 
 class TestCommand:
-    def test_a_sound_robot(self, dog: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_a_sound_robot_passes(self, dog: Robot, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["robot", "check", str(dog.folder), "--duration", "1", "--no-controllers"]) == 0
         result = capsys.readouterr().out
         for word in ("RR_knee", "-2.33 to -0.40", "total 11.58 kg", "nothing wrong was found"):
@@ -143,12 +143,16 @@ class TestCommand:
         yaml.write_text(yaml.read_text().replace("held_start: true", ""))
         assert falls in wrong(tmp_path / "two", capsys, "3")
 
-    def test_motors_at_limit(self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    def test_motors_near_their_limit_are_reported(
+        self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
         """Knees with little more torque than the weight requires."""
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 3.4")
         assert re.search(r"joint \w+_knee needs \d+ % of its peak torque", wrong(folder, capsys, "2"))
 
-    def test_gains_too_high(self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    def test_gains_that_are_too_high_are_reported(
+        self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
         """For a reflected inertia of 0.3 kg m^2 at 5 Hz: kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
         changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
         folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")

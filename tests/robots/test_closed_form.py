@@ -33,7 +33,9 @@ def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("first", [SLANTING, (-0.8, 0.36, -0.48), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
 @pytest.mark.parametrize("knee", [-1.1, 0.5, 0.9])
 @pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (-0.1, 0.3, -0.2), (0.25, -0.4, 0.3)])
-def test_a_position_gives_its_angles(first: tuple[float, ...], knee: float, moved: tuple[float, ...]) -> None:
+def test_a_position_gives_the_angles_that_reach_it(
+    first: tuple[float, ...], knee: float, moved: tuple[float, ...]
+) -> None:
     chain = limb(knee, first)
     form = closed_form(chain, tip_at(chain, chain.default))
     assert form is not None
@@ -43,8 +45,11 @@ def test_a_position_gives_its_angles(first: tuple[float, ...], knee: float, move
 
 @pytest.mark.parametrize("knee", [-0.55, -0.15, 0.15, 0.55])
 def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee: float) -> None:
-    """In a line they are at -0.357 rad: from z of (0.02, -0.2) to (-0.05, -0.19), atan(0.1) + atan(5/19)."""
-    for sign in (1.0, -1.0):  # hinges that count the other way
+    """The links are in a line at -0.357 rad.
+
+    Directions (0.02, -0.2) and (-0.05, -0.19), atan(0.1) + atan(5/19).
+    """
+    for sign in (1.0, -1.0):  # hinges with the opposite sign
         chain = limb(sign * knee)
         chain = chain._replace(axis=chain.axis * [[1.0], [sign], [sign]])
         chain = chain._replace(default=chain.default * [1.0, sign, 1.0])
@@ -65,7 +70,7 @@ def test_out_of_reach_it_stretches_towards_the_position_within_the_limits() -> N
     assert arm @ aim / np.linalg.norm(arm) / np.linalg.norm(aim) > 0.99
     longest = np.hypot(0.02, 0.2) + np.hypot(0.05, 0.19)
     assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
-    # A knee that would have to bend further than it can: the foot is on the line to the position, too far
+    # The knee cannot bend far enough: the foot is on the line to the position, too far
     # out.
     position = tip_at(chain, np.array([0.1, 0.4, -2.0]))
     stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(position.tolist())

@@ -178,7 +178,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
 
 
 def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder: Path, go1: Robot) -> None:
-    """Joints listed backwards, a tail between the legs that no motor moves, no two joints alike."""
+    """Joints are listed in reverse, a tail has no motor, and no two joints are alike."""
     xml, declaration = own_folder / "robot.xml", own_folder / "robot.yaml"
     tail = '<body name="tail"><joint name="tail" range="-9 9" frictionloss="8" damping="7" armature="6"/>'
     text = xml.read_text().replace(
@@ -212,7 +212,9 @@ def test_a_robot_keeps_the_full_path_of_its_folder(own_folder: Path, monkeypatch
 
 
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
-def test_action_1_stays_within_the_range(go1: Robot, own_folder: Path, share: float, refused: bool) -> None:
+def test_an_action_of_1_stays_within_the_range(
+    go1: Robot, own_folder: Path, share: float, refused: bool
+) -> None:
     widest = (go1.action_scale / (go1.upper_rad - go1.lower_rad)).max()
     declaration = own_folder / "robot.yaml"
     expected = share * go1.description.gains.torque_share / widest

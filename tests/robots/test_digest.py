@@ -163,7 +163,7 @@ def test_a_constraint_counts_with_its_data(own_folder: Path) -> None:
 
 
 def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
-    """The first of two meshes is only visual. A smaller base lies on the ground in another pose."""
+    """The first of two meshes is only visual. A smaller base touches the ground in other poses."""
     path = own_folder / "robot.yaml"
     path.write_text(re.sub(r"lying_rad: [-\d.]+, *", "", path.read_text()))
     meshes = """<mesh name="seen" vertex="0 0 0 0.1 0 0 0 0.1 0 0 0 0.1"/>
@@ -221,7 +221,7 @@ def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) 
 
 
 def test_the_digest_counts_the_parent_of_a_body(own_folder: Path) -> None:
-    """The second part of a tail, at the same position on the first part as it was on the tail."""
+    """The second part of a tail changes its parent and keeps its position in the parent's frame."""
     edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
     before = load_robot(own_folder).digest
     edit(

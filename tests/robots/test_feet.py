@@ -61,7 +61,7 @@ def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
 
 
 def test_a_geom_a_quarter_of_a_shank_away_is_no_foot(go1: Robot) -> None:
-    """It is 0.213 m long: 0.05 m are near enough, 0.06 m are not."""
+    """The shank is 0.213 m long: 0.05 m are near enough, 0.06 m are not."""
     for away_m, found in ((0.05, 1), (0.06, 0)):
 
         def move(foot: mujoco.MjsGeom, away_m: float = away_m) -> None:
@@ -86,7 +86,9 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> N
     for sphere in spheres:
         spec.delete(sphere)
     link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
-    link.add_geom(type=SPHERE, size=[0.03, 0, 0])  # the ankle's housing, nearer to no corner than the box is
+    link.add_geom(
+        type=SPHERE, size=[0.03, 0, 0]
+    )  # the ankle's housing, farther from each corner than the box
     model = spec.compile()
     (sole,) = find_feet(model, robot.description, robot.xml_path)[0].tolist()
     assert model.geom_type[sole] == mujoco.mjtGeom.mjGEOM_BOX

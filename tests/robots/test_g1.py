@@ -1,4 +1,4 @@
-"""The g1 stands on the corners of its soles, and its legs meet once."""
+"""The g1 stands on the corners of its soles, and its legs have one contact."""
 
 import jax.numpy as jnp
 import mujoco

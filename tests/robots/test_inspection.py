@@ -12,7 +12,7 @@ from footfall.robots.inspection import Inspection, inspect_robot
 
 
 def straight(name: str, y: float, length: float) -> Leg:
-    """Two links that hang down, ending in a sole of four spheres 0.1 m ahead, 0.04 m behind, 0.03 m aside."""
+    """Two links that hang down and end in a sole: four spheres 0.1 m ahead, 0.04 m behind, 0.03 m aside."""
     hinges = Hinge(PITCH, (0.0, 0.0, -length), 0.0), Hinge(PITCH, (0.0, 0.0, -0.2), 0.0)
     return Leg(name, (0.03, y, 0.0), hinges, SOLE)
 
@@ -36,7 +36,7 @@ def looked(robot: Robot) -> Inspection:
 
 
 def test_masses_are_those_of_all_links(looked: Inspection) -> None:
-    """A leg is of two rods of 0.15 kg and four spheres of 0.02 kg, these 0.03 m ahead of the ankle."""
+    """A leg has two rods of 0.15 kg and four spheres of 0.02 kg, which are 0.03 m ahead of the ankle."""
     assert looked.mass_kg == pytest.approx(4.0 + 2 * (0.3 + 0.08))
     ahead = 2 * (0.3 * 0.03 + 0.08 * 0.06) / 4.76
     aside = 0.38 * (0.1 - 0.12) / 4.76
@@ -81,7 +81,7 @@ def test_the_reach_is_of_the_soles_middle_over_the_joints_whole_range(looked: In
     assert near == pytest.approx(np.sqrt(law_of_cosines), abs=1.5e-3)
 
 
-def test_the_tree_is_the_robots_alone(copy: Path) -> None:
+def test_the_tree_has_the_robots_bodies_only(copy: Path) -> None:
     crate = '<body name="crate" pos="3 0 1"><freejoint/><geom size="0.1"/></body></worldbody>'
     xml = copy / "robot.xml"
     xml.write_text(xml.read_text().replace("</worldbody>", crate))
@@ -92,7 +92,7 @@ def test_the_tree_is_the_robots_alone(copy: Path) -> None:
 
 
 @pytest.mark.parametrize(("apart_m", "meet"), [(0.004, False), (-0.004, True)])
-def test_touching_links_meet_near_ones_not(copy: Path, apart_m: float, meet: bool) -> None:
+def test_links_that_touch_are_reported_and_near_links_are_not(copy: Path, apart_m: float, meet: bool) -> None:
     """A file may report contacts before they touch, by a margin."""
     xml = copy / "robot.xml"
     text = xml.read_text()

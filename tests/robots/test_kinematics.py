@@ -49,7 +49,7 @@ class TestForward:
 class TestInverse:
     @pytest.mark.parametrize("limit", [ROBOT.lower_rad + 0.01, ROBOT.upper_rad - 0.01])
     def test_knees_next_to_their_limits_are_found(self, limit: np.ndarray) -> None:
-        """Beyond the soft limits, which limit targets, not legs."""
+        """These are beyond the soft limits, which limit targets only."""
         expected = LEGS.default_angles.copy()
         expected[:, 2] = limit[LEGS.joints[:, 2]]
         foot = LEGS.pose(LEGS.scatter(expected, ROBOT.default_pose)).foot

@@ -84,8 +84,8 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
     assert first == pytest.approx(0.012 + 0.023, abs=1e-3)
 
 
-def test_the_plant_keeps_its_true_shapes(go1: Robot) -> None:
-    """Its legs meet without a pair, as spheres of 23 mm at the feet."""
+def test_the_plant_keeps_the_original_shapes(go1: Robot) -> None:
+    """Its legs touch without a listed pair, with spheres of 23 mm at the feet."""
     plant = plant_model(go1)
     assert plant.npair == 0
     met = {frozenset(pair) for pair in meeting(plant, go1, crossed(go1, 0.45, (0, 1)))}

@@ -88,7 +88,7 @@ class TestAnyLimb:
         assert np.all(np.isfinite(angles))
         assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
 
-    def test_nan_spoils_its_own_limb_only(self, robots: dict[str, Robot], kind: str) -> None:
+    def test_nan_affects_its_own_limb_only(self, robots: dict[str, Robot], kind: str) -> None:
         legs = robots[kind].legs
         foot = legs.default_foot.copy()
         foot[-1, 1] = np.nan
@@ -122,7 +122,7 @@ class TestAnyLimb:
                 np.testing.assert_allclose(jacobian[leg, :, column], slope[leg], atol=1e-7)
 
     def test_torques_hold_the_forces_at_the_tips(self, robots: dict[str, Robot], kind: str) -> None:
-        """By virtual work: a small motion takes from the joints the work that it does on the ground."""
+        """By virtual work: in a small motion the joints do the work that the feet do on the ground."""
         robot = robots[kind]
         legs, rng = robot.legs, np.random.default_rng(3)
         joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
@@ -192,7 +192,7 @@ def test_out_of_reach_it_is_as_near_as_a_bounded_optimiser(
 
 
 def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path: Path) -> None:
-    """In its own plane, across which it cannot move."""
+    """It moves in its own plane only."""
     hip, knee = (Hinge(PITCH, (0.0, 0.0, -0.2), angle) for angle in (0.5, -0.9))
     legs = write_robot(
         tmp_path, [quadruped_leg("a", 0.2, 0.1), Leg("b", (-0.2, -0.1, 0.0), (hip, knee))]

@@ -41,7 +41,7 @@ def test_standing_costs_sixteen_constraint_rows(go1: Robot, lean: mujoco.MjModel
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL) == 16
 
 
-def test_plant_holds_the_joints_at_their_limits(go1: Robot) -> None:
+def test_the_plant_stops_joints_at_their_limits(go1: Robot) -> None:
     model = plant_model(go1)
     data = standing(model, go1)
     data.qpos[2] = 1.0
@@ -164,7 +164,7 @@ EXTRAS = """
 
 @pytest.fixture
 def laden(own_folder: Path) -> Robot:
-    """go1 with a tail that no motor moves, and a file that is full of other things."""
+    """go1 with a tail without a motor, and with actuators, sensors and options in its file."""
     xml = own_folder / "robot.xml"
     text = xml.read_text().replace('<body name="FR_hip"', TAIL + '<body name="FR_hip"')
     text = text.replace('axis="1 0 0" range', 'axis="1 0 0" damping="0.4" range')
@@ -267,7 +267,7 @@ def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path) -> None:
 
 
 def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp_path: Path) -> None:
-    """Thrown, tilted and spinning, it feels a + dw/dt x r + w x (w x r)."""
+    """Thrown, tilted and spinning, the IMU measures a + dw/dt x r + w x (w x r)."""
     xml = own_folder / "robot.xml"
     xml.write_text(xml.read_text().replace('"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"'))
     robot = load_robot(own_folder)
@@ -291,7 +291,7 @@ def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp
 
 
 def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Path) -> None:
-    """Of the floor's 0.8 and a foot's: its own if it has priority, else the larger."""
+    """The friction is the foot's own if it has priority, else the larger of it and the floor's 0.8."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     for leg, settings in (

@@ -22,7 +22,7 @@ def after(ticks: int, outside: float = 0.0, acceleration: float = 0.0) -> list[f
 
 @pytest.mark.parametrize("ticks", [1, 5, 100])
 def test_both_parts_are_filtered_alike(ticks: int) -> None:
-    """So they cancel at any time if a motor accelerates its own limb and nothing else acts."""
+    """If a motor only accelerates its own limb, both parts cancel at any time."""
     share = 1 - KEPT**ticks
     assert after(ticks, outside=3.0) == pytest.approx([3.0 * share, 0.0])
     assert after(ticks, acceleration=1.5) == pytest.approx([0.0, 2.0 * 1.5 * share])
@@ -41,5 +41,7 @@ def test_the_upward_part_of_the_force_at_the_foot() -> None:
     up = np.array([0.0, 0.6, 0.8])
     force = upward_force(np.eye(3)[None], torque, up)
     np.testing.assert_allclose(force, [[3.6, 36.0]], rtol=2e-5)
-    flat = np.diag([1.0, 1.0, 0.0])[None]  # slides across the vertical only: no torque depends on the force
+    flat = np.diag([1.0, 1.0, 0.0])[
+        None
+    ]  # joints slide horizontally only: no torque depends on the vertical force
     assert upward_force(flat, np.ones((1, 3, 1)), np.array([0.0, 0.0, 1.0])).tolist() == [[0.0]]

@@ -50,7 +50,7 @@ def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
     for speed, dry in ((2.0, 0.5 + 0.2), (6.0, 0.5 + 0.04), (0.1, (0.5 + 0.4 / (1 + 0.0025)) * 0.5)):
         loss = friction_torque(np.array([-speed]), motor)
         assert loss == pytest.approx(dry + 0.05 * speed, rel=1e-12)
-    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))  # without a speed it is five ramps
+    motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))  # the default speed is five times the ramp's
     assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 
 
@@ -64,7 +64,7 @@ def test_load_friction_is_a_share_of_the_motor_torque() -> None:
 
 
 def test_damping_of_a_lagged_torque_is_that_of_its_mean() -> None:
-    """Minus the derivative of the step's mean torque in the speed, beyond the ramp."""
+    """Minus the derivative of the step's mean torque with respect to the speed, beyond the ramp."""
     motor = ONE_MOTOR._replace(lag_s=np.array([0.004]))
     lag, before = lag_over(motor.lag_s, 0.005), np.array([2.0])
     command = JointCommand(*(np.array([x]) for x in (0.1, 0.0, 30.0, 0.8, 0.0)))
@@ -86,7 +86,7 @@ def at(angle: float, speed: float, command: JointCommand, motor: Motor) -> float
     return float(motor_torque(command, np.array([angle]), np.array([speed]), motor)[0])
 
 
-def test_play_and_compliance_are_in_equilibrium_with_the_loop() -> None:
+def test_backlash_and_compliance_are_in_equilibrium_with_the_control_loop() -> None:
     """Position of the rotor for which `kp (e - x) + ff = k dead_zone(x)`, found by bisection."""
     stiffness, half, kp, feed = 400.0, 0.01, 60.0, 0.3
     motor = ONE_MOTOR._replace(backlash=np.array([2 * half]), compliance=np.array([1 / stiffness]))
@@ -99,8 +99,11 @@ def test_play_and_compliance_are_in_equilibrium_with_the_loop() -> None:
         assert at(-error, 0.0, one(0, 0, kp, 0, feed), motor) == pytest.approx(gear, abs=1e-9)
 
 
-def test_within_the_play_the_joint_is_free() -> None:
-    """No stiffness and no damping; beyond it the damping is back. Damping alone acts without a gap."""
+def test_within_the_backlash_the_joint_is_free() -> None:
+    """There is no stiffness and no damping; beyond the backlash both act.
+
+    Damping without stiffness acts everywhere.
+    """
     motor = ONE_MOTOR._replace(backlash=np.array([0.02]))
     assert at(0.009, 3.0, one(0, 0, 50, 2, 0), motor) == 0.0
     assert at(0.011, 3.0, one(0, 0, 50, 2, 0), motor) == pytest.approx(-0.05 - 6.0)

@@ -17,7 +17,7 @@ SENSED = Sensed(
 )
 
 
-def test_a_policy_may_know_four_readings() -> None:
+def test_a_policy_may_use_four_readings() -> None:
     seen = read(SENSED)
     assert list(seen) == ["gyro", "gravity", "joint_position", "joint_velocity"] == list(READINGS)
     assert seen["gyro"].tolist() == [1.0, 2.0, 3.0]

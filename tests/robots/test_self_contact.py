@@ -33,8 +33,8 @@ def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     assert invented <= 0.5 * touching
 
 
-def test_true_limbs_are_those_of_the_simulated_robot() -> None:
-    """A shank's thick stand-in cannot hook behind another leg as a sphere foot on a thin shank does."""
+def test_original_shapes_collide_as_on_the_simulated_robot() -> None:
+    """A simplified, thick shank cannot hook behind another leg as a sphere foot on a thin shank does."""
     robot = load_robot("go1")
     model = training_model(robot, contacts="true_limbs")
     paired = {model.geom(g).name for g in np.concatenate([model.pair_geom1, model.pair_geom2])}

@@ -19,7 +19,7 @@ def swinging(robot: Robot, frequency_hz: float) -> Robot:
 
 
 def energy_grows(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> bool:
-    """In the air, without gravity: springs of stiffness kp at the joints, a little bent."""
+    """The robot is in the air without gravity, with springs of stiffness kp at slightly bent joints."""
     model = training_model(robot, timestep_s)
     model.opt.gravity[:] = 0.0
     data, (positions, dofs) = mujoco.MjData(model), joint_addresses(model, robot)

@@ -13,7 +13,7 @@ from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
 from footfall.robots.stance import base_corners, in_default_pose, touching_height
 
-# Thigh and shank of 0.213 m at 0.9 rad, then the hip's 0.08 m, all turned by 0.1 rad.
+# Thigh and shank of 0.213 m at 0.9 rad and the hip's 0.08 m, all rolled by 0.1 rad.
 FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
 
 
@@ -72,7 +72,7 @@ def test_a_height_at_which_no_foot_touches_is_refused(
 
 @pytest.fixture
 def odd(own_folder: Path) -> Robot:
-    """go1 behind a gate of its own world, with a tail, on a trunk that its file starts turned and tilted."""
+    """go1 with a tail and an initially rotated trunk, before it a gate that is no part of the robot."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2" mass="5"/></body>'
@@ -110,7 +110,7 @@ def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
 
 
 def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
-    """Without weight or motion, torque M a on one leg gives its joints the accelerations a, the base held."""
+    """With the base held, without weight and motion, torques M a on one leg accelerate its joints by a."""
     model = load_spec(odd.xml_path).compile()
     model.opt.gravity[:] = 0.0
     model.dof_frictionloss[:] = 0.0
@@ -128,7 +128,7 @@ def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
 
 
 def test_a_box_around_the_base_holds_all_its_colliding_geoms(go1: Robot, own_folder: Path) -> None:
-    """Its trunk reaches 0.13, 0.09 and 0.05 m; a sphere at its nose and a wedge below go farther."""
+    """The trunk reaches 0.13, 0.09 and 0.05 m; a sphere at its front and a wedge below reach farther."""
     text = (own_folder / "robot.xml").read_text()
     box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'
     assert text.count(box) == 1

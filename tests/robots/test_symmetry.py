@@ -74,7 +74,7 @@ def test_a_trunk_with_an_initial_rotation_is_still_symmetric(own_folder: Path, g
 
 
 def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
-    """Left thighs that count backwards: their partners' images have the other sign."""
+    """Left thighs have the opposite sign: the mirror images of their partners change sign."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
     for leg in ("FL", "RL"):

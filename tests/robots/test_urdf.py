@@ -18,7 +18,7 @@ POSES = 5
 
 
 def awkward(folder: Path) -> Robot:
-    """A Go1 with a hinge beside its body's origin, a body with two hinges, and both turned at zero."""
+    """A Go1 with a hinge beside its body's origin and a body with two hinges, rotated at zero angles."""
     robot = load_robot("go1")
     shutil.copy(robot.xml_path, folder)
     thigh, calf = '"FR_thigh_joint" class="hip"', '<joint name="FL_calf_joint" class="knee"/>'
@@ -39,7 +39,7 @@ def as_read(text: str) -> mujoco.MjModel:
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     spec.body("base_link").add_freejoint()
-    for body in spec.bodies:  # MuJoCo wants a mass between two joints
+    for body in spec.bodies:  # MuJoCo needs a mass between two joints
         if body.name.endswith("_joint"):
             body.mass, body.inertia, body.explicitinertial = 1e-9, [1e-9] * 3, True
     return spec.compile()
@@ -77,7 +77,7 @@ def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, joints: Iterable[str
     return matrix[np.ix_(order, order)]
 
 
-def test_links_move_and_weigh_as_the_bodies_do(robot: Robot) -> None:
+def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
     made, own = as_read(urdf(robot)), without_armature(robot)
     for pose in poses(own):
         ours, theirs = posed(own, pose), posed(made, pose)
@@ -95,7 +95,7 @@ def test_links_move_and_weigh_as_the_bodies_do(robot: Robot) -> None:
         np.testing.assert_allclose(*matrices, rtol=1e-6, atol=1e-7)
 
 
-def test_joints_carry_their_limits(robot: Robot) -> None:
+def test_joints_have_their_limits(robot: Robot) -> None:
     root = ElementTree.fromstring(urdf(robot))
     limits = {joint.get("name"): joint.find("limit") for joint in root.iter("joint")}
     found = [
@@ -107,7 +107,7 @@ def test_joints_carry_their_limits(robot: Robot) -> None:
 
 
 def test_solid_shapes_reach_as_low_as_those_of_the_mjcf(robot: Robot) -> None:
-    """A level floor meets them at the same height."""
+    """A level floor touches them at the same height."""
     pose = dict(zip(robot.joint_names, robot.default_pose.tolist(), strict=True))
     lowest = [
         lowest_solid(model, posed(model, pose)) for model in (as_read(urdf(robot)), without_armature(robot))

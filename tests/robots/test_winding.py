@@ -70,7 +70,7 @@ class TestModel:
         cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
         np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
 
-    def test_without_derating_heat_takes_no_torque(self, go1: Robot) -> None:
+    def test_without_derating_a_hot_motor_has_its_full_torque(self, go1: Robot) -> None:
         winding = winding_of(warm(go1, derating_c=None))
         np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
 
@@ -142,7 +142,7 @@ class TestBehindTheBus:
         np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
 
     def test_the_robot_walks_and_reports_its_temperatures(self, heated: Robot) -> None:
-        """Hot at first, they cool, the working ones less; a frame carries whole degrees."""
+        """Motors are hot at first and cool; those with a load cool less. A frame has whole degrees."""
         found = walk(heated, {"winding_rise_k": np.full(N, 35.0)})
         assert not found.trace.fell
         assert not found.trace.faults
@@ -153,7 +153,7 @@ class TestBehindTheBus:
 
 
 class TestTraining:
-    def test_it_is_the_same_model(self, heated: Robot) -> None:
+    def test_training_and_bus_have_the_same_thermal_model(self, heated: Robot) -> None:
         """Over a second of changing torque, in control steps there and physics steps behind the bus."""
         env = LocomotionEnv(heated, CONFIG)
         torque = 10.0 * np.random.default_rng(0).random((50, 10, N))

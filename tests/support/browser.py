@@ -23,7 +23,7 @@ FLAGS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--disable-dev-shm-usage",  # some containers have little of it
+    "--disable-dev-shm-usage",  # some containers have little shared memory
     "--disable-quic",
     "--no-first-run",
     "--disable-sync",
@@ -98,7 +98,7 @@ class Tab:
 
 @contextmanager
 def tab(profile: Path, width: int = 1400, height: int = 900) -> Iterator[Tab]:
-    """An empty page in a browser of its own, which lives in a folder `profile`."""
+    """An empty page in its own browser, whose files are in the folder `profile`."""
     from websockets.sync.client import connect
 
     program = chromium()

@@ -1,4 +1,4 @@
-"""A bridge without ROS: it walks ahead, and reports where it got the run's telemetry."""
+"""A bridge without ROS: it requests to walk ahead, and reports the path of the run's feed."""
 
 import sys
 

@@ -8,7 +8,7 @@ from footfall.policies.policy import Sensed
 
 
 class FakeEstimator:
-    """Its velocity ahead is the number of its updates, m/s."""
+    """The forward velocity, m/s, is the number of updates."""
 
     notes = ()
 

@@ -24,7 +24,7 @@ class FakeTime:
         if seconds < 1e-9:
             return
         self.slept.append(seconds)
-        self.ns += round(seconds * 1e9) + 7000  # and wakes up 7 us late
+        self.ns += round(seconds * 1e9) + 7000  # and ends 7 us late
 
 
 class Watch:

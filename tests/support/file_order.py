@@ -12,8 +12,8 @@ TRAININGS = (
 UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py", "train/test_symmetry.py")
 TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
 
-# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
-# others have nothing left to do.
+# The files that take longest, in decreasing order. Otherwise one worker would still be busy when the others
+# have finished.
 LONGEST = (
     *TRAININGS,
     *UPDATES,

@@ -27,7 +27,7 @@ def quadruped(
 ) -> str:
     """A URDF: roll, hip and knee on each leg, no two legs alike in mass; between roll and hip is no mass.
 
-    The trunk carries a tilted box, an IMU, and an arm whose range does not hold zero.
+    The trunk carries a tilted box, an IMU, and an arm whose range does not contain zero.
     """
     parts = [
         _link("trunk", 5.3, '<collision><geometry><box size="0.3 0.16 0.1"/></geometry></collision>'),

@@ -59,7 +59,7 @@ def _needed(package: Distribution, extras: Iterable[str]) -> list[Distribution]:
     found: dict[str, Distribution] = {}
     waiting = [(package, extra) for extra in ("", *extras)]
     seen = set()
-    for needing, extra in waiting:  # grows as it goes
+    for needing, extra in waiting:  # the list grows during the loop
         for requirement in map(Requirement, needing.requires or []):
             if requirement.marker is not None and not requirement.marker.evaluate({"extra": extra}):
                 continue

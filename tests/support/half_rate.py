@@ -1,4 +1,4 @@
-"""A loop with half of the usual ticks, which is quicker to simulate."""
+"""A loop at half of the usual rate, which is faster to simulate."""
 
 from dataclasses import replace
 

@@ -32,7 +32,7 @@ from footfall.robots.description import Robot
 
 
 class Pretence(LockstepClock):
-    """Ticks that follow at once, and count as wall-clock time."""
+    """A clock without waiting whose ticks count as wall-clock time."""
 
     realtime = True  # type: ignore[assignment]
 

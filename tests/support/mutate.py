@@ -40,7 +40,7 @@ def mutated(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
-    """A log whose check sums are right and some of whose records are not."""
+    """A log with correct check sums and some wrong records."""
     output = io.BytesIO()
     writer = Writer(output)
     writer.start("ros2", "fuzz")
@@ -71,7 +71,7 @@ def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 def mutated_yaml(content: bytes, rng: np.random.Generator) -> bytes:
-    """Settings with up to three values replaced, taken out or added; of one in four the bytes are changed."""
+    """Settings with up to three values replaced, removed or added; in one of four the bytes are changed."""
     if rng.integers(4) == 0:
         return mutated(content, rng)
     data = yaml.safe_load(content)

@@ -93,7 +93,7 @@ def begun(env: Any, networks: Any, config: PpoConfig, seed: int = 0) -> TrainSta
 
 
 def decided(state: TrainState) -> TrainState:
-    """With an actor whose actions depend on the observation, and hardly vary."""
+    """The state with an actor whose actions depend on the observation, and hardly vary."""
     policy = jax.tree.map(lambda x: 5.0 * x, state.params.policy)
     return state._replace(params=state.params.replace(policy=policy))
 

@@ -1,4 +1,7 @@
-"""The bridge, a process of another Python: it gets the feed, ends with the run, and reports its failure."""
+"""The bridge, a process with another Python.
+
+It receives the feed, ends with the run, and reports a failure.
+"""
 
 import subprocess
 import sys
@@ -57,7 +60,7 @@ def test_a_bridge_that_never_gets_ready_is_reported(tmp_path: Path, monkeypatch:
         pass
 
 
-def test_height_scans_come_by_a_bridge_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_height_scans_have_their_own_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
     of_scans = Backend(sys.executable, "fake_scan_bridge", "no ROS")
     monkeypatch.setattr("footfall.operate.ros2.height_scans.find_backend", lambda config: of_scans)
     with scans_by_ros2() as (scans, warning):
@@ -77,8 +80,8 @@ def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
     assert "control" in network_note(environment={variable: "SUBNET"})
 
 
-def test_modules_run_by_ros_python_need_no_packages_of_ours() -> None:
-    """`-S` leaves out all that is installed."""
+def test_modules_run_by_ros_python_need_no_packages_of_footfall() -> None:
+    """`-S` leaves out all installed packages."""
     names = ", ".join(f"footfall.operate.ros2.{each}" for each in NEEDS_NO_PACKAGES)
     command = [sys.executable, "-S", "-c", f"import {names}"]
     subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})

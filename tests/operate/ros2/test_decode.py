@@ -19,7 +19,7 @@ def test_velocities_follow_frame_names_of_any_length(frame: str) -> None:
     assert decode(TWIST_STAMPED, Template().stamp(frame).gap(6).fill(7, SIX)) == [0.5, -0.2, 0.3]
 
 
-def test_texts_and_numbers_of_either_byte_order() -> None:
+def test_texts_and_numbers_are_decoded_in_either_byte_order() -> None:
     assert decode(TEXT, Template().text("wave").fill(0)) == "wave"
     assert decode(NUMBER, b"\0\1\0\0" + struct.pack("<d", 0.08)) == 0.08
     assert decode(NUMBER, b"\0\0\0\0" + struct.pack(">d", 0.08)) == 0.08

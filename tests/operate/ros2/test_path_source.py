@@ -54,7 +54,7 @@ def test_a_path_in_odom_is_walked_from_the_robots_position(source: PathSource) -
     assert source.poll(status).velocity.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_velocities_of_zero_leave_the_walk_and_others_end_it(source: PathSource) -> None:
+def test_zero_velocities_do_not_end_the_walk_and_other_velocities_do(source: PathSource) -> None:
     source.follow([[2.0, 0.0]])
     assert source.poll(AT_START).velocity[0] > 0.0
     assert source.put(velocity=[0.0, 0.0, 0.0]) == ""

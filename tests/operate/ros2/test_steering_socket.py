@@ -1,4 +1,4 @@
-"""A bridge steers over a Unix socket: requests reach the inbox, refusals come back as a line."""
+"""A bridge steers over a Unix socket: requests reach the inbox, refusals are returned as a line."""
 
 import json
 import socket
@@ -37,7 +37,7 @@ def path(inbox: Inbox, paths: PathSource, tmp_path: Path) -> Iterator[Path]:
     server.close()
 
 
-def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Path) -> None:
+def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: Path) -> None:
     result: list[str] = []
     link = Link(str(path), lambda _: None, result.append)
     assert link.ask(velocity=[0.3, 0.0, 0.1], gait="wave", settings={"step_height_m": 0.04}) == ""
@@ -71,7 +71,7 @@ def test_the_bridge_receives_the_status_and_each_note_once(inbox: Inbox, path: P
     assert (received[-1]["gaits"], received[-1]["pose"]) == (["trot", "wave"], [1, 2, 0])
 
 
-def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -> None:
+def test_garbage_is_refused_and_the_connection_stays_open(inbox: Inbox, path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(str(path))
         lines = raw.makefile("rb")

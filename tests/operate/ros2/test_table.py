@@ -39,7 +39,7 @@ def test_any_policy_name_becomes_part_of_a_ros_name(text: str) -> None:
 
 
 def test_a_throttle_keeps_the_mean_rate() -> None:
-    """From 500 Hz, 200 Hz and 50 Hz are left; after a pause there is no burst."""
+    """Of 500 Hz, 200 Hz and 50 Hz pass; after a pause there is no burst."""
     for rate_hz in (200.0, 50.0, float("inf")):
         throttle = Throttle(rate_hz)
         passed = sum(throttle.due(10**18 + tick * 2_000_000) for tick in range(500))

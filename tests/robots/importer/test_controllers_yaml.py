@@ -61,14 +61,14 @@ class TestScaled:
         first, second = (each[0] if isinstance(each, list) else each for each in (one, other))
         assert second / first == pytest.approx(factor, rel=2e-3)
 
-    def test_steps_of_a_biped_are_as_wide_as_it_stands_and_pressed_within_its_soles(self) -> None:
+    def test_a_bipeds_steps_have_the_width_of_its_stance_and_pressure_stays_within_its_soles(self) -> None:
         narrow = Size(33.3411, 0.7720737, 0.7720737, 0.5 * 0.237014, 0.5 * 0.17, 0.25 * 0.06)
         settings = scaled_controllers(narrow, 2, 0.0).sections["step"]
         assert settings["gait"]["apart_m"] == pytest.approx(0.1, rel=1e-3)
         assert settings["pressure"]["half_length_m"] == pytest.approx(0.0375, rel=1e-3)
         assert settings["pressure"]["half_width_m"] == pytest.approx(0.00625, rel=1e-2)
 
-    def test_a_biped_on_two_points_steps_at_once_and_faster_and_has_no_stand(self) -> None:
+    def test_a_biped_on_two_points_steps_at_once_and_faster_and_cannot_stand(self) -> None:
         soles = Size(33.3411, 0.7720737, 0.7720737, 0.237014, 0.17, 0.06)
         points = scaled_controllers(soles._replace(sole_length_m=2e-3, sole_width_m=2e-3), 2, 0.0).sections
         assert list(points) == ["step"]

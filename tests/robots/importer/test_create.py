@@ -30,13 +30,13 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class TestKeptFromTheSource:
-    def test_the_joints_in_the_order_of_the_tree(self, four: tuple[Robot, Imported]) -> None:
+    def test_joints_are_in_the_order_of_the_tree(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
         assert robot.joint_names == tuple(f"{leg}_{part}" for leg in HIPS for part in ("roll", "hip", "knee"))
         assert [foot.name for foot in robot.description.feet] == list(HIPS)
         assert robot.description.feet[2].joints == ("RL_roll", "RL_hip", "RL_knee")
 
-    def test_limits_torque_speed_and_losses_of_each_joint(self, four: tuple[Robot, Imported]) -> None:
+    def test_each_joint_has_its_limits_torque_speed_and_losses(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
         assert robot.motor.damping[:3] == pytest.approx([0.11, 0.12, 0.13])
         assert robot.motor.friction[:3] == pytest.approx([0.21, 0.22, 0.23])
@@ -45,7 +45,7 @@ class TestKeptFromTheSource:
         assert robot.motor.peak_torque[:3] == pytest.approx([21.0, 22.0, 23.0])
         assert robot.motor.no_load_speed[3:6] == pytest.approx([15.0, 16.0, 17.0])
 
-    def test_the_moving_masses(self, four: tuple[Robot, Imported], tmp_path: Path) -> None:
+    def test_the_mass_matrix_equals_the_sources(self, four: tuple[Robot, Imported], tmp_path: Path) -> None:
         """The mass matrix in a pose drawn at random is that of the source, without reflected inertia.
 
         The source has a link without mass between two joints, tilted and fixed parts, and an arm that the
@@ -59,21 +59,23 @@ class TestKeptFromTheSource:
         expected = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
         assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
 
-    def test_a_given_reflected_inertia(self, two: tuple[Robot, Imported]) -> None:
+    def test_a_given_reflected_inertia_is_used(self, two: tuple[Robot, Imported]) -> None:
         robot, made = two
         assert robot.armature[robot.joint_index("left_knee")] == pytest.approx(0.03)
         assert not any("reflected inertia" in guess for guess in made.guesses)
 
 
 class TestDerived:
-    def test_feet_that_touch_together_within_the_soft_limits(self, four: tuple[Robot, Imported]) -> None:
+    def test_feet_touch_together_within_the_soft_limits(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
         assert np.ptp(robot.foot_positions[:, 2]) < 2e-3
         low, high = robot.soft_limits
         assert (low < robot.default_pose).all()
         assert (robot.default_pose < high).all()
 
-    def test_the_other_side_mirrored_to_the_last_digit(self, two: tuple[Robot, Imported]) -> None:
+    def test_the_right_side_is_the_mirrored_left_side_to_the_last_digit(
+        self, two: tuple[Robot, Imported]
+    ) -> None:
         robot, _ = two
         left = [robot.default_pose[robot.joint_index(f"left_{part}")] for part in ("roll", "hip", "knee")]
         right = [robot.default_pose[robot.joint_index(f"right_{part}")] for part in ("roll", "hip", "knee")]
@@ -114,7 +116,7 @@ class TestDerived:
         assert not two[0].description.held_start
 
     def test_spheres_beside_a_rod_are_the_foot(self, tmp_path: Path) -> None:
-        """Three spheres of unlike sizes that reach 0.06 m down, a rod between them ends 4 mm higher."""
+        """Three spheres of different sizes reach 0.06 m down; a rod between them ends 4 mm higher."""
         spheres = "".join(
             f'<geom type="sphere" pos="{x} {y} {r - 0.06}" size="{r}" mass="0.2"/>'
             for x, y, r in ((0.14, 0.03, 0.006), (0.13, -0.03, 0.008), (-0.07, 0.0, 0.01))
@@ -152,8 +154,8 @@ class TestDerived:
 
 
 class TestOptions:
-    def test_a_torque_by_part_of_a_joints_name(self, tmp_path: Path) -> None:
-        """The longest part that fits counts; joints that are not named keep the file's."""
+    def test_a_torque_is_given_by_a_part_of_a_joints_name(self, tmp_path: Path) -> None:
+        """The longest matching part counts; other joints keep the file's torque."""
         wishes = {"knee": 11.0, "RR_knee": 12.5}
         robot, _ = make(
             tmp_path, quadruped(), peak_torque_nm=wishes, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
@@ -163,7 +165,7 @@ class TestOptions:
         assert robot.armature == pytest.approx(np.full(12, 0.006))
         assert robot.motor.no_load_speed[:3] == pytest.approx([15.0, 7.0, 17.0])
 
-    def test_feet_by_name(self, tmp_path: Path) -> None:
+    def test_feet_are_found_by_name(self, tmp_path: Path) -> None:
         feet = ("FL_shank", "FR_shank", "RL_shank")
         robot, _ = make(tmp_path, quadruped(), feet=feet)
         assert [foot.name for foot in robot.description.feet] == ["FL", "FR", "RL"]
@@ -186,7 +188,7 @@ class TestRefusals:
 
         return refuse
 
-    def test_a_file_without_a_legged_robot(self, refusal: Callable[..., str]) -> None:
+    def test_a_file_without_a_legged_robot_is_refused(self, refusal: Callable[..., str]) -> None:
         xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
         slide = '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody></mujoco>'
         mesh = '<collision><geometry><mesh filename="package://p/x.stl"/></geometry></collision>'
@@ -213,7 +215,7 @@ class TestRefusals:
         ):
             assert reason in refusal(text)
 
-    def test_options_that_match_no_joint_or_link(self, refusal: Callable[..., str]) -> None:
+    def test_options_that_match_no_joint_or_link_are_refused(self, refusal: Callable[..., str]) -> None:
         for option, value, named in (
             ("--peak-torque", "a=b", "positive"),
             ("--armature", "-1", "positive"),
@@ -223,7 +225,7 @@ class TestRefusals:
         ):
             assert named in refusal(quadruped(), option, value)
 
-    def test_an_existing_folder(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_an_existing_folder_is_refused(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         (tmp_path / "mine").mkdir()
         (tmp_path / "mine/robot.yaml").write_text("precious")
@@ -253,7 +255,9 @@ def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str
     return full[np.ix_(dofs, dofs)]
 
 
-def test_controllers_by_legs(four: tuple[Robot, Imported], two: tuple[Robot, Imported]) -> None:
+def test_controllers_depend_on_the_number_of_legs(
+    four: tuple[Robot, Imported], two: tuple[Robot, Imported]
+) -> None:
     for imported, shipped in ((four[0], "go1"), (two[0], "g1")):
         names = controllers_of(imported)
         assert names == controllers_of(load_robot(shipped))
@@ -268,7 +272,7 @@ class TestCreate:
         (tmp_path / "m.urdf").write_text(quadruped())
         return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **wishes)
 
-    def test_the_folders_parents_are_made_and_it_names_the_robot(self, tmp_path: Path) -> None:
+    def test_the_folders_parents_are_created_and_the_robot_has_its_name(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, "new/deep/my dog-2_x"))
         assert made.folder == tmp_path / "new/deep/my dog-2_x"
         assert load_robot(made.folder).name == "my_dog-2_x"

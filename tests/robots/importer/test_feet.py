@@ -69,7 +69,7 @@ class TestFeet:
         assert [g.shape.size[0] for g in feet] == [0.02, 0.03]
         assert [g.name for g in others] == ["c"]
 
-    def test_capsules_along_the_ground_stand_on_the_corners_of_their_outline(self) -> None:
+    def test_capsules_along_the_ground_become_spheres_at_the_corners_of_their_outline(self) -> None:
         """Three of 0.2, 0.24 and 0.2 m side by side, 12 mm thick; only a leg with an ankle has soles."""
         ahead = turned(0.0, np.pi / 2, 0.0)
         rods = [
@@ -118,7 +118,7 @@ class TestFeet:
         assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)
 
     @pytest.mark.parametrize("way", [0.0, np.pi])
-    def test_a_rod_is_drawn_back_by_the_sphere_at_its_end(self, way: float) -> None:
+    def test_a_rod_is_shortened_by_the_sphere_at_its_end(self, way: float) -> None:
         """Radius 0.03, from 0.03 m above to 0.23 m below the joint, along its axis or against it."""
         rod = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.1], [0.0, 0.0, -0.1], turn=turned(way, 0.0, 0.0))
         feet, others = foot_of(rod)
@@ -135,7 +135,7 @@ class TestFeet:
         assert others[0].shape.size.tolist() == pytest.approx([0.03, 0.02, 0.09])
         assert others[0].shape.position[2] == pytest.approx(-0.09)
 
-    def test_nothing_is_left_of_a_rod_that_lies_along_the_ground_or_is_short(self) -> None:
+    def test_a_rod_that_is_short_or_lies_along_the_ground_is_left_out(self) -> None:
         lying = geom("rod", Kind.mjGEOM_CAPSULE, [0.02, 0.1], [0.0, 0.0, -0.1], turn=turned(0.0, 1.4, 0.0))
         short = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.01], [0.0, 0.0, -0.1])
         for each in (lying, short):

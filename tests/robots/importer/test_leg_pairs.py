@@ -27,7 +27,7 @@ class Hip(NamedTuple):
 
 
 def walker(*hips: Hip, roll: str = "-0.8 0.8") -> str:
-    """Legs of two links of 0.2 m: a shank of 1 cm in radius ends in a sphere of 2 cm."""
+    """A robot with legs of two links of 0.2 m: a shank with a radius of 1 cm ends in a sphere of 2 cm."""
     return on_base(
         *(
             f"""<body name="{hip.name}_thigh" pos="{hip.x} {hip.y} 0">
@@ -68,8 +68,8 @@ def names(pairs: LegPairs) -> set[frozenset[str]]:
     return {frozenset(pair) for pair in pairs.pairs}
 
 
-def test_only_legs_that_reach_each_other_are_paired(tmp_path: Path) -> None:
-    """Hips 0.15 m apart across and 0.9 m along the robot; legs are 0.4 m long."""
+def test_only_legs_that_can_touch_each_other_are_paired(tmp_path: Path) -> None:
+    """Hips are 0.15 m apart across and 0.9 m along the robot; legs are 0.4 m long."""
     found = paired(tmp_path, square(0.9, 0.15))
     assert names(found) == {frozenset({"fl_shank", "fr_shank"}), frozenset({"rl_shank", "rr_shank"})}
 
@@ -92,7 +92,7 @@ def test_an_imported_robot_trains_with_its_pairs_which_touch_only_each_other(tmp
 
 
 def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:
-    """Hips 70 mm apart: legs 0.35 m long that roll by 0.1 rad meet."""
+    """Hips are 70 mm apart: legs 0.35 m long that roll by 0.1 rad touch."""
     close = square(0.9, 0.07)
     assert not paired(tmp_path, close).pairs
     robot, _ = made(tmp_path, square(0.9, 0.15))
@@ -118,7 +118,7 @@ def test_there_are_no_more_pairs_than_capsules(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_both_sides_have_the_same_pairs(tmp_path: Path, seed: int) -> None:
-    """With these seeds the left legs meet in less than 1 % of the poses, the right legs in more."""
+    """With these seeds the left legs touch in less than 1 % of the poses, the right legs in more."""
     sides = {frozenset({f"f{side}_shank", f"r{side}_shank"}) for side in "lr"}
     assert names(paired(tmp_path, square(0.37, 0.5), seed)) == sides
 
@@ -138,7 +138,7 @@ def test_a_foot_behind_an_ankle_has_a_capsule_of_its_own(tmp_path: Path) -> None
 
 
 def test_parts_of_one_leg_form_no_pair(tmp_path: Path) -> None:
-    """Narrow feet on ankles that turn them up against their shanks, and hips far apart."""
+    """Hips are far apart; ankles turn the narrow feet up against their own shanks."""
     text = BIPED_MJCF.replace("0.12 0.05 0.015", "0.12 0.01 0.008").replace("-0.9 0.8", "-1.6 1.6")
     wide = text.replace('pos="0 0.1 -0.05"', 'pos="0 0.6 -0.05"').replace(
         'pos="0 -0.1 -0.05"', 'pos="0 -0.6 -0.05"'

@@ -26,7 +26,7 @@ class TestLimbs:
         limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
         assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
 
-    def test_a_geom_or_a_site_may_have_the_name(self, tmp_path: Path) -> None:
+    def test_the_name_of_a_foot_may_be_that_of_a_geom_or_a_site(self, tmp_path: Path) -> None:
         one = hanging("a", 0.1, 0.2, '<site name="left_foot"/>')
         two = hanging("b", -0.1, 0.2, '<geom name="right_foot" size="0.01" mass="0"/>')
         source = read(tmp_path, on_base(one, two, hanging("tail", 0.0, 0.9)))
@@ -44,7 +44,7 @@ class TestLimbs:
         assert feet_of(source) == ["l_shank", "r_shank"]
         assert find_limbs(source).legs[1].joints == ("r_thigh_joint", "r_shank_joint")
 
-    def test_a_part_that_is_fixed_to_the_end_names_it_too(self, tmp_path: Path) -> None:
+    def test_a_part_that_is_fixed_to_a_limbs_end_may_have_the_foots_name(self, tmp_path: Path) -> None:
         toe = '<body name="{}_pad" pos="0 0 -0.2"><geom size="0.01" mass="0.01"/></body>'
         limbs = (hanging(name, y, 0.2, toe.format(name)) for name, y in (("a", 0.1), ("b", -0.1)))
         source = read(tmp_path, on_base(*limbs))

@@ -29,7 +29,7 @@ class TestMachine:
         return build_machine(source, "odd")[0]
 
     def test_every_link_moves_as_in_the_source(self, source: Source, machine: Machine) -> None:
-        """Feet, bricks and the mass matrix, seen from the base; the arm is held at 0.4 rad."""
+        """Feet, boxes and the mass matrix relative to the base; the arm is held at 0.4 rad."""
         theirs, ours = source.model, mujoco.MjModel.from_xml_string(model_xml(machine))
         for seed in range(2):
             rng = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ class TestMachine:
         assert (foot.friction[0], foot.contype[0], foot.conaffinity[0]) == (1.3, 2, 5)
         assert (foot.priority[0], foot.condim[0]) == (1, 3)
 
-    def test_the_imu_is_at_the_site_as_the_base_sees_it(self, machine: Machine) -> None:
+    def test_the_imu_is_at_its_site_relative_to_the_base(self, machine: Machine) -> None:
         """0.05 m ahead and 0.1 m up, and 0.02 and 0.01 m along axes that are turned by 0.5 rad about y."""
         along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
         np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
@@ -99,7 +99,9 @@ class TestMachine:
               <geom name="b_foot" size="0.02" pos="0 0.1 -0.4" mass="0.1"/></body>""",
         ],
     )
-    def test_a_massless_link_that_touches_or_forks_is_refused(self, tmp_path: Path, extra: str) -> None:
+    def test_a_massless_link_with_a_contact_or_two_children_is_refused(
+        self, tmp_path: Path, extra: str
+    ) -> None:
         light = """<body name="light"><joint axis="1 0 0" range="-1 1"/><inertial pos="0 0 0" mass="1e-9"
           diaginertia="1e-9 1e-9 1e-9"/>{}{}</body>"""
         text = on_base(light.format(hanging("a_foot", 0.1, 0.4), extra), hanging("c_foot", -0.1, 0.4))

@@ -40,7 +40,7 @@ class TestDrive:
         return choose_drive(machine, source_of(tmp_path, peak, speed), peak, wished or {}, statics)
 
     def test_the_middle_joint_has_peak_torque_at_0_75_rad(self, tmp_path: Path) -> None:
-        """20 N m over 0.01 kg m^2 and 0.75 rad: 51.6 rad/s, 8.2 Hz, of which steps of a half begin at 8."""
+        """20 N m over 0.01 kg m^2 and 0.75 rad give 51.6 rad/s or 8.2 Hz, which is rounded down to 8 Hz."""
         drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0))
         assert (drive.natural_frequency_hz, drive.stands) == (8.0, True)
 
@@ -50,13 +50,13 @@ class TestDrive:
             self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0), heavy)
 
     def test_an_action_moves_no_joint_by_more_than_nine_tenths_of_its_range(self, tmp_path: Path) -> None:
-        """kp = 0.01 (2 pi 8)^2 = 25.27 N m/rad; of 0.5 rad and 90 N m that is a share of 0.1263."""
+        """kp = 0.01 (2 pi 8)^2 = 25.27 N m/rad; 0.5 rad then need 0.1263 of 90 N m."""
         tight = self.drive(tmp_path, (hinge("a"), hinge("b"), hinge("c", 0.5)), (10.0, 20.0, 90.0))
         assert tight.torque_share == 0.126
         assert self.drive(tmp_path, self.HINGES, (10.0, 20.0, 20.0)).torque_share == 0.3
 
     def test_stiffness_is_twice_the_least_that_keeps_it_from_tipping(self, tmp_path: Path) -> None:
-        """One motion of the second joint, from which gravity takes 10 N m/rad: 20 N m/rad at 7.12 Hz."""
+        """Gravity takes 10 N m/rad from the second joint, which gets 20 N m/rad at 7.12 Hz."""
         tipping = Statics(np.zeros(3), np.array([[-10.0]]), np.array([[0.0], [1.0], [0.0]]))
         drive = self.drive(tmp_path, self.HINGES, (1.0, 1.0, 1.0), tipping)
         assert drive.natural_frequency_hz == 7.5
@@ -74,7 +74,7 @@ class TestDrive:
         motors = self.drive(tmp_path, hinges, (20.0, 20.0, 20.0)).motors
         assert [motors[name].friction_speed_rad_s for name in "abc"] == pytest.approx([1.0, 0.2, 0.25])
 
-    def test_speeds_are_the_users_or_else_plausible_ones_of_the_file(self, tmp_path: Path) -> None:
+    def test_speeds_are_the_users_or_else_the_files_if_plausible(self, tmp_path: Path) -> None:
         drive = self.drive(
             tmp_path, self.HINGES, (20.0,) * 3, wished={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
         )

@@ -13,7 +13,7 @@ from footfall.robots.importer.orientation import side_letters, turned
 
 
 def renamed(text: str) -> str:
-    """The biped with left and right exchanged, as in a file whose x axis points backward."""
+    """The biped's file with left and right exchanged, as if its x axis pointed backward."""
     return text.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
 
 
@@ -29,7 +29,7 @@ def renamed(text: str) -> str:
         (["leg_1", "leg_2"], ["", ""]),
     ],
 )
-def test_names_give_the_sides(names: list[str], sides: list[str]) -> None:
+def test_sides_are_read_from_names(names: list[str], sides: list[str]) -> None:
     assert side_letters(names) == sides
 
 
@@ -46,7 +46,7 @@ class TestTurned:
         assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
 
     def test_a_turned_base_is_the_same_machine(self, tmp_path: Path) -> None:
-        """The robot is requested to face along y."""
+        """The user gives y as the forward axis."""
         (tmp_path / "a").mkdir()
         (tmp_path / "b").mkdir()
         as_is, _ = make(tmp_path / "a", quadruped(), forward="x")
@@ -60,7 +60,7 @@ class TestTurned:
             assert other.body(f"{leg}_thigh").pos == pytest.approx([-y, x, z], abs=1e-5)
 
     def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
-        """Without the axis no limb is below its base; with it the machine equals the one with z up."""
+        """Without that option no limb is below its base; with it the machine equals the one with z up."""
         upright = read(tmp_path, BIPED_MJCF)
         lying = turned(upright, base_of(upright.model), "x", "-y")
         with pytest.raises(UserError, match="--up"):

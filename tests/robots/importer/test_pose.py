@@ -44,7 +44,10 @@ class TestPose:
         return machine, data
 
     def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
-        """A knee of -2 to -0.4 rad may use 0.85 of it, to -0.52: 0.4 cos(0.26) m and the sphere's radius."""
+        """Of a knee's range from -2 to -0.4 rad 0.85 are used, up to -0.52.
+
+        0.4 cos(0.26) m and the sphere's radius.
+        """
         pose = self.pose(tmp_path, walker())
         reach = 0.4 * np.cos(0.26) + 0.02
         assert pose.reach_m == pytest.approx(reach, abs=5e-3)
@@ -113,7 +116,9 @@ class TestPose:
         return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
 
     @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
-    def test_a_leg_stands_as_another_or_mirrored(self, tmp_path: Path, other: int, across: float) -> None:
+    def test_a_legs_pose_equals_another_legs_or_its_mirror_image(
+        self, tmp_path: Path, other: int, across: float
+    ) -> None:
         """Also for hinges of the opposite direction and another zero."""
         text = walker()
         for name in ("fr", "rl"):
@@ -125,8 +130,8 @@ class TestPose:
         first, second = (leg.foot(data) - [*leg.hip[:2], 0.0] for leg in (legs[0], legs[other]))
         np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
 
-    def test_a_foot_belongs_below_its_zero_and_nearer_if_spread(self, tmp_path: Path) -> None:
-        """A leg 0.4 m long that reaches 0.1 m down is spread, and stands at 0.7 of its 0.3 m."""
+    def test_a_foot_stands_below_its_position_at_zero_and_a_spread_leg_closer(self, tmp_path: Path) -> None:
+        """A leg 0.4 m long that reaches 0.1 m down is spread; its foot stands at 0.7 of the 0.3 m."""
 
         def spread(name: str, y: float, down: float) -> str:
             aside = np.sign(y) * np.sqrt(0.16 - down**2)
@@ -151,8 +156,8 @@ class TestPose:
         _, _, legs = self.searches(tmp_path, on_base(*limbs))
         assert [leg.sole for leg in legs] == [True, False, False]
 
-    def test_a_sole_is_set_down_level_and_pointing_ahead(self, tmp_path: Path) -> None:
-        """The biped's, of six joints to a leg."""
+    def test_a_sole_is_level_and_points_ahead(self, tmp_path: Path) -> None:
+        """The sole of a biped with six joints in each leg."""
         machine, data = self.placed(tmp_path, BIPED_MJCF)
         for leg in machine.legs:
             axes = data.body(machine.links[leg.link].name).xmat.reshape(3, 3)

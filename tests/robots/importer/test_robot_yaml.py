@@ -24,7 +24,10 @@ class Carries(NamedTuple):
 
 class TestRobotYaml:
     def chosen(self, armature: float = 0.01, **known: Carries) -> tuple[dict[str, str], list[str]]:
-        """For a motor of 20 N m and 30 rad/s at 8 Hz, critically damped: kp 25.3, kd 1.005."""
+        """The protocol chosen for a motor of 20 N m and 30 rad/s with gains at 8 Hz, critically damped.
+
+        Kp 25.3, kd 1.005.
+        """
         machine = rod_machine([hinge("a", armature=armature)])
         drive = Drive({"a": JointMotor(20.0, 30.0, 0.2)}, 8.0, 0.3, True, ())
         return choose_protocols(machine, drive, known)
@@ -69,7 +72,7 @@ class TestRobotYaml:
         """sqrt(9.81 * 0.5) = 2.21 m/s: a quarter of it on two legs, 0.45 on more; half as much sideways."""
         assert commands in self.text(legs, 13)
 
-    def test_height_speed_and_motors_are_written_down(self) -> None:
+    def test_height_speed_and_motors_are_written(self) -> None:
         lines = self.text()
         assert any(line.startswith("standing_height_m: 0.3457 ") for line in lines)
         assert any(line.startswith("target_rate_rad_s: 76 ") for line in lines)  # twice the fastest

@@ -28,7 +28,7 @@ class TestShapes:
         points = np.random.default_rng(1).normal(size=(6000, 3))
         return points / np.linalg.norm(points, axis=1, keepdims=True)
 
-    def test_a_rod_at_an_angle(self) -> None:
+    def test_a_rod_at_an_angle_is_found(self) -> None:
         points = 0.02 * self.cloud()
         points[:, 2] += 0.1 * np.sign(points[:, 2])
         shape, _ = fit_shape(points @ self.TURN.T + self.PLACE)
@@ -36,7 +36,7 @@ class TestShapes:
         assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
         assert abs(rotation_of(shape.quaternion)[:, 2] @ self.TURN[:, 2]) == pytest.approx(1.0, abs=1e-3)
 
-    def test_a_brick_along_the_links_axes(self) -> None:
+    def test_a_box_along_the_links_axes_is_found(self) -> None:
         corners = np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.3) for z in (0.0, 0.05)])
         shape, _ = fit_shape(corners)
         assert shape.kind == Kind.mjGEOM_BOX
@@ -97,7 +97,7 @@ def test_a_shape_reaches_to_its_surface(kind: mujoco.mjtGeom, size: tuple[float,
     np.testing.assert_allclose(lowest, points[(points @ up).argmin()], atol=3e-3)
 
 
-def test_a_brick_askew_is_boxed_along_its_own_axes() -> None:
+def test_a_rotated_box_is_found_along_its_own_axes() -> None:
     shape, _ = fit_shape(TURN.apply(surface(Kind.mjGEOM_BOX, (0.05, 0.1, 0.2))[:500]) + PLACE)
     assert shape.kind == Kind.mjGEOM_BOX
     assert sorted(shape.size) == pytest.approx([0.05, 0.1, 0.2], rel=0.02)
@@ -105,7 +105,7 @@ def test_a_brick_askew_is_boxed_along_its_own_axes() -> None:
 
 
 def test_a_sole_points_where_the_links_x_axis_does() -> None:
-    """0.2 by 0.08 m, on an ankle that leans a little both ways."""
+    """A sole of 0.2 by 0.08 m on an ankle that is tilted a little about both axes."""
     frame = Rotation.from_euler("XY", [0.1, 0.3])
     corners = np.array([[x, y, 0.0] for x in (-0.05, 0.15) for y in (-0.04, 0.04)])
     shape = fit_sole(frame.apply(corners) + PLACE, frame.apply(UP))
@@ -131,7 +131,7 @@ class TestFitAlong:
     def sphere(self, radius: float, z: float) -> Shape:
         return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
 
-    def test_a_rod_is_itself_in_any_direction(self) -> None:
+    def test_a_rod_is_found_in_any_direction(self) -> None:
         turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
         rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
         axis = rotation_of(turn)[:, 2]

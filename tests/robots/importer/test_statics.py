@@ -69,11 +69,11 @@ class TestTorques:
 
     @pytest.mark.parametrize(("aside", "left"), [(0.0, 0.5), (0.03, 0.6), (-0.06, 0.3)])
     def test_each_legs_load_balances_the_weight(self, aside: float, left: float) -> None:
-        """Of feet at 0.15 and -0.15 m the left carries (0.15 + y) / 0.3 of 98.1 N, 0.05 m from its hip."""
+        """The left foot, at 0.15 m, carries (0.15 + y) / 0.3 of 98.1 N, 0.05 m from its hip."""
         torque = self.found((0.02, aside, 0.1)).torque_nm
         assert torque == pytest.approx([-0.05 * 98.1 * left, 0.05 * 98.1 * (1 - left)], abs=1e-3)
 
     def test_the_legs_own_weight_hangs_on_their_hips(self) -> None:
-        """1 kg in each foot lies on the ground: the hips carry what they did without it."""
+        """The ground carries the 1 kg in each foot: the torques of the hips stay the same."""
         torque = self.found((0.0, 0.0, 0.1), weight=0.5).torque_nm
         assert torque == pytest.approx([-0.05 * 49.05, 0.05 * 49.05], abs=1e-3)

@@ -82,7 +82,9 @@ def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
 )
-def test_every_preset_loads_with_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
+def test_every_preset_loads_with_an_imported_robots_training_yaml(
+    tmp_path: Path, text: str, suffix: str, gait: str
+) -> None:
     robot, _ = make(tmp_path, text, suffix, usual=default_ranges(), gaits_of=gaits_of)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
@@ -101,7 +103,9 @@ def test_every_preset_loads_with_it(tmp_path: Path, text: str, suffix: str, gait
 
 
 @pytest.mark.parametrize(("gaits", "name"), [(gaits_of, "wave"), (lambda _: (), None)])
-def test_fifth_legs_gait(tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None) -> None:
+def test_a_robot_with_five_legs_has_the_gait_for_them(
+    tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None
+) -> None:
     robot, _ = make(tmp_path, quadruped(tail=True), gaits_of=gaits)
     gait = load_preset("gpu", robot).env.gait
     assert (gait and gait.name) == name

@@ -47,7 +47,7 @@ class TestUrdf:
         sizes = [points[:, 0].max() for points in read_source(tmp_path / "m.urdf").meshes.values()]
         assert sizes == pytest.approx([0.1, 0.1, 0.1, 0.3])
 
-    def test_packages_are_searched(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_packages_are_searched_for_meshes(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         given, ros = tmp_path / "given", tmp_path / "ros/elsewhere"
         monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{ros}")
         folders = (ros / "maker", tmp_path / "maker", given / "maker")
@@ -87,7 +87,7 @@ class TestUrdf:
         np.testing.assert_allclose(source.model.joint("RL_knee").range, [-np.pi, np.pi])
 
     def test_an_impossible_inertia_is_raised_to_a_radius_of_a_millimetre(self, tmp_path: Path) -> None:
-        """0.4 kg on an arm: 4e-7 kg m^2 about its thinnest axis, the others as they are."""
+        """A mass of 0.4 kg: at least 4e-7 kg m^2 about its thinnest axis; the other inertias stay."""
         moments = 'ixx="0.0016" iyy="0.002" izz="0.0012000000000000001" ixy="0.00016" ixz="0.0" iyz="0.0"'
         text = quadruped()
         assert moments in text

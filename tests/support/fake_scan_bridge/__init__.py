@@ -1,1 +1,1 @@
-"""A bridge for height scans that speaks to no ROS."""
+"""A bridge for height scans without ROS."""
