@@ -29,7 +29,8 @@ from footfall.envs.config import EnvConfig, TerrainConfig
 from footfall.envs.make import make_environment
 from footfall.envs.terrain import KEY
 from footfall.evaluate.metrics import SUCCESS_PROGRESS
-from footfall.evaluate.scenarios import Scenario, ScenarioFile, load_scenarios
+from footfall.evaluate.scenarios import GROUND_LEVELS, Scenario, ScenarioFile, load_scenarios
+from footfall.evaluate.scenarios import at_level as ground_at_level
 from footfall.policies.learned import open_network
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
@@ -39,10 +40,17 @@ SETTLED_S = 0.5  # end of the episode, in which the environment would begin the 
 
 
 def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> EnvConfig:
-    """The training environment on the scenario's ground only, at its first command, without pushes."""
+    """The training environment on the scenario's ground only, at its first command, without pushes.
+
+    Args:
+        config: of the training.
+        scenario: has a ground.
+        level: a parameter of the ground, or a drawn quantity, which is fixed.
+    """
     assert scenario.ground is not None
     assert config.terrain is not None
-    ground = replace(scenario.ground, settings={**scenario.ground.settings, **level})
+    ground = ground_at_level(scenario.ground, level)
+    fixed = {name: Distribution(value, value) for name, value in level.items() if name not in GROUND_LEVELS}
     terrain: TerrainConfig = replace(
         config.terrain, grounds=(ground,), levels=2, start_levels=1, spread_m=0.0
     )
@@ -58,6 +66,7 @@ def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> 
     )
     return replace(
         config,
+        randomisation=replace(config.randomisation, **fixed),
         terrain=terrain,
         commands=commands,
         events=tuple(event for event in config.events if event.term != "push"),

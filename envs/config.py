@@ -117,6 +117,7 @@ class TerrainConfig:
     down_share: float = 0.4  # below this share, or after a fall, it is a level easier
     spread_m: float = 2.0  # half the side of the square in which episodes begin
     seed: int = 0  # of random heights
+    exact_friction: bool = False  # feet have the friction cone of the simulated robot
 
     def __post_init__(self) -> None:
         require_between(self, 2, 100, "levels")

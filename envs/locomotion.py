@@ -53,7 +53,8 @@ class LocomotionEnv:
         self.period_s, self.timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
         self.action_size = len(robot.joint_names)
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
-        model = training_model(robot, self.timestep_s, config.contacts)
+        exact = config.terrain is not None and config.terrain.exact_friction
+        model = training_model(robot, self.timestep_s, config.contacts, exact)
         check_timestep(robot, model, config)
         self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None

@@ -21,16 +21,24 @@ IMU = "footfall_imu"
 FLOOR_FRICTION = [0.8, 0.005, 0.0001]
 ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
+EXACT_ITERATIONS = 4  # of MuJoCo's solver, until friction has nearly converged
+
 
 def training_model(
-    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, contacts: Contacts = "feet"
+    robot: Robot,
+    timestep_s: float = TRAINING_TIMESTEP_S,
+    contacts: Contacts = "feet",
+    exact_friction: bool = False,
 ) -> mujoco.MjModel:
     """The model that policies are trained on; see `training_spec`."""
-    return training_spec(robot, timestep_s, contacts).compile()
+    return training_spec(robot, timestep_s, contacts, exact_friction).compile()
 
 
 def training_spec(
-    robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S, contacts: Contacts = "feet"
+    robot: Robot,
+    timestep_s: float = TRAINING_TIMESTEP_S,
+    contacts: Contacts = "feet",
+    exact_friction: bool = False,
 ) -> mujoco.MjSpec:
     """The robot's bodies, its feet and a floor, without sensors, actuators and visual geometry.
 
@@ -43,6 +51,8 @@ def training_spec(
         timestep_s: time step of the physics.
         contacts: which shapes collide. For robots that fall and lie, all collision shapes collide with the
             floor and each other, and joints keep their limits, which a lying robot's weight reaches.
+        exact_friction: whether contacts have the robot's own friction cone, which takes more iterations. With
+            a pyramid and one iteration, feet under load creep, and brake harder than their friction permits.
     """
     spec = load_spec(robot.xml_path)
     make_inertia_explicit(spec)
@@ -77,10 +87,11 @@ def training_spec(
     _let_feet_decide(_add_floor(spec, contact_bits=1), [spec.geom(foot) for foot in feet])
     spec.option.timestep = timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-    spec.option.impratio = 1
+    if not exact_friction:
+        spec.option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+        spec.option.impratio = 1
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    spec.option.iterations = 1
+    spec.option.iterations = EXACT_ITERATIONS if exact_friction else 1
     spec.option.ls_iterations = 5
     # The joint law contains the damping. MuJoCo's implicit damping would factorise the mass matrix twice.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP

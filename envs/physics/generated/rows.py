@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from footfall.envs.physics.generated.algebra import Vector, cross
+from footfall.envs.physics.generated.cone import Cone
 from footfall.envs.physics.generated.contacts import Contact, LinkPose
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
 from footfall.envs.physics.generated.limbs import Pair, Part
@@ -29,10 +30,11 @@ class Rows(NamedTuple):
     weight: Scalar  # D of all its rows; 0 without contact
     reference: tuple[Scalar, ...]  # minus the reference acceleration, along normal and tangents
     pair: Pair | None = None  # of a contact between two limbs: the Jacobian is this limb's part of it
+    cone: Cone | None = None  # then `weight` is that of the normal's row
 
     def edges(self, along: list[Scalar]) -> list[Scalar]:
-        """Values along the edges of the friction pyramid, from values along normal and tangents."""
-        if not self.friction:
+        """Values along the edges of the friction pyramid, if any, from values along normal and tangents."""
+        if not self.friction or self.cone is not None:
             return along
         normal, *rest = along
         return [
@@ -80,8 +82,12 @@ def contact_rows(
     inverse_weight = sum(float(model.body_invweight0[model.geom_bodyid[geom]][0]) for geom in meeting.geoms)
     frictions: tuple[Scalar, ...] = ()
     scale: Scalar = inverse_weight
+    cone: Cone | None = None
     if meeting.dimensions == SLIDING:
         frictions = meeting.friction or (friction, friction)
+    if frictions and model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC:
+        cone = Cone(frictions, float(model.opt.impratio))
+    elif frictions:
         square = frictions[0] * frictions[0]
         scale = inverse_weight * (1.0 + square) * (2.0 * square)
     resistance = maximum(scale * (1.0 - impedance) / impedance, TINY)
@@ -90,7 +96,7 @@ def contact_rows(
         weight = weight * part.number(0.0 if pair.number is None else 0.5)
     elif all(dof < BASE_DOFS for row in jacobian for dof in row):
         weight = weight * part.share
-    return Rows(jacobian, frictions, weight, tuple(reference), pair)
+    return Rows(jacobian, frictions, weight, tuple(reference), pair, cone)
 
 
 def limit_rows(

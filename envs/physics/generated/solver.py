@@ -1,8 +1,9 @@
-"""MuJoCo's forward dynamics with soft contacts: one Newton iteration with an exact line search.
+"""MuJoCo's forward dynamics with soft contacts: Newton iterations with an exact line search.
 
 MuJoCo: its documentation, chapter Computation, sections Primal problem and Algorithms. The acceleration x
 minimises (x - a)^T M (x - a) / 2 + sum of D_i min(0, J_i x - r_i)^2 / 2 over all rows, where a is the
-acceleration without contact and r the reference acceleration.
+acceleration without contact and r the reference acceleration; contacts with an elliptic cone have a cost of
+their own (`cone.py`).
 """
 
 from footfall.envs.physics.generated.algebra import Factor, Symmetric, dot, product
@@ -11,7 +12,7 @@ from footfall.envs.physics.generated.limbs import Part
 from footfall.envs.physics.generated.rows import Rows
 from footfall.envs.physics.generated.tree import BASE_DOFS
 
-LINE_SEARCH_STEPS = 10
+LINE_SEARCH_STEPS, CONE_SEARCH_STEPS = 10, 20
 
 
 def newton_step(
@@ -74,6 +75,9 @@ def _residuals(contacts: list[Rows], x: list[Scalar], part: Part, reference: boo
 def _cost(contacts: list[Rows], residuals: list[list[Scalar]]) -> Scalar:
     total: Scalar = 0.0
     for contact, residual in zip(contacts, residuals, strict=True):
+        if contact.cone is not None:
+            total = total + contact.cone.cost(contact.weight, residual)
+            continue
         pushed = [minimum(value, 0.0) for value in residual]
         total = total + 0.5 * contact.weight * dot(pushed, pushed)
     return total
@@ -117,16 +121,11 @@ def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, resi
 
     The sums run over normal and tangents instead of the pyramid's edges, which combine them.
     """
-    pushed = [contact.weight * minimum(value, 0.0) for value in residual]
-    active = [where(less(value, 0.0), contact.weight, 0.0) for value in residual]
     size = len(contact.jacobian)
-    force: list[Scalar] = [sum(pushed, start=0.0)]
-    weight: dict[tuple[int, int], Scalar] = {(0, 0): sum(active, start=0.0)}
-    for k, friction in enumerate(contact.friction):
-        plus, minus = 2 * k, 2 * k + 1
-        force.append(friction * (pushed[plus] - pushed[minus]))
-        weight[k + 1, k + 1] = friction * friction * (active[plus] + active[minus])
-        weight[k + 1, 0] = weight[0, k + 1] = friction * (active[plus] - active[minus])
+    if contact.cone is not None:
+        force, weight = contact.cone.derivatives(contact.weight, residual)
+    else:
+        force, weight = _of_pyramid(contact, residual)
     dofs = sorted({dof for row in contact.jacobian for dof in row})
     for i in dofs:
         column = [row.get(i, 0.0) for row in contact.jacobian]
@@ -141,6 +140,20 @@ def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, resi
                 hessian[i, j] = hessian.get((i, j), 0.0) + dot(weighted, other)
 
 
+def _of_pyramid(contact: Rows, residual: list[Scalar]) -> tuple[list[Scalar], dict[tuple[int, int], Scalar]]:
+    """Gradient and Hessian of a contact's cost by the residual of normal and tangents."""
+    pushed = [contact.weight * minimum(value, 0.0) for value in residual]
+    active = [where(less(value, 0.0), contact.weight, 0.0) for value in residual]
+    force: list[Scalar] = [sum(pushed, start=0.0)]
+    weight: dict[tuple[int, int], Scalar] = {(0, 0): sum(active, start=0.0)}
+    for k, friction in enumerate(contact.friction):
+        plus, minus = 2 * k, 2 * k + 1
+        force.append(friction * (pushed[plus] - pushed[minus]))
+        weight[k + 1, k + 1] = friction * friction * (active[plus] + active[minus])
+        weight[k + 1, 0] = weight[0, k + 1] = friction * (active[plus] - active[minus])
+    return force, weight
+
+
 def _line_search(
     slope: Scalar,
     curvature: Scalar,
@@ -153,12 +166,19 @@ def _line_search(
     """Step length along the search direction that minimises the cost.
 
     Its derivative rises piecewise linearly: Newton steps inside a bracket end exactly at the root, most
-    often after three steps. MuJoCo's C finds the same length if its `ls_iterations` suffice.
+    often after three steps. With an elliptic cone it bends, and more are needed. MuJoCo's C finds the same
+    length if its `ls_iterations` suffice.
     """
     rows = [
         (residual, step, contact.weight * step, contact.weight * step * step)
         for contact, some, steps in zip(contacts, residuals, change, strict=True)
+        if contact.cone is None
         for residual, step in zip(some, steps, strict=True)
+    ]
+    cones = [
+        contact.cone.along(contact.weight, some, steps)
+        for contact, some, steps in zip(contacts, residuals, change, strict=True)
+        if contact.cone is not None
     ]
 
     def newton(values: list[Scalar]) -> tuple[list[Scalar], Scalar]:
@@ -168,6 +188,9 @@ def _line_search(
             there = residual + length * step
             first = first + weighted * minimum(there, 0.0)
             second = second + where(less(there, 0.0), square, 0.0)
+        for derivatives in cones:
+            one, two = derivatives(length)
+            first, second = first + one, second + two
         first, second = part.total(first), part.total(second)
         before = less(first, 0.0)
         low, high = where(before, length, low), where(before, high, length)
@@ -177,4 +200,5 @@ def _line_search(
         moved = less(rounding * absolute(following), absolute(following - length))
         return [following, low, high], moved
 
-    return slope.graph.repeat(LINE_SEARCH_STEPS, [0.0, 0.0, 1e10], newton)[0]
+    steps = CONE_SEARCH_STEPS if cones else LINE_SEARCH_STEPS
+    return slope.graph.repeat(steps, [0.0, 0.0, 1e10], newton)[0]

@@ -196,7 +196,9 @@ def _step(
         rows.append(contact_rows(contact, model, part, geometry.poses, speed, 0.0, pair))
     rows.extend(limit_rows(model, tree, angles, speed))
 
-    acceleration = newton_step(mass, force, warm, rows, precision.rounding, part)
+    acceleration = warm
+    for _ in range(model.opt.iterations):
+        acceleration = newton_step(mass, force, acceleration, rows, precision.rounding, part)
     linear = base_turn @ vector(*acceleration[:3])
     acceleration = [*linear, *acceleration[3:]]
     velocity = [v + timestep_s * a for v, a in zip(qvel, acceleration, strict=True)]
