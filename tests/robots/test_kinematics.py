@@ -1,8 +1,5 @@
 """Leg kinematics of shipped robots against MuJoCo; test_limb.py tests limbs of any kind."""
 
-import re
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
@@ -133,22 +130,6 @@ class TestRolling:
         assert not np.allclose(LEGS.rolling_offset(axes, tilted), once)
         np.testing.assert_array_equal(LEGS.rolling_offset(axes, level), once)
         np.testing.assert_array_equal(LEGS.rolling_offset(-axes, level), -once)
-
-
-class TestOtherRobots:
-    def test_a_leg_with_skew_axes_is_solved_too(self, tmp_path: Path) -> None:
-        """It has no closed form."""
-        for name in ("robot.yaml", "robot.xml"):
-            text = (ROBOT.folder / name).read_text().replace("height_m: 0.2945", "height_m: 0.341")
-            (tmp_path / name).write_text(re.sub(r" lying_rad: [-0-9.]+,", "", text))  # without a lying pose
-        knee = '<default class="knee">\n      <joint axis="0 1 0"'
-        text = (tmp_path / "robot.xml").read_text()
-        assert knee in text
-        (tmp_path / "robot.xml").write_text(text.replace(knee, knee.replace("0 1 0", "0 1 1")))
-        robot = load_robot(tmp_path)
-        feet = robot.legs.default_foot + np.array([[0.03, 0.01, -0.02]])
-        joint = robot.legs.scatter(robot.legs.solve(feet), robot.default_pose)
-        np.testing.assert_allclose(robot.legs.pose(joint).foot, feet, atol=1e-6)
 
 
 def test_joint_values_are_gathered_by_leg_and_scattered_into_an_array_of_their_own() -> None:

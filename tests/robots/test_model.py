@@ -50,13 +50,6 @@ def test_the_plant_stops_joints_at_their_limits(go1: Robot) -> None:
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) == 12
 
 
-def test_training_model_has_the_plants_body(go1: Robot, lean: mujoco.MjModel) -> None:
-    plant = plant_model(go1)
-    assert lean.nbody == plant.nbody
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_armature"):
-        np.testing.assert_allclose(getattr(lean, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
-
-
 def test_bodies_keep_the_inertia_of_omitted_geoms(own_folder: Path) -> None:
     xml = own_folder / "robot.xml"
     text = re.sub(r"<inertial [^>]*/>", "", xml.read_text())

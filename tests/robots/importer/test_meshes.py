@@ -26,36 +26,25 @@ class TestMeshes:
         assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
         assert -robot.foot_positions[0, 2] > 0.3
 
-    def test_a_collada_scene_places_its_geometry(self, tmp_path: Path) -> None:
-        """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""
-        (tmp_path / "a.dae").write_text(
-            """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
-            <asset><unit meter="0.01"/></asset>
-            <library_geometries><geometry id="g"><mesh><source id="p"><float_array>1 2 3 4 5 6</float_array>
-            </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
-            </library_geometries><library_visual_scenes><visual_scene><node><translate>10 0 5</translate>
-            <rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node></visual_scene>
-            </library_visual_scenes></COLLADA>"""
-        )
-        points = read_points(tmp_path / "a.dae", np.ones(3))
-        assert points == pytest.approx(np.array([[0.08, 0.01, 0.08], [0.05, 0.04, 0.11]]))
-
 
 class TestMeshFiles:
     def test_a_collada_scene_of_nested_nodes(self, tmp_path: Path) -> None:
-        """The inner node's points doubled along x and moved by (1, 0, 0), then all a quarter turn about z."""
+        """In centimetres: points doubled along x and moved by 1, then turned by a quarter about z."""
         (tmp_path / "a.DAE").write_text(
-            """<COLLADA><library_geometries><geometry id="g"><mesh>
+            """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
+            <asset><unit meter="0.01"/></asset><library_geometries><geometry id="g"><mesh>
             <source id="normals"><float_array>9 9 9</float_array></source>
             <source id="p"><float_array>1 2 3 4 5 6</float_array></source>
             <vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
-            </library_geometries><library_visual_scenes><visual_scene>
-            <node><matrix>0 -1 0 0 1 0 0 0 0 0 1 0 0 0 0 1</matrix>
-            <node><translate>1 0 0</translate><scale>2 1 1</scale><instance_geometry url="#g"/></node></node>
-            </visual_scene></library_visual_scenes></COLLADA>"""
+            </library_geometries><library_visual_scenes><visual_scene><node><rotate>0 0 1 90</rotate>
+            <node><matrix>1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1</matrix><scale>2 1 1</scale>
+            <instance_geometry url="#g"/></node></node>
+            <node><translate>9 0 0</translate><instance_geometry url="#g"/></node></visual_scene>
+            </library_visual_scenes></COLLADA>"""
         )
         points = read_points(tmp_path / "a.DAE", np.array([1.0, 1.0, 10.0]))
-        np.testing.assert_allclose(points, [[-2, 3, 30], [-5, 9, 60]])
+        expected = [[-2, 3, 30], [-5, 9, 60], [10, 2, 30], [13, 5, 60]]
+        np.testing.assert_allclose(points, 0.01 * np.array(expected), atol=1e-9)
 
     @pytest.mark.parametrize(
         ("up", "point"), [("Z_UP", (1, 2, 3)), ("Y_UP", (1, -3, 2)), ("X_UP", (-2, 1, 3)), (None, (1, 2, 3))]
