@@ -10,10 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
-from footfall.policies.controllers.mpc import Mpc
-from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.stand import Stand, StandConfig
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import StanceConfig, WalkConfig
 from footfall.policies.policy import Policy, PolicyInput, Sensed
@@ -51,17 +48,6 @@ def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", [FIVE, BIPED, SOLES])
 class TestAnyRobot:
-    def test_stand_holds_its_pose_against_sinking(self, robots: dict[str, Robot], kind: str) -> None:
-        robot = robots[kind]
-        policy = Stand(robot, controller_settings(GO1, "stand", StandConfig))
-        policy.reset(seen(robot, 0.0))
-        level = tips(robot, policy, seen(robot, 9.0))
-        np.testing.assert_allclose(level, robot.legs.default_foot, atol=1e-6)
-        moved = tips(robot, policy, seen(robot, 9.0, roll=0.05))[:, 2] - level[:, 2]
-        left = robot.legs.default_foot[:, 1] > 0
-        assert np.all(moved[left] > 1e-4)  # rolled to the right, its left feet come up
-        assert np.all(moved[~left] < -1e-4)
-
     def test_the_estimator_finds_a_standing_robot_at_rest(self, robots: dict[str, Robot], kind: str) -> None:
         robot = robots[kind]
         estimator = BaseEstimator(robot)
@@ -70,25 +56,6 @@ class TestAnyRobot:
             velocity, height = estimator.update(at_rest(robot), None, 0.002)
         np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
         assert height == pytest.approx(-robot.legs.default_foot[:, 2].mean(), abs=1e-3)
-
-    def test_the_estimator_finds_the_speed_of_the_legs(self, robots: dict[str, Robot], kind: str) -> None:
-        """If all feet move at one velocity relative to the base, the base moves at the opposite velocity."""
-        robot = robots[kind]
-        legs, desired, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
-        moving, estimator = at_rest(robot), BaseEstimator(robot)
-        estimator.reset(moving)
-        for _ in range(100):
-            pose = legs.pose(moving.joint_position)
-            contact = pose.jacobian + legs.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
-            if kind == SOLES:  # joints that do not turn
-                contact = np.concatenate([pose.jacobian, pose.axes], axis=1)
-            back = np.zeros(contact.shape[1])
-            back[:3] = -desired
-            rates = legs.scatter(np.linalg.pinv(contact) @ back, np.zeros_like(robot.kp))
-            joint = moving.joint_position + dt_s * rates
-            moving = moving._replace(joint_position=joint, joint_velocity=rates)
-            velocity, _ = estimator.update(moving, None, dt_s)
-        np.testing.assert_allclose(velocity, desired, atol=5e-3)
 
 
 @pytest.mark.parametrize("kind", [BIPED, SOLES])
@@ -116,17 +83,3 @@ class TestTwoLegs:
         low, high = (-0.205, -0.195) if kind == SOLES else (-0.2, -0.17)
         assert low < speed.min() < speed.max() < high
         np.testing.assert_allclose(np.ptp(feet[100:, :, 2], axis=0), config.step.height_m, rtol=0.1)
-
-    def test_mpc_plans_forces_that_carry_the_weight(self, robots: dict[str, Robot], kind: str) -> None:
-        robot = robots[kind]
-        config = controller_settings(GO1, "mpc", MpcConfig)
-        height = -float(robot.legs.default_foot[:, 2].mean()) + float(robot.legs.foot_radius.mean())
-        stance = replace(config.stance, height_m=height, outward_m=0.0)
-        policy = Mpc(robot, replace(config, gait=GaitConfig("walk", 0.5, 0.6), stance=stance))
-        policy.reset(seen(robot, 0.0))
-        tips(robot, policy, seen(robot, 1.0))
-        weight = 9.81 * policy._body.mass
-        assert policy.force[:, 2].sum() == pytest.approx(weight, rel=0.2)
-        for k in range(200):
-            tips(robot, policy, seen(robot, 1.0 + k / 500, 0.2))
-        assert policy.late == 0

@@ -9,9 +9,8 @@ import pytest
 
 from footfall.common.config import merged, structure, unstructure
 from footfall.common.errors import UserError
-from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.stand import StandConfig
-from footfall.policies.registry import CONTROLLERS, controllers_of, lasting_spec, load_policy, load_settings
+from footfall.policies.registry import controllers_of, lasting_spec, load_policy, load_settings
 from footfall.policies.spec import add_settings
 from footfall.robots.description import Robot, available_robots, load_robot
 
@@ -26,23 +25,6 @@ def mine(tmp_path: Path) -> Path:
 
 
 class TestOverrides:
-    @pytest.mark.parametrize("key", ["stance.kd", "gait.period_s", "period_s", "attitude"])
-    def test_one_setting_differs_and_no_other(self, go1: Robot, key: str) -> None:
-        """The last two keys omit sections because the setting's name is unique."""
-        value = [3.0, 2.0, 1.0] if key == "attitude" else 0.46
-        own, changed = load_settings("mpc", go1), load_settings(f"mpc@{key}={value}", go1)
-        assert isinstance(changed, MpcConfig)
-        found = {
-            "stance.kd": (own.stance.kd, changed.stance.kd),
-            "gait.period_s": (own.gait.period_s, changed.gait.period_s),
-            "attitude": (own.weights.attitude, changed.weights.attitude),
-        }
-        for name, (before, after) in found.items():
-            meant = name.endswith(key)
-            assert (after != before) == meant
-            assert not meant or after == (tuple(value) if isinstance(value, list) else value)
-        assert changed.swing == own.swing
-
     def test_a_file_replaces_only_its_own_keys(self, go1: Robot, mine: Path) -> None:
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
         assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
@@ -71,11 +53,6 @@ class TestOverrides:
         assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
         assert load_policy("stand", go1).name == "stand"
         assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
-
-    @pytest.mark.parametrize("name", CONTROLLERS)
-    def test_every_controllers_settings_can_be_changed(self, name: str) -> None:
-        robot = next(r for r in map(load_robot, available_robots()) if name in controllers_of(r))
-        assert load_policy(f"{name}@settle_s=0.37", robot)._config.settle_s == 0.37  # type: ignore[attr-defined]
 
 
 def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, refusal: Refusal, tmp_path: Path) -> None:

@@ -73,11 +73,6 @@ class TestCentre:
         found = self.at(policy, (0.0, 0.0, 0.6), fast, 0.6)
         np.testing.assert_allclose(found[:2], -(rate**2) * 0.2 * fast[:2] / 1.3)
 
-    def test_its_height_is_held_by_a_spring_and_a_damper(self, policy: Balance) -> None:
-        """5 cm too low and rising at 0.1 m/s: 60 * 0.05 - 15 * 0.1."""
-        found = self.at(policy, (0.0, 0.0, 0.55), (0.0, 0.0, 0.1), 0.6)
-        np.testing.assert_allclose(found, [0.0, 0.0, 1.5], atol=1e-9)
-
 
 class TestAct:
     def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,13 +80,6 @@ class TestAct:
         tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
         np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
-
-    def test_a_spring_and_a_damper_act_on_the_joints(
-        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        velocity = np.linspace(-0.1, 0.3, N)
-        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
-        np.testing.assert_allclose(desired.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
 
     def test_it_damps_its_angular_momentum(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         spinning = seen(gyro=np.array([0.3, -0.2, 0.1]))

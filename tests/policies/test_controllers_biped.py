@@ -48,16 +48,6 @@ class TestBalance:
         assert np.linalg.norm(result.velocity[-1]) < 0.05
 
 
-def test_balance_works_on_four_spherical_feet() -> None:
-    go1 = load_robot("go1")
-    config = load_policy("balance", G1)._config  # type: ignore[attr-defined]
-    policy, plant = Balance(go1, config), DirectPlant(go1, seed=3)
-    result = walk(policy, plant, STANDING, 2.0, push=(0.6, np.array([0.2, -0.2, 0.0])))
-    assert not result.fell
-    assert policy.control.unsolved_ticks == 0
-    assert np.linalg.norm(np.array(result.position)[-1] - result.position[0]) < 0.03
-
-
 class Missing(BoundedSolver):
     """A solver without a solution for a number of ticks, after the first hundred."""
 

@@ -14,8 +14,6 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.solver import BoundedSolver
-from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.gaits import find_gait
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -28,7 +26,6 @@ CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
 LEGS = ROBOT.legs
 UP = np.array([0.0, 0.0, 1.0])
 STILL = np.zeros(3)
-TROT = np.array([True, False, False, True])
 HEIGHT = float(LEGS.foot_radius.mean() - LEGS.default_foot[:, 2].mean())  # of the base, in the default pose
 
 
@@ -74,14 +71,6 @@ class TestStanding:
         policy.reset(standing(begun))
         assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
 
-    @pytest.mark.parametrize("yaw", [0.0, 2.0])
-    def test_a_push_to_the_left_is_met_with_force_to_the_right(self, yaw: float) -> None:
-        policy = Mpc(ROBOT)
-        policy.reset(standing(yaw))
-        force = forces(policy.act(standing(yaw, velocity=(0.0, 0.2, 0.0))))
-        assert force[:, 1].sum() < -5.0
-        assert abs(force[:, 0].sum()) < 1.0
-
 
 def base(**changes: object) -> Base:
     """At rest and level at the origin, unless the arguments differ."""
@@ -90,31 +79,6 @@ def base(**changes: object) -> Base:
 
 
 class TestSwingBegins:
-    @pytest.mark.parametrize("yaw", [0.0, 1.1])
-    def test_its_foot_aims_for_its_position_under_a_body_that_hardly_moves(self, yaw: float) -> None:
-        policy = Mpc(ROBOT)
-        policy.reset(standing(yaw))
-        for tick in range(2):
-            now = standing(yaw, time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
-            swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
-        stance = CONFIG.stance
-        nominal = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
-        under = Rotation.from_euler("z", yaw).apply(nominal)
-        np.testing.assert_allclose(policy.swing_feet.target[swinging, :2], under[swinging, :2], atol=0.005)
-
-    def test_a_foot_in_the_air_keeps_the_position_of_its_lift_off(self) -> None:
-        """The position stays for later plans, while the base moves over it."""
-        policy = Mpc(ROBOT)
-        policy.reset(standing())
-        for tick in range(20):
-            velocity = (0.0, 0.0, 0.0) if tick < 2 else (0.5, 0.0, 0.0)
-            now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0), velocity=velocity)
-            swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
-            if tick == 1:
-                begun, lifted = swinging, policy.swing_feet.lift_off[swinging].copy()
-        np.testing.assert_array_equal(swinging, begun)
-        np.testing.assert_array_equal(policy.swing_feet.lift_off[swinging], lifted)
-
     def test_without_a_solution_standing_feet_keep_force(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy = Mpc(ROBOT)
         policy.reset(standing())
@@ -130,24 +94,6 @@ class TestSwingBegins:
 class TestTicks:
     """Result of a tick of `act`."""
 
-    def test_a_tilted_robot_moves_along_the_ground_and_turns_about_the_vertical(self) -> None:
-        """Standing feet move at -(v + w x r) relative to the base; v is horizontal, w vertical."""
-        policy = Mpc(ROBOT)
-        yaw = 0.7
-        tilted = Rotation.from_euler("ZYX", [yaw, -0.3, 0.2])
-        x, y, z, w = tilted.as_quat()
-        seen = standing()
-        seen = seen._replace(sensed=seen.sensed._replace(quaternion=np.array([w, x, y, z])))
-        policy.reset(seen)
-        policy.command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: the target stays
-        command = policy.act(seen)
-        up = tilted.inv().apply(UP)
-        velocity = tilted.inv().apply(Rotation.from_euler("z", yaw).apply([0.4, -0.1, 0.0]))
-        pose = LEGS.pose(ROBOT.default_pose)
-        contact = pose.jacobian + LEGS.rolling_offset(pose.axes, up)
-        passed = (contact @ LEGS.gather(command.velocity)[:, :, None])[:, :, 0]
-        np.testing.assert_allclose(passed, -(velocity + np.cross(0.8 * up, pose.foot)), atol=1e-9)
-
     def test_no_foot_is_lifted_and_no_command_followed_before_the_robot_has_settled(self) -> None:
         policy = Mpc(ROBOT)
         policy.reset(standing())
@@ -158,16 +104,6 @@ class TestTicks:
             np.testing.assert_array_equal(policy.stance(), 1.0)
         command = policy.act(standing(time_s=CONFIG.settle_s, command=(0.5, 0.0, 0.3)))
         assert command.kp.any()
-
-    def test_plans_that_took_the_second_solver_are_counted(self) -> None:
-        policy = Mpc(ROBOT)
-        policy.reset(standing())
-        policy.act(standing())
-        assert policy.late == 0
-        policy.forces.solver = BoundedSolver(daqp_iterations=0)
-        policy.reset(standing())
-        policy.act(standing(velocity=(0.0, 3.0, 0.0)))  # pushed: friction counts
-        assert policy.late == 1
 
 
 class TestPlan:
@@ -189,17 +125,6 @@ class TestPlan:
 
         monkeypatch.setattr(policy.forces.problems, "build", seen)
         return plans
-
-    def test_it_counts_all_feet_as_on_the_ground(self, policy: Mpc, planned: list[Planned]) -> None:
-        """Contact does not depend on the heights by the kinematics of a tilted or badly estimated base."""
-        low = standing()._replace(base_height=HEIGHT - 0.07)
-        policy.reset(low)
-        policy.act(low)
-        for tick in range(2):
-            policy.act(low._replace(time_s=1.0 + tick / policy.rate_hz, command=np.array([0.5, 0.0, 0.0])))
-        assert len(planned) == 2
-        for state, _, _, feet, *_ in planned:
-            np.testing.assert_allclose(feet[:, :, 2], -state.pose[5], atol=1e-12)
 
     def test_a_plan_contains_present_and_scheduled_contacts(
         self, policy: Mpc, planned: list[Planned]
@@ -234,21 +159,6 @@ class TestPlan:
         np.testing.assert_allclose(planned[-1].before, turned, atol=1e-6)
         assert first[:, 1].sum() < -5.0
 
-    def test_a_foots_second_step_is_under_the_body(self, policy: Mpc, planned: list[Planned]) -> None:
-        """Turning left at 1 rad/s, one pair is about to lift off; at the horizon's end it stands again."""
-        policy.reset(standing())
-        for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):
-            policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.0, 0.0, 1.0)))
-        _, reference, contacts, feet, *_ = planned[-1]
-        again = contacts[0] & ~contacts[3] & contacts[-1]
-        assert again.sum() == 2
-        stance = CONFIG.stance
-        nominal = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
-        yaw = reference.pose[-1, 2]
-        assert yaw > 0.2
-        turned = Rotation.from_euler("z", yaw).apply(nominal)
-        np.testing.assert_allclose(feet[-1, again, :2], turned[again, :2], atol=1e-9)
-
 
 class TestLegs:
     """`LegControl` with a diagonal down, in the default pose."""
@@ -271,16 +181,6 @@ class TestLegs:
             ROBOT.default_pose, pose, self.FORCE, np.array(velocity), yaw_rate * UP, UP, [1, 2], swing
         )
 
-    def test_standing_legs_give_forces_and_swinging_legs_follow_positions(self) -> None:
-        command = self.command()
-        kp, kd = LEGS.gather(command.kp), LEGS.gather(command.kd)
-        np.testing.assert_array_equal(kp[TROT], 0.0)
-        np.testing.assert_array_equal(kp[~TROT], CONFIG.swing.kp)
-        np.testing.assert_array_equal(kd[TROT], CONFIG.stance.kd)
-        np.testing.assert_array_equal(kd[~TROT], CONFIG.swing.kd)
-        assert CONFIG.stance.kd != CONFIG.swing.kd
-        np.testing.assert_allclose(LEGS.gather(command.position)[~TROT], LEGS.default_angles[~TROT])
-
     def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
         """Compared with MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
         model = load_spec(ROBOT.xml_path).compile()
@@ -298,14 +198,6 @@ class TestLegs:
             mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])
             dofs = model.jnt_dofadr[np.array(joints)[LEGS.joints[leg]]]
             np.testing.assert_allclose(torque[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
-
-    def test_friction_is_fed_forward_along_the_desired_motion(self) -> None:
-        """Above its friction speed a joint gets the whole compensated share."""
-        fast = self.command(swing_velocity=(1.0, 0.5, 1.0))
-        speed, torque = LEGS.gather(fast.velocity)[1], LEGS.gather(fast.torque)[1]
-        expected = CONFIG.friction_compensation * LEGS.gather(ROBOT.motor.friction)[1] * np.sign(speed)
-        assert np.all(np.abs(speed) > LEGS.gather(ROBOT.motor.friction_speed)[1])
-        np.testing.assert_allclose(torque, expected)
 
     def test_joint_velocities_stay_within_the_no_load_speed(self) -> None:
         speed = LEGS.gather(self.command(swing_velocity=(30.0, 10.0, 30.0)).velocity)[1]

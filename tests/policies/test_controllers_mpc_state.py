@@ -275,23 +275,3 @@ class TestMpc:
         )
         assert in_plane(mpc.swing_feet.target[2]) == pytest.approx(expected)
         assert not mpc.swing_feet.target[[0, 1, 3]].any()
-
-    def test_forces_are_planned_at_the_solver_rate_and_at_each_contact_change(self, mpc: Mpc) -> None:
-        ticks, changed, solved = [], [], 0
-        mpc.reset(observed(TILTED))
-        for k in range(200):
-            stands = mpc.stands
-            mpc.act(observed(TILTED, time_s=9.0, command=np.array([0.5, 0.0, 0.0])))
-            if (mpc.stands != stands).any():
-                changed.append(k)
-            if len(mpc.solve_ms) > solved:
-                ticks.append(k)
-            solved = len(mpc.solve_ms)
-        every = round(CONFIG.rate_hz / CONFIG.horizon.solve_hz)
-        assert len(changed) > 2
-        expected, next_at = [], 0
-        for k in range(200):
-            if k >= next_at or k in changed:
-                expected.append(k)
-                next_at = k + every
-        assert ticks == expected

@@ -74,29 +74,6 @@ class TestWanted:
         turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
         np.testing.assert_allclose(TILTED.apply(desired.attitude), np.linalg.solve(turned, moment))
 
-    def test_swinging_feet_are_brought_back(self, policy: MpcWholeBody, recorded: list[Call]) -> None:
-        """Acceleration in the world: that of the trajectory, and a spring and damper about it."""
-        policy.reset(moving())
-        for tick in range(9):
-            policy.act(moving(1.0 + tick / policy.rate_hz, (0.5, 0.0, 0.0)))
-        _, desired, max_force = recorded[-1]
-        swinging = max_force == 0.0
-        assert swinging.sum() == 2
-        np.testing.assert_array_equal(policy.stands, ~swinging)
-        assert not desired.feet[~swinging].any()
-        assert not desired.feet[:, 3:].any()
-        pose = LEGS.pose(ROBOT.default_pose)
-        base = policy.follower.follow(moving(), 0.0)
-        legs = np.flatnonzero(swinging).tolist()
-        motion = policy.swing_feet.motion(
-            legs, policy.clock.swing().tolist(), base, policy.clock.timing.swing_s
-        )
-        config = policy._swing_feedback
-        for leg, (position, velocity, acceleration) in zip(legs, motion, strict=True):
-            moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]
-            back = config.stiffness * (position - pose.foot[leg]) + config.damping * (velocity - moves)
-            np.testing.assert_allclose(desired.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
-
 
 class TestWalking:
     def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:

@@ -241,22 +241,6 @@ class TestLand:
         assert footwork.steps == (0 if stands else 1)
         assert footwork.load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
 
-    @pytest.mark.parametrize("walk", [False, True])
-    def test_the_swing_foot_lands_in_time(
-        self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool
-    ) -> None:
-        """With a walking command it starts the next step, otherwise it stands."""
-        dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
-        policy.footwork.lift(dynamics, shifted=True)
-        policy.footwork.elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
-        for landed in (False, True):
-            policy.footwork.lands_after_s = 0.6
-            whole_body_arguments(
-                policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics
-            )
-            assert (policy.footwork.stance_foot == RIGHT) == landed
-        assert policy.footwork.phase is (Phase.STEP if walk else Phase.STAND)
-
 
 class TestSteer:
     def test_a_pressure_held_until_landing_removes_the_error(self, footwork: Footwork) -> None:

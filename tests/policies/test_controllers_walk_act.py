@@ -1,7 +1,6 @@
 """Commands of the gait generator at single times, on four legs."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,8 @@ from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.heading import Heading
 from footfall.policies.controllers.walk.limits import Pace, WalkLimits
-from footfall.policies.controllers.walk.pacing import Pacing
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
-from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
 LEGS = ROBOT.legs
@@ -143,18 +140,6 @@ class TestHeading:
     def test_it_returns_to_its_heading(self, heading: Heading, turned: float, back: float) -> None:
         assert heading.correction(1.0 + turned, 0.0) == pytest.approx(back)
 
-    @pytest.mark.parametrize("tempo", [1.0, 0.5])
-    def test_it_turns_at_the_gaits_own_pace(self, monkeypatch: pytest.MonkeyPatch, tempo: float) -> None:
-        """A gait that is slowed to half takes twice as long for its steps and for its turn."""
-        turns: list[float] = []
-        monkeypatch.setattr(WalkLimits, "pace", lambda *_: Pace(tempo=tempo))
-        monkeypatch.setattr(Heading, "correction", lambda _, yaw, turned: turns.append(turned) or 0.0)
-        policy = make()
-        policy.reset(seen())
-        for k in range(90):
-            policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (0.0, 0.0, 0.5)))
-        assert turns[-1] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
-
     def test_a_standing_robot_forgets_its_heading(self) -> None:
         """After a turn by half a circle it starts like a robot without a heading."""
         both = Walk(ROBOT, "trot", replace(CONFIG, heading=self.CONFIG)), make()
@@ -178,13 +163,6 @@ class TestGround:
     assert CONFIG.touch_down is not None
     TOUCH_DOWN = replace(CONFIG.touch_down, from_progress=0.5, probe_m=0.01, probe_m_s=0.03)
 
-    def bearing(self) -> np.ndarray:
-        """Torques (12,), N m, of legs that carry themselves and 1.5 times their even share each."""
-        pose, up = ROBOT.default_pose, np.array([0.0, 0.0, 9.81])
-        push = np.tile(1.5 * up * nominal_body(ROBOT).mass / 4, (4, 1))
-        holding = LEGS.holding_torque(pose, up) + LEGS.torque(LEGS.pose(pose).jacobian, push)
-        return LEGS.scatter(holding, NOTHING)
-
     def heights(self, torque: np.ndarray, command: tuple[float, float, float], seconds: float) -> np.ndarray:
         """Height of the commanded feet above the ground, (ticks, legs) m, once it has settled."""
         policy = Walk(ROBOT, "trot", replace(CONFIG, touch_down=self.TOUCH_DOWN))
@@ -198,20 +176,6 @@ class TestGround:
         time_s = (np.arange(len(down)) + 1) / CONFIG.rate_hz
         expected = -np.minimum(0.03 * time_s, 0.01)
         np.testing.assert_allclose(down, np.tile(expected, (4, 1)).T, atol=1e-6)
-
-    def test_a_foot_that_may_still_drag_has_not_landed(self) -> None:
-        """It carries a share all the time, and counts as landed in the second half of its swing."""
-        up = self.heights(self.bearing(), FORWARD, 1.0)
-        np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)
-
-
-def test_turning_is_limited_by_the_length_of_a_step_like_walking() -> None:
-    """At half a metre from the middle, a turn of 1 rad/s moves a foot by 0.5 m in a stance of 1 s."""
-    limits = SimpleNamespace(pace=lambda _: Pace())
-    for command, share in (((0.0, 0.0, 1.0), 0.4), ((0.3, 0.4, 0.0), 0.4), ((0.0, 0.5, -1.0), 0.2)):
-        pacing = Pacing(limits, 0.5)  # type: ignore[arg-type]
-        within = pacing.within(np.array(command), 1.0, 0.2, lambda _: None)  # type: ignore[arg-type,return-value]
-        np.testing.assert_allclose(within, share * np.array(command))
 
 
 class TestTempo:
@@ -254,37 +218,3 @@ def test_a_new_episode_forgets_the_last_to_the_bit(gait: str) -> None:
     walking(policy, seconds=0.4)
     policy.act(seen(CONFIG.settle_s + 0.4, FORWARD, roll=0.2))
     np.testing.assert_array_equal(walking(policy, seconds=0.3), walking(Walk(ROBOT, gait), seconds=0.3))
-
-
-def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
-    policy = make()
-    walking(policy)
-    before = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD)).position
-    result = policy.act(seen(CONFIG.settle_s + 1.0 + 1 / CONFIG.rate_hz, FORWARD))
-    np.testing.assert_allclose(result.velocity, (result.position - before) * CONFIG.rate_hz)
-    assert np.abs(result.velocity).max() > 0.1
-    assert result.kp.tolist() == [CONFIG.kp] * 12
-    assert result.kd.tolist() == [CONFIG.kd] * 12
-
-
-def test_the_tilt_is_filtered() -> None:
-    """The first of many readings moves the feet by dt / filter of the correction."""
-    policy, levelling = make(), CONFIG.levelling
-    policy.reset(seen(joint=LEGS.scatter(LEGS.solve(FEET), ROBOT.default_pose)))
-    feet = feet_of(policy.act(seen(CONFIG.settle_s, roll=0.1)).position)
-    share = 1.0 / CONFIG.rate_hz / levelling.filter_s
-    assert share < 1.0
-    roll = share * min(levelling.gain * 0.1, levelling.most_rad)
-    np.testing.assert_allclose((feet - FEET)[:, 2], roll * FEET[:, 1], atol=2e-5)
-    assert roll > 1e-3
-
-
-def test_a_command_is_approached_from_rest_once_it_has_settled() -> None:
-    policy = make()
-    policy.reset(seen())
-    for share in (0.2, 0.5, 0.99):
-        policy.act(seen(share * CONFIG.settle_s, FORWARD))
-        assert not policy.stepping.command.value.any()
-    policy.act(seen(CONFIG.settle_s, FORWARD))
-    first = CONFIG.command.acceleration_m_s2 / CONFIG.rate_hz
-    np.testing.assert_allclose(policy.stepping.command.value, [first, 0.0, 0.0])

@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 from moments import policy_input
 
 from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
+from footfall.policies.controllers.walk.config import WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.gaits import find_gait
@@ -23,7 +21,6 @@ from footfall.robots.rigid_body import nominal_body
 ROBOT = load_robot("hexapod")
 LEGS = ROBOT.legs
 GAITS = ("tripod", "ripple", "wave")
-FASTEST = 3.0  # rad/s, the robot's limit
 FEET = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
 STILL = Footing(FEET, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
 MOVING = [0.08, -0.05, 0.2]
@@ -56,17 +53,6 @@ class TestFeet:
         most = 0.03 * 2 * np.pi**2 / swing_s**2 + 5.8 * 0.12 / swing_s**2
         assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
         assert np.abs(np.diff(positions, axis=0)).max() < 0.002
-
-    def test_a_stopped_cycle_lands_its_feet_and_lifts_none(self, gait: str) -> None:
-        feet = cycle(gait)
-        course(feet, 1.9)
-        flew = feet.swings.copy()
-        assert flew.any()
-        for _ in range(1300):
-            feet.advance(MOVING, 0.001, 0.03, [False] * 6)
-            assert not (feet.swings & ~flew).any()
-        assert not feet.swings.any()
-        assert not feet.feet[:, 2].any()
 
 
 UP = np.array([0.0, 0.0, 9.81])
@@ -103,21 +89,7 @@ class Trial:
         return np.array(targets)
 
 
-def rates(targets: np.ndarray, policy: Walk) -> np.ndarray:
-    return np.abs(np.diff(targets, axis=0)).max(axis=1) * policy.rate_hz
-
-
 class TestLimits:
-    @pytest.mark.parametrize(
-        ("gait", "command"),
-        [("tripod", (0.2, 0.0, 0.0)), ("ripple", (-0.1, 0.15, 0.0)), ("wave", (0.05, 0.02, 0.6))],
-    )
-    def test_targets_move_within_joint_speed(self, gait: str, command: tuple[float, float, float]) -> None:
-        policy = Walk(ROBOT, gait)
-        targets = Trial(policy).walk(command, 4.0)
-        assert rates(targets, policy).max() < FASTEST + 1e-9
-        assert rates(targets, policy).max() > 0.75 * FASTEST  # and not slower than necessary
-
     def test_it_notes_slowed_motion_once(self) -> None:
         trial = Trial(Walk(ROBOT, "ripple"))
         trial.walk((0.2, 0.0, 0.0), 2.5)
@@ -145,61 +117,6 @@ def test_a_swaying_walk_has_its_margin_at_any_period(go1: Robot, period_s: float
     walk = Walk(go1, "walk", replace(config, gait=gait, limits=limits))
     Trial(walk, go1).walk((0.15, 0.0, 0.0), 1.0)
     assert "the stability margin would be 0.006 m of 0.020 m" in walk.notes[0]
-
-
-def test_no_stride_is_longer_than_a_step() -> None:
-    policy = Walk(ROBOT, "tripod")
-    targets = Trial(policy).walk((0.5, 0.0, 0.0), 3.0)
-    feet = np.array([LEGS.pose(each).foot for each in targets[-400:]])
-    assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # the swing continues at both ends
-
-
-GO1_GAITS = ("trot", "walk", "pace", "bound")
-SHARE = st.floats(0.0, 1.0)
-CHANGES = st.lists(
-    st.tuples(st.integers(0, 4), *[SHARE] * 5, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(0.2, 1.2)),
-    min_size=3,
-    max_size=5,
-)
-
-SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short steps at full speed
-
-
-@settings(max_examples=2)
-@given(changes=CHANGES)
-@example(changes=[(0, 0.0, 0.5, 0.5, 1.0, 0.8, (1.0, 0.0, 0.0), 1.2), SUDDENLY, SUDDENLY])
-def test_changes_while_it_walks_make_no_jump_and_lose_no_foot(go1: Robot, changes: list[tuple]) -> None:
-    """Gait, period, duty, step's height and length, body's height and command, at any moment.
-
-    A target may wait briefly for a joint whose rate is at its limit. Feet stay within a step's
-    length of their nominal positions: that of the longest step so far.
-    """
-    policy = Walk(go1, "trot")
-    trial, ranges = Trial(policy, go1), go1.description.commands
-    config = controller_settings(go1, policy.name, WalkConfig)
-    most = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
-    start = round(config.settle_s * policy.rate_hz) + 1
-    trial.walk((0.0, 0.0, 0.0), start / policy.rate_hz)
-    longest = config.step.length_m
-    for gait, period, duty, height, length, body, command, seconds in changes:
-        step = StrideConfig(
-            height_m=(0.3 + 1.2 * height) * config.step.height_m,
-            length_m=(0.4 + 0.8 * length) * config.step.length_m,
-            body_height_m=(0.85 + 0.2 * body) * config.step.body_height_m,
-        )
-        longest = max(longest, step.length_m)
-        chosen = GaitConfig(GO1_GAITS[gait % 4], (0.8 + period) * config.gait.period_s, 0.5 + 0.35 * duty)
-        policy.change(chosen, step)
-        for _ in range(round(seconds * policy.rate_hz / 10)):
-            before = trial.joint
-            targets = trial.walk(tuple((most * command).tolist()), 10 / policy.rate_hz)
-            rate = np.abs(np.diff(np.vstack([before, targets]), axis=0)).max() * policy.rate_hz
-            assert rate < go1.description.target_rate_rad_s + 1e-9
-            tips = policy.stepping.cycle.feet - np.outer(policy.stepping.below(), [0.0, 0.0, 1.0])
-            lag = go1.legs.scatter(go1.legs.solve(tips), go1.default_pose) - targets[-1]
-            assert np.abs(lag).max() < 0.15
-            away = (policy.stepping.cycle.feet - policy.stepping.footing.positions)[:, :2]
-            assert np.hypot(*away.T).max() < longest + 0.02
 
 
 def test_a_gait_for_other_feet_is_refused_and_a_new_episode_begins_with_the_settings() -> None:

@@ -83,27 +83,3 @@ def test_contact_of_a_braking_leg_is_recognised() -> None:
     """A foot that the ground stops is recognised at once."""
     braked = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
     np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
-
-
-def test_a_landing_is_recognised_within_two_time_constants() -> None:
-    ground = GroundForce(ROBOT, BODY, FILTER_S, 0.0)
-    ground.reset(readings(feet(), NOTHING, NOTHING, 1.0))
-    landed = readings(feet(LF=2 * EVEN_N), NOTHING, NOTHING, 1.0)
-    shares = [ground.update(landed, JACOBIAN, DT_S)[0] for _ in range(round(2 * FILTER_S / DT_S))]
-    assert shares[0] < 0.2
-    assert shares[-1] > 1.0
-
-
-def test_noise_of_the_velocities_stays_below_half_a_share() -> None:
-    """The noise is uniform within 0.1 rad/s, as in the scenarios.
-
-    Differentiated over a tick it is ten shares.
-    """
-    ground, rng = GroundForce(ROBOT, BODY, FILTER_S, 0.0), np.random.default_rng(1)
-    still = readings(feet(), NOTHING, NOTHING, 1.0)
-    ground.reset(still)
-    shares = [
-        ground.update(still._replace(joint_velocity=rng.uniform(-0.1, 0.1, 18)), JACOBIAN, DT_S)
-        for _ in range(500)
-    ]
-    assert np.abs(shares).max() < 0.5

@@ -73,16 +73,6 @@ def test_the_last_action_is_observed(policy: LearnedPolicy) -> None:
     np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)
 
 
-def test_the_clock_starts_at_zero_and_runs_at_the_gaits_frequency(policy: LearnedPolicy) -> None:
-    """Sine and cosine of the phase end the observation: 2.2 Hz seen at 50 Hz is 0.044 cycles a step."""
-    seen = observations(1)
-    policy.reset(seen[0])
-    for step, each in enumerate(seen):
-        policy.act(each)
-        angle = 2 * np.pi * 0.044 * step
-        np.testing.assert_allclose(policy.observed[-2:], [np.sin(angle), np.cos(angle)], atol=1e-6)
-
-
 def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy, contract: Contract) -> None:
     """With no reference gait, the target is the default pose and the scaled action."""
     seen = observations(1)[0]._replace(command=np.zeros(3))
@@ -94,18 +84,6 @@ def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy
     np.testing.assert_array_equal(command.kp, contract.kp)
     np.testing.assert_array_equal(command.kd, contract.kd)
     np.testing.assert_array_equal([command.velocity, command.torque], 0.0)
-
-
-def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract: Contract) -> None:
-    """At the sixth step the clock shows 0.22 cycles: feet of phase 0 are lifted by sin(2 pi 0.22)."""
-    seen = observations(1)
-    policy.reset(seen[0])
-    for each in seen[:6]:
-        command = policy.act(each)
-    scaled = np.array(contract.action_scale_rad) * policy.action
-    reference = (command.position - np.array(contract.default_pose_rad) - scaled).reshape(4, 3)
-    lifted = np.sin(2 * np.pi * 0.22) * np.array([0.0, 0.3, -0.6])
-    np.testing.assert_allclose(reference, [lifted, np.zeros(3), np.zeros(3), lifted], atol=1e-6)
 
 
 def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.grip import Grip
-from footfall.policies.controllers.mpc.whole_body import MpcWholeBody, MpcWholeBodyConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import (
     Slope,
@@ -22,7 +21,6 @@ from footfall.policies.controllers.slope import (
 )
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import WalkConfig
-from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
@@ -67,14 +65,6 @@ def settled(policy: Mpc | Walk, heading: float, forward_m_s: float = 0.0) -> Pol
 
 
 class TestGradient:
-    @pytest.mark.parametrize("seed", range(4))
-    def test_standing_feet_give_the_slope_of_their_plane(self, seed: int) -> None:
-        planted = np.random.default_rng(seed).uniform(-0.5, 0.5, 2)
-        found = LEVEL
-        for _ in range(200):
-            found = corrected_gradient(found, on_plane(planted, seed), ALL, 0.1)
-        np.testing.assert_allclose(found, planted, atol=1e-4)
-
     def test_alternating_pairs_of_feet_give_both_slopes(self) -> None:
         planted, found = np.array([0.3, -0.2]), LEVEL
         for tick in range(4000):
@@ -159,20 +149,3 @@ class TestMpc:
         grip.follow(sensed, LEGS.pose(ROBOT.default_pose), np.array([0.0, 0.0, 1.0]), ALL, DT_S)
         assert grip.friction(0.0) == contact.slipping_friction < level
         assert grip.friction(STEEP) >= STEEP + contact.slipping_friction
-
-    def test_whole_body_control_uses_the_same_gravity(self) -> None:
-        """If no foot presses, the body accelerates along the tilted gravity."""
-        policy = MpcWholeBody(ROBOT, controller_settings(ROBOT, "mpc-wbc", MpcWholeBodyConfig))
-        policy.slope = Slope(CONFIG)
-        built = []
-        build = policy.control.body.update
-
-        def update(motion: Motion, gravity: np.ndarray) -> Dynamics:
-            built.append(build(motion, gravity))
-            return built[-1]
-
-        policy.control.body.update = update  # type: ignore[method-assign]
-        settled(policy, 0.0)
-        up = parallel(0.0).inv().apply([0.0, 0.0, 1.0])
-        weight = 9.81 * policy.control.body.total_mass * up
-        np.testing.assert_allclose(built[-1].bias[:3], weight, rtol=0.01, atol=0.5)

@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from foreign_robots import BALL, quadruped
 from shell import Shell
@@ -60,15 +59,6 @@ class TestStanding:
         assert dog_standing.stood
         assert dog_standing.stood_s == pytest.approx(1.5, abs=0.01)
         assert (dog_standing.feet_down == 1.0).all()
-
-    def test_torques_are_those_of_the_weight(self, dog: Robot, dog_standing: StandingResult) -> None:
-        """Torque of each knee: a quarter of the weight times the foot's distance from the knee's axis."""
-        knees = [dog.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
-        angle = dog.default_pose[knees] + dog.default_pose[[k - 1 for k in knees]]
-        distance = 0.2 * np.abs(np.sin(angle))
-        weight = inspect_robot(dog).mass_kg * 9.81
-        shares = dog_standing.torque_share[knees] * dog.motor.peak_torque[knees]
-        assert shares.sum() == pytest.approx(np.mean(distance) * weight, rel=0.3)
 
     def test_a_robot_with_weak_knees_does_not_stand(self, changed: Callable[..., Path]) -> None:
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")

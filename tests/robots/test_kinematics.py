@@ -44,14 +44,6 @@ class TestForward:
 
 
 class TestInverse:
-    @pytest.mark.parametrize("limit", [ROBOT.lower_rad + 0.01, ROBOT.upper_rad - 0.01])
-    def test_knees_next_to_their_limits_are_found(self, limit: np.ndarray) -> None:
-        """These are beyond the soft limits, which limit targets only."""
-        expected = LEGS.default_angles.copy()
-        expected[:, 2] = limit[LEGS.joints[:, 2]]
-        foot = LEGS.pose(LEGS.scatter(expected, ROBOT.default_pose)).foot
-        np.testing.assert_allclose(LEGS.solve(foot), expected, atol=1e-6)
-
     def test_a_tip_out_of_reach_stretches_the_leg_towards_it(self) -> None:
         far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
         reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot
@@ -100,29 +92,8 @@ class TestLoad:
         np.testing.assert_array_equal(legs.tip_rotation(pose), turn)
         np.testing.assert_array_equal(legs.holding_torque(pose, down), torque)
 
-    def test_a_sole_turns_with_its_joints(self) -> None:
-        """In the default pose g1's soles are level; hip, knee and ankle pitch add up."""
-        robot = load_robot("g1")
-        np.testing.assert_allclose(robot.legs.tip_rotation(robot.default_pose), [np.eye(3)] * 2, atol=1e-4)
-        pose = robot.default_pose.copy()
-        for joint, angle in (("hip_pitch", 0.3), ("knee", -0.1), ("ankle_pitch", 0.05)):
-            pose[robot.joint_index(f"right_{joint}_joint")] += angle
-        cos, sin = np.cos(0.25), np.sin(0.25)
-        expected = [[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]
-        np.testing.assert_allclose(robot.legs.tip_rotation(pose)[1], expected, atol=0.01)
-
 
 class TestRolling:
-    def test_a_leg_that_pivots_on_its_sphere_rolls_forward(self) -> None:
-        """The point under the sphere moves backwards relative to its centre as the leg swings forwards."""
-        pose = LEGS.pose(ROBOT.default_pose)
-        up = np.array([0.0, 0.0, 1.0])
-        offset = LEGS.rolling_offset(pose.axes, up)
-        for leg in range(LEGS.count):
-            for joint in range(3):
-                expected = np.cross(pose.axes[leg, :, joint], -LEGS.foot_radius[leg] * up)
-                np.testing.assert_allclose(offset[leg, :, joint], expected, atol=1e-12)
-
     def test_a_cached_rolling_offset_belongs_to_its_arguments(self) -> None:
         level, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
         axes = LEGS.pose(ROBOT.default_pose).axes
@@ -130,11 +101,3 @@ class TestRolling:
         assert not np.allclose(LEGS.rolling_offset(axes, tilted), once)
         np.testing.assert_array_equal(LEGS.rolling_offset(axes, level), once)
         np.testing.assert_array_equal(LEGS.rolling_offset(-axes, level), -once)
-
-
-def test_joint_values_are_gathered_by_leg_and_scattered_into_an_array_of_their_own() -> None:
-    others, joint = np.full(12, 7.0), np.arange(12.0)
-    by_leg = LEGS.gather(joint)
-    np.testing.assert_array_equal(by_leg, joint.reshape(4, 3))  # go1 lists its joints leg by leg
-    np.testing.assert_array_equal(LEGS.scatter(by_leg, others), joint)
-    np.testing.assert_array_equal(others, 7.0)

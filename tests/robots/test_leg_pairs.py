@@ -11,7 +11,6 @@ from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
 JOINT_RAD = 0.1  # initial distance of episodes from the default pose
-ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
 DECLARED = {
     "go1": {("FR", "FL"), ("RR", "RL")},
     "hexapod": {("LF", "LM"), ("LM", "LR"), ("RF", "RM"), ("RM", "RR")},
@@ -45,13 +44,6 @@ def meeting(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple
     return [(model.geom(one).name, model.geom(other).name) for one, other in touching]
 
 
-def test_pairs_are_frictionless_and_of_round_geoms(lean: mujoco.MjModel) -> None:
-    """Training collides spheres and capsules only; each contact of dimension 1 is one constraint row."""
-    assert lean.npair
-    assert set(lean.pair_dim.tolist()) == {1}
-    assert set(lean.geom_type[[*lean.pair_geom1, *lean.pair_geom2]].tolist()) <= set(map(int, ROUND))
-
-
 def test_no_legs_touch_where_training_starts(robot: Robot, lean: mujoco.MjModel) -> None:
     assert not meeting(lean, robot, robot.default_pose)
     spread = JOINT_RAD * np.random.default_rng(0).uniform(-1, 1, (300, len(robot.joint_names)))
@@ -82,14 +74,6 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
         met.append((apart_m + 2 * 0.023, bool(found)))
     first = next(distance for distance, touch in met if touch)
     assert first == pytest.approx(0.012 + 0.023, abs=1e-3)
-
-
-def test_the_plant_keeps_the_original_shapes(go1: Robot) -> None:
-    """Its legs touch without a listed pair, with spheres of 23 mm at the feet."""
-    plant = plant_model(go1)
-    assert plant.npair == 0
-    met = {frozenset(pair) for pair in meeting(plant, go1, crossed(go1, 0.45, (0, 1)))}
-    assert frozenset({"FR_foot", "FL_foot"}) in met
 
 
 def test_pairs_stay_on_the_plant_if_legs_collide_only_through_them(own_folder: Path) -> None:

@@ -9,14 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from made_up import PITCH, Hinge, Leg, bodies, four_hinge_leg, quadruped_leg, write_robot
-from scipy import optimize
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.forward import ForwardKinematics
-from footfall.robots.inverse import least_squares
-from footfall.robots.least_squares import LeastSquares
-from footfall.robots.limb_order import LimbOrder
 
 FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
 KINDS = (FIVE, BIPED, SOLES, "go1")
@@ -35,30 +30,6 @@ def near_default(robot: Robot, fraction: np.ndarray, share: float = 0.5) -> np.n
 
 def fractions(robot: Robot) -> st.SearchStrategy[np.ndarray]:
     return arrays(float, len(robot.joint_names), elements=st.floats(-1.0, 1.0))
-
-
-def without_closed_form(robot: Robot) -> LeastSquares:
-    """The same limbs, solved by least squares."""
-    order = LimbOrder(robot.description)
-    return least_squares(
-        robot.description, order, ForwardKinematics(robot.description, robot.xml_path, order)
-    )
-
-
-class TestBothForms:
-    @pytest.mark.parametrize("name", ["go1", "hexapod"])
-    @settings(max_examples=25)
-    @given(data=st.data())
-    def test_the_same_leg_has_the_same_solution(self, name: str, data: st.DataObject) -> None:
-        robot = load_robot(name)
-        joint = near_default(robot, data.draw(fractions(robot)), share=0.25)
-        tips = robot.legs.pose(joint).foot
-        by_hand, by_squares = (
-            robot.legs.solve(tips),
-            without_closed_form(robot).solve(tips, list(range(robot.legs.count))),
-        )
-        np.testing.assert_allclose(by_hand, robot.legs.gather(joint), atol=1e-6)
-        np.testing.assert_allclose(by_squares, by_hand, atol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -88,24 +59,6 @@ class TestAnyLimb:
         assert np.all(np.isfinite(angles))
         assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
 
-    def test_nan_affects_its_own_limb_only(self, robots: dict[str, Robot], kind: str) -> None:
-        legs = robots[kind].legs
-        foot = legs.default_foot.copy()
-        foot[-1, 1] = np.nan
-        angles = legs.solve(foot)
-        own = legs.present[-1]
-        assert np.all(np.isnan(angles[-1][own]))
-        np.testing.assert_allclose(angles[:-1], legs.default_angles[:-1], atol=1e-6)
-
-    def test_a_limbs_solution_does_not_depend_on_other_limbs(
-        self, robots: dict[str, Robot], kind: str
-    ) -> None:
-        legs = robots[kind].legs
-        rng = np.random.default_rng(1)
-        foot = legs.default_foot + rng.uniform(-0.03, 0.03, (legs.count, 3))
-        chosen = [legs.count - 1, 0]
-        np.testing.assert_allclose(legs.solve(foot[chosen], chosen), legs.solve(foot)[chosen], atol=1e-9)
-
     def test_jacobians_are_derivatives_or_zero(self, robots: dict[str, Robot], kind: str) -> None:
         robot, step = robots[kind], 1e-6
         legs = robot.legs
@@ -120,17 +73,6 @@ class TestAnyLimb:
                 nudge[index] = step
                 slope = (legs.pose(joint + nudge).foot - legs.pose(joint - nudge).foot) / (2 * step)
                 np.testing.assert_allclose(jacobian[leg, :, column], slope[leg], atol=1e-7)
-
-    def test_torques_hold_the_forces_at_the_tips(self, robots: dict[str, Robot], kind: str) -> None:
-        """By virtual work: in a small motion the joints do the work that the feet do on the ground."""
-        robot = robots[kind]
-        legs, rng = robot.legs, np.random.default_rng(3)
-        joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
-        force = rng.normal(size=(legs.count, 3))
-        torque = legs.scatter(legs.torque(legs.pose(joint).jacobian, force), np.zeros_like(joint))
-        rates = rng.normal(size=len(joint))
-        moved = (legs.pose(joint + 1e-6 * rates).foot - legs.pose(joint - 1e-6 * rates).foot) / 2e-6
-        assert torque @ rates == pytest.approx(-np.sum(force * moved), rel=1e-6)
 
 
 def test_a_limb_with_a_closed_form_is_solved_by_it(robots: dict[str, Robot]) -> None:
@@ -166,29 +108,6 @@ class TestSoles:
         xml.write_text(xml.read_text().replace('<geom type="capsule"', '<geom name="shin" type="capsule"', 1))
         with pytest.raises(UserError, match="foot a"):
             load_robot(tmp_path)
-
-
-@pytest.mark.parametrize(
-    "away", [(0.25, -0.1, -0.15), (-0.3, 0.2, -0.1), (-0.2, -0.35, 0.2), (0.1, 0.3, -0.3)]
-)
-def test_out_of_reach_it_is_as_near_as_a_bounded_optimiser(
-    robots: dict[str, Robot], away: tuple[float, float, float]
-) -> None:
-    """scipy's, from the same start."""
-    robot = robots[FIVE]
-    legs, own = robot.legs, robot.foot_joints[4]
-    far = legs.default_foot[4] + np.array(away)
-
-    def missing(angles: np.ndarray) -> np.ndarray:
-        joint = robot.default_pose.copy()
-        joint[own] = angles
-        return legs.pose(joint).foot[4] - far
-
-    bounds = (robot.lower_rad[own], robot.upper_rad[own])
-    best = optimize.least_squares(missing, robot.default_pose[own], bounds=bounds)
-    left = np.linalg.norm(missing(legs.solve(far[None], [4])[0]))
-    assert np.linalg.norm(best.fun) > 0.05  # it is out of reach
-    assert left == pytest.approx(np.linalg.norm(best.fun), abs=1e-3)
 
 
 def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path: Path) -> None:

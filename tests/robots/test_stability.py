@@ -55,23 +55,6 @@ def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: f
     assert energy_grows(robot) is grows
 
 
-@pytest.mark.parametrize(("share", "grows"), [(0.97, False), (1.03, True)])
-def test_the_longest_step_is_where_steps_begin_to_swing_up(go1: Robot, share: float, grows: bool) -> None:
-    longest_s, _ = longest_timestep(go1.description, training_model(go1), go1.kp)
-    assert energy_grows(go1, share * longest_s) is grows
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_stiffest_joint_is_the_one_that_moves_most_in_the_fastest_mode(go1: Robot, seed: int) -> None:
-    kp = go1.kp * np.exp(np.random.default_rng(seed).normal(size=12))
-    model = load_spec(go1.xml_path).compile()
-    longest_s, joint = longest_timestep(go1.description, model, kp)
-    squares, modes = np.linalg.eig(mobility_of(go1, model) * kp)
-    fastest = squares.real.argmax()
-    assert longest_s == pytest.approx(2.0 / np.sqrt(squares.real[fastest]), rel=1e-6)
-    assert joint == go1.joint_names[np.abs(modes[:, fastest] * np.sqrt(kp)).argmax()]
-
-
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
 def test_damping_beyond_a_plants_step_is_refused(go1: Robot, share: float, refused: bool) -> None:
     """kd, the ramp of friction and viscous damping together; the joint that is damped most is named."""

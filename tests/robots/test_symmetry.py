@@ -4,11 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
-from footfall.policies.gaits import find_gait
 from footfall.robots import kinds
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.kinds import Parts
@@ -63,36 +61,6 @@ def test_partners_and_signs_of_go1(go1: Robot) -> None:
     assert set(np.abs(found.joints.sign)) == {1.0}
 
 
-def test_a_trunk_with_an_initial_rotation_is_still_symmetric(own_folder: Path, go1: Robot) -> None:
-    xml = own_folder / "robot.xml"
-    xml.write_text(
-        xml.read_text().replace('"trunk" pos="0 0 0.445"', '"trunk" pos="1 2 0.4" euler="0.1 0.2 1.3"')
-    )
-    found, expected = find_symmetry(load_robot(own_folder)), find_symmetry(go1)
-    for ours, theirs in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(np.ravel(ours), np.ravel(theirs))
-
-
-def test_a_reversed_axis_changes_the_sign(own_folder: Path, go1: Robot) -> None:
-    """Left thighs have the opposite sign: the mirror images of their partners change sign."""
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
-    for leg in ("FL", "RL"):
-        text = text.replace(
-            f'name="{leg}_thigh_joint" class="hip"',
-            f'name="{leg}_thigh_joint" class="hip" axis="0 -1 0" range="-4.501 0.686"',
-        )
-    xml.write_text(text)
-    declaration = own_folder / "robot.yaml"
-    content = yaml.safe_load(declaration.read_text())
-    for joint in content["joints"]:
-        if joint["name"] in ("FL_thigh_joint", "RL_thigh_joint"):
-            joint["default_rad"] *= -1.0
-            joint["lying_rad"] *= -1.0
-    declaration.write_text(yaml.safe_dump(content))
-    assert find_symmetry(load_robot(own_folder)).joints.sign.tolist() == [-1, -1, 1] * 4
-
-
 def test_a_part_without_a_mirror_image_is_named(own_folder: Path) -> None:
     for file, old, new, named in (
         ("robot.xml", 'name="FL_hip" pos="0.1881 ', 'name="FL_hip" pos="0.2081 ', "_joint"),
@@ -129,12 +97,3 @@ def test_the_clocks_sign_changes_where_partners_step_in_turn(go1: Robot) -> None
         assert find_symmetry(go1, phase).clock == sign
     with pytest.raises(UserError, match="go1"):
         find_symmetry(go1, np.array([0.0, 0.5, 0.25, 0.25]))
-
-
-@pytest.mark.parametrize("name", ["tripod", "ripple", "wave"])
-def test_the_mirror_image_of_the_hexapods_gaits_is_half_a_cycle_later(name: str) -> None:
-    robot = load_robot("hexapod")
-    symmetry = find_symmetry(robot, find_gait(name, robot).phase)
-    assert symmetry.clock == -1.0
-    feet = [foot.name for foot in robot.description.feet]
-    assert [feet[k] for k in symmetry.feet] == ["RF", "RM", "RR", "LF", "LM", "LR"]

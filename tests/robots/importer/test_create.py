@@ -19,7 +19,6 @@ from footfall.policies.registry import controllers_of, load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
 from footfall.robots.importer.read import read_source
-from footfall.robots.importer.shapes import Kind
 from footfall.train.config import load_preset
 
 
@@ -115,20 +114,6 @@ class TestDerived:
         assert any("held up" in guess for guess in made.guesses)
         assert not two[0].description.held_start
 
-    def test_spheres_beside_a_rod_are_the_foot(self, tmp_path: Path) -> None:
-        """Three spheres of different sizes reach 0.06 m down; a rod between them ends 4 mm higher."""
-        spheres = "".join(
-            f'<geom type="sphere" pos="{x} {y} {r - 0.06}" size="{r}" mass="0.2"/>'
-            for x, y, r in ((0.14, 0.03, 0.006), (0.13, -0.03, 0.008), (-0.07, 0.0, 0.01))
-        )
-        rod = '<geom type="capsule" fromto="-0.05 0 -0.046 0.1 0 -0.046" size="0.01" mass="0.1"/>'
-        text = re.sub(r'<geom type="box" pos="0.03[^>]*/>', rod + spheres, BIPED_MJCF)
-        robot, _ = make(tmp_path, text, "xml")
-        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
-        for foot in robot.description.feet:
-            assert [float(model.geom(name).size[0]) for name in foot.geoms] == [0.006, 0.008, 0.01]
-        assert ((model.geom_type == Kind.mjGEOM_CAPSULE) & (model.geom_contype != 0)).sum() == 2 * 3
-
     def test_reflected_inertia_is_estimated_from_the_torque(self, four: tuple[Robot, Imported]) -> None:
         robot, made = four
         assert robot.armature[:3] == pytest.approx(1.7e-4 * np.array([21.0, 22.0, 23.0]))
@@ -164,12 +149,6 @@ class TestOptions:
         assert (peak["FL_knee"], peak["RR_knee"], peak["FL_roll"]) == (11.0, 12.5, 21.0)
         assert robot.armature == pytest.approx(np.full(12, 0.006))
         assert robot.motor.no_load_speed[:3] == pytest.approx([15.0, 7.0, 17.0])
-
-    def test_feet_are_found_by_name(self, tmp_path: Path) -> None:
-        feet = ("FL_shank", "FR_shank", "RL_shank")
-        robot, _ = make(tmp_path, quadruped(), feet=feet)
-        assert [foot.name for foot in robot.description.feet] == ["FL", "FR", "RL"]
-        assert len(robot.joint_names) == 9
 
 
 class TestRefusals:

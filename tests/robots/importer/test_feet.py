@@ -84,25 +84,6 @@ class TestFeet:
         assert [g.shape.position[2] - g.shape.size[0] for g in others] == pytest.approx([0.006] * 3)
         assert len(foot_of(*rods, joints=3)[0]) == 1
 
-    @pytest.mark.parametrize(("half_height", "radius"), [(0.02, 0.005), (0.008, 0.004)])
-    @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_a_sole_stands_on_spheres_at_corners(
-        self, half_height: float, radius: float, sign: float
-    ) -> None:
-        """A box of 0.24 by 0.1 m, a quarter turn about the vertical, on a link that may hang upside down."""
-        quarter = turned(0.0, 0.0, np.pi / 2)
-        box = geom("sole", Kind.mjGEOM_BOX, [0.12, 0.05, half_height], [0.3, 0.2, 0.1], turn=quarter)
-        feet, others = foot_of(box, up=sign * UP)
-        positions = np.array([g.shape.position for g in feet])
-        assert [g.shape.size[0] for g in feet] == [radius] * 4
-        assert sorted(set(positions[:, 0].round(9))) == pytest.approx([0.25 + radius, 0.35 - radius])
-        assert sorted(set(positions[:, 1].round(9))) == pytest.approx([0.08 + radius, 0.32 - radius])
-        assert positions[:, 2] == pytest.approx(np.full(4, 0.1 - sign * (half_height - radius)))
-        shape = others[0].shape
-        ends = shape.position[2] + np.array([-1.0, 1.0]) * sign * shape.size[2]
-        assert ends == pytest.approx([0.1 - sign * (half_height - radius), 0.1 + sign * half_height])
-        assert {g.friction for g in feet} == {0.7}
-
     @pytest.mark.parametrize(
         ("size", "lean", "flat"),
         [

@@ -26,13 +26,6 @@ class TestLimbs:
         limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
         assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
 
-    def test_the_name_of_a_foot_may_be_that_of_a_geom_or_a_site(self, tmp_path: Path) -> None:
-        one = hanging("a", 0.1, 0.2, '<site name="left_foot"/>')
-        two = hanging("b", -0.1, 0.2, '<geom name="right_foot" size="0.01" mass="0"/>')
-        source = read(tmp_path, on_base(one, two, hanging("tail", 0.0, 0.9)))
-        assert feet_of(source) == ["a", "b"]
-        assert [leg.foot_bodies for leg in find_limbs(source).legs] == [{"a"}, {"b"}]
-
     def test_a_limb_ends_where_no_joint_follows_also_behind_a_fixed_part(self, tmp_path: Path) -> None:
         def leg(name: str, y: float) -> str:
             shank = hanging(f"{name}_shank", 0.0, 0.3)

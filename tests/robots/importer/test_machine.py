@@ -58,12 +58,6 @@ class TestMachine:
             np.testing.assert_allclose(positions[1], positions[0], atol=2e-5)
             np.testing.assert_allclose(matrices[1], matrices[0], atol=2e-5)
 
-    def test_a_joint_that_legs_share_is_driven_and_of_no_leg(self, machine: Machine) -> None:
-        assert machine.hinges[0].name == "waist"
-        assert [leg.joints for leg in machine.legs] == [
-            (f"{s}_roll", f"{s}_pitch", f"{s}_knee") for s in "lr"
-        ]
-
     def test_a_foot_keeps_its_friction_and_collision_masks(self, machine: Machine) -> None:
         model = mujoco.MjModel.from_xml_string(model_xml(machine))
         foot = model.geom(machine.legs[1].geoms[0])

@@ -68,12 +68,6 @@ class TestDrive:
         assert (drive.natural_frequency_hz, drive.stands) == (8.0, False)
         assert any("cannot stand by joint stiffness" in guess for guess in drive.guesses)
 
-    def test_friction_is_ramped_so_that_the_plants_steps_can_follow(self, tmp_path: Path) -> None:
-        """3 N m in a step of 1 ms takes 0.3 rad/s of 0.01 kg m^2: three tenths of 1 rad/s."""
-        hinges = hinge("a", friction=3.0), hinge("b", friction=0.1), hinge("c", armature=0.04, friction=3.0)
-        motors = self.drive(tmp_path, hinges, (20.0, 20.0, 20.0)).motors
-        assert [motors[name].friction_speed_rad_s for name in "abc"] == pytest.approx([1.0, 0.2, 0.25])
-
     def test_speeds_are_the_users_or_else_the_files_if_plausible(self, tmp_path: Path) -> None:
         drive = self.drive(
             tmp_path, self.HINGES, (20.0,) * 3, wished={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
@@ -84,12 +78,6 @@ class TestDrive:
         ]
         unsaid = self.drive(tmp_path, self.HINGES, (20.0,) * 3)
         assert [motor.no_load_speed_rad_s for motor in unsaid.motors.values()] == [30.0] * 3
-
-    def test_missing_friction_is_noted(self, tmp_path: Path) -> None:
-        result = "friction and damping of the joints: none, as the file gives none"
-        assert result in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
-        with_friction = hinge("a", friction=0.1), *self.HINGES[1:]
-        assert result not in self.drive(tmp_path, with_friction, (20.0,) * 3).guesses
 
     @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
     def test_torque_is_at_most_3_weights(self, tmp_path: Path, torque: float, taken: bool) -> None:

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-import mujoco
 import pytest
-from foreign_robots import BIPED_MJCF, make, quadruped, read
+from foreign_robots import BIPED_MJCF, read
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.build import build_machine
@@ -44,20 +43,6 @@ class TestTurned:
         ours, theirs = (next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept))
         assert ours.position == pytest.approx(theirs.position * [-1.0, -1.0, 1.0])
         assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
-
-    def test_a_turned_base_is_the_same_machine(self, tmp_path: Path) -> None:
-        """The user gives y as the forward axis."""
-        (tmp_path / "a").mkdir()
-        (tmp_path / "b").mkdir()
-        as_is, _ = make(tmp_path / "a", quadruped(), forward="x")
-        aside, made = make(tmp_path / "b", quadruped(), forward="-y")
-        assert "its -y axis pointing forward, z up" in made.guesses[0]
-        model = mujoco.MjModel.from_xml_path(str(as_is.xml_path))
-        other = mujoco.MjModel.from_xml_path(str(aside.xml_path))
-        assert other.body_mass.sum() == pytest.approx(model.body_mass.sum())
-        for leg in ("FL", "RR"):
-            x, y, z = model.body(f"{leg}_thigh").pos
-            assert other.body(f"{leg}_thigh").pos == pytest.approx([-y, x, z], abs=1e-5)
 
     def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
         """Without that option no limb is below its base; with it the machine equals the one with z up."""

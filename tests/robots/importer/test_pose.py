@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import BIPED_MJCF, ODD, hanging, on_base, read
+from foreign_robots import ODD, on_base, read
 
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
@@ -54,38 +54,12 @@ class TestPose:
         assert pose.height_m == pytest.approx(0.75 * reach, abs=5e-3)
         assert all(-1.88 <= pose.joints[f"{leg}_knee"] <= -0.52 for leg in ("fl", "fr", "rl", "rr"))
 
-    def test_the_shortest_leg_sets_the_height_and_the_longest_the_reach(self, tmp_path: Path) -> None:
-        """Hind shanks of 0.25 m; the same search finds the same pose to the last bit."""
-        text = walker().replace("0 0 -0.2", "0 0 -0.25")
-        for leg in ("fl", "fr"):
-            at = text.index(f'name="{leg}_foot"')
-            text = text[:at] + text[at:].replace("-0.25", "-0.2", 1)
-        text = text.replace('pos="0 0 -0.25"><joint', 'pos="0 0 -0.2"><joint')
-        pose = self.pose(tmp_path, text)
-        short, long = (np.sqrt(0.04 + b * b + 0.4 * b * np.cos(0.52)) + 0.02 for b in (0.2, 0.25))
-        assert pose.reach_m == pytest.approx(long, abs=5e-3)
-        assert pose.height_m == pytest.approx(0.75 * short, abs=5e-3)
-        assert self.pose(tmp_path, text) == pose
-
     def test_a_given_pose_that_folds_the_legs_is_not_taken(self, tmp_path: Path) -> None:
         machine, _ = build_machine(read(tmp_path, walker(knee="-3 -0.4")), "m")
         given = {each.name: 0.0 for each in machine.hinges}
         folded = standing_pose(machine, given | {name: -2.6 for name in given if "knee" in name})
         assert not folded.given
         assert folded == standing_pose(machine)
-
-    def test_two_legs_stand_nearly_straight(self, tmp_path: Path) -> None:
-        text = walker(legs=(("l", 0.0, 0.1), ("r", 0.0, -0.1)), knee="0.4 2")
-        pose = self.pose(tmp_path, text)
-        reach = 0.4 * np.cos(0.26) + 0.02
-        assert pose.height_m == pytest.approx(0.95 * reach, abs=5e-3)
-        assert pose.knees_forward_m > 0.01
-
-    def test_hips_with_wide_ranges_are_not_turned_to_bend_a_knee_the_usual_way(self, tmp_path: Path) -> None:
-        """Knees that bend forward only would bend backward on legs turned about by half a turn."""
-        wide = walker(knee="0.3 2").replace("-0.8 0.8", "-4 4").replace('range="-2 2"', 'range="-4 4"')
-        pose = self.pose(tmp_path, wide)
-        assert max(abs(pose.joints[f"{leg}_roll"]) for leg in ("fl", "fr", "rl", "rr")) < 0.1
 
     def test_feet_move_under_a_load_that_is_ahead_and_to_one_side(self, tmp_path: Path) -> None:
         load = '<geom type="box" size="0.02 0.02 0.02" pos="0.25 0.12 0.1" mass="2"/>'
@@ -143,22 +117,3 @@ class TestPose:
         aside = np.sqrt(0.16 - 0.1**2)
         np.testing.assert_allclose(legs[0].natural_position(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
         np.testing.assert_allclose(legs[1].natural_position(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
-
-    def test_three_spheres_off_a_line_are_a_sole(self, tmp_path: Path) -> None:
-        def feet(*positions: tuple[float, float]) -> str:
-            return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in positions)
-
-        limbs = [
-            hanging("a_foot", 0.3, 0.01, feet((0.1, 0.0), (-0.1, 0.03), (-0.1, -0.03))),
-            hanging("b_foot", 0.0, 0.01, feet((0.1, 0.0), (0.0, 0.0), (-0.1, 0.0))),
-            hanging("c_foot", -0.3, 0.01, feet((0.1, 0.0), (-0.1, 0.03))),
-        ]
-        _, _, legs = self.searches(tmp_path, on_base(*limbs))
-        assert [leg.sole for leg in legs] == [True, False, False]
-
-    def test_a_sole_is_level_and_points_ahead(self, tmp_path: Path) -> None:
-        """The sole of a biped with six joints in each leg."""
-        machine, data = self.placed(tmp_path, BIPED_MJCF)
-        for leg in machine.legs:
-            axes = data.body(machine.links[leg.link].name).xmat.reshape(3, 3)
-            np.testing.assert_allclose(axes, np.eye(3), atol=0.03)

@@ -61,17 +61,6 @@ class TestRobotYaml:
         ]
         assert "default_rad: 0.1235," in joints[0]
 
-    @pytest.mark.parametrize(
-        ("legs", "commands"),
-        [
-            (2, "commands: {forward_m_s: [-0.6, 0.6], leftward_m_s: [-0.3, 0.3], yaw_rad_s: [-0.6, 0.6]}"),
-            (3, "commands: {forward_m_s: [-1.0, 1.0], leftward_m_s: [-0.5, 0.5], yaw_rad_s: [-1.0, 1.0]}"),
-        ],
-    )
-    def test_commands_are_shares_of_the_legs_falling_speed(self, legs: int, commands: str) -> None:
-        """sqrt(9.81 * 0.5) = 2.21 m/s: a quarter of it on two legs, 0.45 on more; half as much sideways."""
-        assert commands in self.text(legs, 13)
-
     def test_height_speed_and_motors_are_written(self) -> None:
         lines = self.text()
         assert any(line.startswith("standing_height_m: 0.3457 ") for line in lines)

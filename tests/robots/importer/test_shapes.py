@@ -36,22 +36,6 @@ class TestShapes:
         assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
         assert abs(rotation_of(shape.quaternion)[:, 2] @ self.TURN[:, 2]) == pytest.approx(1.0, abs=1e-3)
 
-    def test_a_box_along_the_links_axes_is_found(self) -> None:
-        corners = np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.3) for z in (0.0, 0.05)])
-        shape, _ = fit_shape(corners)
-        assert shape.kind == Kind.mjGEOM_BOX
-        assert shape.size == pytest.approx([0.1, 0.15, 0.025])
-        assert shape.position == pytest.approx([0.1, 0.15, 0.025])
-
-    def test_a_sole_is_as_large_as_its_contact_area(self) -> None:
-        """A foot that is wider above its sole; the link's x axis points down."""
-        bottom = np.array([[0.4, y, z] for y in (-0.03, 0.05) for z in (-0.1, 0.14)])
-        shaft = np.array([[0.2, y, z] for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
-        shape = fit_sole(np.concatenate([bottom, shaft]), up=np.array([-1.0, 0.0, 0.0]))
-        extent = np.abs(rotation_of(shape.quaternion)) @ shape.size
-        assert extent == pytest.approx([0.01, 0.04, 0.12])
-        assert shape.position == pytest.approx([0.39, 0.01, 0.02])
-
 
 UP = np.array([0.0, 0.0, 1.0])
 TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1])

@@ -1,7 +1,6 @@
 """The training.yaml and randomisation.yaml of an imported robot."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
 from footfall.policies.gaits import gaits_of
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import Robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
@@ -41,15 +39,6 @@ def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
 
 def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
     return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m), default_ranges()))
-
-
-def test_a_robot_of_the_presets_size_keeps_their_figures(tmp_path: Path) -> None:
-    env, gpu = written(tmp_path, 0.45, 13.0), load_preset("gpu").env
-    assert gpu.gait is not None
-    assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
-    for name in ("torque", "power"):
-        assert env["rewards"][name] == pytest.approx(gpu.weights[name])
-    assert env["rewards"]["swing_height"]["height_m"] == 0.08
 
 
 def test_figures_scale_with_leg_length_and_mass(tmp_path: Path) -> None:
@@ -100,12 +89,3 @@ def test_every_preset_loads_with_an_imported_robots_training_yaml(
         assert env.weights["alive"] > 0.0  # the rest is the preset's
         if env.randomisation.payload_kg is not None:
             assert env.randomisation.payload_kg == randomisation_of(robot).payload_kg
-
-
-@pytest.mark.parametrize(("gaits", "name"), [(gaits_of, "wave"), (lambda _: (), None)])
-def test_a_robot_with_five_legs_has_the_gait_for_them(
-    tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None
-) -> None:
-    robot, _ = make(tmp_path, quadruped(tail=True), gaits_of=gaits)
-    gait = load_preset("gpu", robot).env.gait
-    assert (gait and gait.name) == name
