@@ -43,6 +43,9 @@ class DrakeEngine:
         state[positions], speed[velocities] = data.qpos, self._to_world(before)
         generalised_force(model, data, self._applied)
         force[velocities] = self._to_world(self._applied)
+        if not (np.isfinite(speed).all() and np.isfinite(force).all()):  # too large in the world frame
+            self._failed = True
+            return
         plant.SetPositionsAndVelocities(self._context, np.concatenate([state, speed]))
         self._forces.FixValue(self._context, force)
         self._steps += 1
@@ -51,12 +54,14 @@ class DrakeEngine:
         except RuntimeError:  # the solver did not converge
             self._failed = True
             return
-        data.qpos[:] = plant.GetPositions(self._context)[positions]
-        after = plant.GetVelocities(self._context)[velocities]
-        data.qvel[:] = after
-        data.qvel[self._spin] = rotate_to_body(data.qpos[self._turn], after[self._spin])
+        state = plant.GetPositions(self._context)[positions]
+        speed = plant.GetVelocities(self._context)[velocities]
+        speed[self._spin] = rotate_to_body(state[self._turn], speed[self._spin])
+        if not (np.isfinite(state).all() and np.isfinite(speed).all()):
+            self._failed = True
+            return
+        data.qpos[:], data.qvel[:] = state, speed
         data.time += step_s
-        self._failed = self._failed or not np.isfinite(data.qpos).all()
         self._read_contacts()
         update_derived(model, data, (data.qvel - before) / step_s)
 

@@ -94,6 +94,17 @@ def test_a_sliding_body_slows_down_as_in_mujoco(
     )
 
 
+def test_a_diverged_simulation_keeps_its_last_state(other_engine: str) -> None:
+    model = mujoco.MjModel.from_xml_string(BLOCK.format(foot=0.6, ground=0.3, priority=0))
+    data, engine = opened(model, other_engine)
+    data.qfrc_applied[3] = 1e80
+    for _ in range(6):
+        engine.step()
+    assert engine.diverged()
+    assert np.isfinite(data.qpos).all()
+    assert np.isfinite(data.qvel).all()
+
+
 @pytest.mark.parametrize(("part", "named"), [('type="slide"', "joints"), ('stiffness="2"', "springs")])
 def test_a_model_that_moves_differently_is_refused(part: str, named: str, other_engine: str) -> None:
     link = f'<body><joint {part}/><geom size="0.1"/></body>'
