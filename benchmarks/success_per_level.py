@@ -8,19 +8,23 @@ In both, a robot starts in the middle and gets the scenario's first command. It 
 and covers 70 % of the commanded path. The training environment draws robots, noise and delays as in the run;
 the scenario draws from the robot's own. So they differ in more than the contacts, unless `--same-robots` lets
 the training environment draw robots, noise and errors of height scans as the scenario does.
+`--exact-friction` gives feet the simulated robot's friction cone. A second table has the training
+environment's successes by the friction that was drawn.
 """
 
 import argparse
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from teacher_student import action_of
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import randomisation_of
@@ -31,11 +35,12 @@ from footfall.envs.terrain import KEY
 from footfall.evaluate.metrics import SUCCESS_PROGRESS
 from footfall.evaluate.scenarios import GROUND_LEVELS, Scenario, ScenarioFile, load_scenarios
 from footfall.evaluate.scenarios import at_level as ground_at_level
-from footfall.policies.learned import open_network
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 from footfall.train.config import read_config
+from footfall.train.origin import Exported, read_exported
 
+FRICTION_RANGES = (0.0, 0.466, 0.5, 0.55, 0.6, 0.7, 2.0)  # a slope of 25 degrees needs 0.466
 SETTLED_S = 0.5  # end of the episode, in which the environment would begin the next one
 
 
@@ -85,21 +90,48 @@ def as_drawn(config: EnvConfig, robot: Robot, file: ScenarioFile) -> EnvConfig:
     )
 
 
-def successes(robot: Robot, config: EnvConfig, network: Any, duration_s: float, count: int, seed: int) -> int:
-    """Number of `count` robots that succeed in the training environment."""
+class Successes(NamedTuple):
+    """Robots in the training environment."""
+
+    succeeded: np.ndarray  # (robots,)
+    friction: np.ndarray  # (robots,), drawn
+
+
+def successes(
+    robot: Robot, config: EnvConfig, policy: Exported, duration_s: float, count: int, seed: int
+) -> Successes:
+    """Which of `count` robots succeed in the training environment."""
     env: Any = make_environment(robot, config)
-    state, observation = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(seed), count))
-    step = jax.jit(lambda state, action: step_batch(env, state, action))
-    fell = np.zeros(count, bool)
-    for _ in range(round(duration_s * config.control_rate_hz)):
-        rows = np.asarray(observation["state"], np.float32)
-        actions = np.concatenate(
-            [network.run(None, {network.get_inputs()[0].name: row[None]})[0] for row in rows]
-        )
-        state, observation, outcome = step(state, jnp.asarray(actions))
-        fell |= np.asarray(outcome.terminated) > 0
-    walked = state.terms[KEY][KEY]
-    return int(np.sum(~fell & np.asarray(walked.along >= SUCCESS_PROGRESS * walked.asked)))
+    steps = round(duration_s * config.control_rate_hz)
+
+    @jax.jit
+    def run(keys: jax.Array) -> tuple[jax.Array, jax.Array]:
+        state, observation = jax.vmap(env.reset)(keys)
+        friction = state.sample["friction"]
+
+        def step(carry: Any, _: None) -> tuple[Any, None]:
+            state, observation, fell = carry
+            with jax.default_matmul_precision("highest"):
+                action = action_of(policy, observation["state"])
+            state, observation, outcome = step_batch(env, state, action)
+            return (state, observation, fell | (outcome.terminated > 0)), None
+
+        begun = state, observation, jnp.zeros(count, bool)
+        (state, _, fell), _ = jax.lax.scan(step, begun, None, length=steps)
+        walked = state.terms[KEY][KEY]
+        return ~fell & (walked.along >= SUCCESS_PROGRESS * walked.asked), friction
+
+    succeeded, friction = run(jax.random.split(jax.random.PRNGKey(seed), count))
+    return Successes(np.asarray(succeeded), np.asarray(friction).reshape(count))
+
+
+def by_friction(found: Successes) -> list[str]:
+    """Successes of the robots in each of `FRICTION_RANGES`."""
+    cells = []
+    for low, high in itertools.pairwise(FRICTION_RANGES):
+        there = found.succeeded[(found.friction >= low) & (found.friction < high)]
+        cells.append(f"{there.sum()} of {there.size}")
+    return cells
 
 
 def main() -> None:
@@ -112,22 +144,32 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--same-robots", action="store_true", help="drawn as the scenario does")
+    parser.add_argument(
+        "--exact-friction", action="store_true", help="the friction cone of the simulated robot"
+    )
     options = parser.parse_args()
     robot, config = load_robot(options.robot), read_config(options.run / "config.yaml").env
     file = load_scenarios(robot, options.scenario_file)
     scenario = file.scenarios[options.scenario]
     if options.same_robots:
         config = as_drawn(config, robot, file)
-    network, _ = open_network(options.run / "policy.onnx")
+    if options.exact_friction and config.terrain is not None:
+        config = replace(config, terrain=replace(config.terrain, exact_friction=True))
+    policy = read_exported(options.run / "policy.onnx")
     table = Table("level", "training environment", "simulated robot", "difference, points")
+    split = Table("level", *(f"friction {a:g} to {b:g}" for a, b in itertools.pairwise(FRICTION_RANGES)))
     (name,) = scenario.rows
     for row in json.loads(options.results.read_text())["scenarios"][options.scenario]["rows"]:
         here = at_level(config, scenario, {name: row[name]})
-        count = successes(robot, here, network, scenario.duration_s, options.robots, options.seed)
-        trained, acted = count / options.robots, row["success_rate"]
-        shown = f"{count} of {options.robots}", f"{row['successes']} of {row['episodes']}"
+        found = successes(robot, here, policy, scenario.duration_s, options.robots, options.seed)
+        trained, acted = found.succeeded.mean(), row["success_rate"]
+        shown = (
+            f"{found.succeeded.sum()} of {options.robots}",
+            f"{row['successes']} of {row['episodes']}",
+        )
         table.add_row(f"{name} {row[name]:g}", *shown, f"{100 * (acted - trained):+.0f}")
-    Console().print(table)
+        split.add_row(f"{name} {row[name]:g}", *by_friction(found))
+    Console(width=120).print(table, split)
 
 
 if __name__ == "__main__":
