@@ -6,12 +6,15 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jax
+import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.train.brax.devices import device_mesh
+from footfall.train.brax.devices import caches_programs, device_mesh
 from footfall.train.config import load_preset
 
 SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
@@ -43,6 +46,17 @@ def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, 
     assert seen["devices"] == 2
     assert seen["environments_of_each"] == 16
     assert seen["copies_of_parameters"] == 2
+
+
+@pytest.mark.parametrize(
+    ("platform", "visible", "cached"), [("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)]
+)
+def test_programs_are_cached_of_a_gpu_that_is_alone(
+    monkeypatch: pytest.MonkeyPatch, platform: str, visible: int, cached: bool
+) -> None:
+    monkeypatch.setattr(jax, "device_count", lambda: visible)
+    mesh: Any = SimpleNamespace(size=1, devices=np.array([SimpleNamespace(platform=platform)]))
+    assert caches_programs(mesh) == cached
 
 
 def test_environments_that_do_not_divide_are_refused(

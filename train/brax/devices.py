@@ -48,9 +48,10 @@ def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
 def caches_programs(mesh: Mesh) -> bool:
     """Whether to cache whole compiled programs of these devices on disk, which saves tracing them.
 
-    On a CPU, tracing is a small part of a training, and different CPUs may share a home folder.
+    On a CPU, tracing is a small part of a training, and different CPUs may share a home folder. A program
+    read from the disk runs on every device of its process, so there must be only one.
     """
-    return mesh.size == 1 and _on_gpus(mesh)
+    return mesh.size == jax.device_count() == 1 and _on_gpus(mesh)
 
 
 def _on_gpus(mesh: Mesh) -> bool:
