@@ -21,8 +21,8 @@ from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.domain_rand.sample import draw, randomised_command, randomised_motor, sensor_bias
 from footfall.envs.physics.generated.arguments import arguments
+from footfall.envs.physics.generated.geom_pairs import contact_refusals
 from footfall.envs.physics.generated.llvm import Program
-from footfall.envs.physics.generated.meetings import contact_refusals
 from footfall.envs.physics.generated.substep import DOUBLE, SINGLE, substep
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GRAVITY, GROUND, Drive, joint_effort

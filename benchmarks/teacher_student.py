@@ -5,7 +5,7 @@
     python benchmarks/teacher_student.py ROUGH.onnx --level-teacher FLAT.onnx --out student.onnx
 
 The student starts from the teacher's network. In the environment of `--preset`, whose scans are erroneous and
-cease, it acts with noise. In each state its mean action is fitted to the teacher's by least squares. A single
+stop, it acts with noise. In each state its mean action is fitted to the teacher's by least squares. A single
 teacher reads exact heights. With two teachers, the second gives the actions where the ground around the robot
 is level and scans arrive, the first one elsewhere; both read the student's observation. Their student has
 both networks side by side and a few more units; at first its actions are the first teacher's.

@@ -43,7 +43,7 @@ class Inspection(NamedTuple):
     feet: tuple[FootRow, ...]
     margin_m: float  # of the centre of mass within the feet, see `support_margin`
     on_the_ground: tuple[str, ...]  # links that touch the ground, except feet
-    meeting: tuple[tuple[str, str], ...]  # pairs of links that collide
+    touching: tuple[tuple[str, str], ...]  # pairs of links that collide
 
     def findings(self, stands_still: bool = True) -> Iterator[str]:
         """Problems of the robot, one line each; `stands_still`: whether it can stand still."""
@@ -52,7 +52,7 @@ class Inspection(NamedTuple):
                 yield f"foot {foot.name} is {1e3 * foot.gap_m:.0f} mm above the ground in the default pose"
         for link in self.on_the_ground:
             yield f"link {link} touches the ground in the default pose, and is no foot"
-        for one, other in self.meeting:
+        for one, other in self.touching:
             yield f"links {one} and {other} collide in the default pose"
         if stands_still and self.margin_m <= 0.0:
             yield "the centre of mass is not above the area between the feet in the default pose"
@@ -88,7 +88,7 @@ def inspect_robot(robot: Robot, seed: int = 0) -> Inspection:
         feet=rows,
         margin_m=support_margin(corners, (float(centre[0]), float(centre[1]))),
         on_the_ground=tuple(model.body(b).name for b in sorted(on_ground)),
-        meeting=tuple((model.body(a).name, model.body(b).name) for a, b in sorted(pairs) if a != WORLD),
+        touching=tuple((model.body(a).name, model.body(b).name) for a, b in sorted(pairs) if a != WORLD),
     )
 
 

@@ -92,7 +92,7 @@ class Ignored(JointCheck):
     A late motor still shows all changes: its reports are used for `explained_s` longer. A weak motor ignores
     at most `strength_share`. A change by less than `torque_little` of the peak is not significant, and
     neither is a change in only one window: a foot that hits the ground reports the torque for the speed
-    before. Commands that hardly change for the joint's mean position tell nothing, either: with gains that
+    before. Commands that hardly change for the joint's mean position are not used: with gains that
     the motor does not have, the noise of a still joint's readings looks like a change.
     """
 
@@ -106,7 +106,8 @@ class Ignored(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._windows: deque[np.ndarray] = deque()  # (6, n) position, velocity, torque, asked, kp, kd
+        # (6, n) each: position, velocity, torque, commanded torque, kp, kd
+        self._windows: deque[np.ndarray] = deque()
 
     def measure(self, window: JointWindow) -> np.ndarray:
         late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag

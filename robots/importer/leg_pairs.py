@@ -132,7 +132,7 @@ def _share_meeting(
     feet = [[model.geom(name).id for name in leg.geoms] for leg in machine.legs]
     base = model.body(machine.links[0].name).id
 
-    def meeting(joints: np.ndarray) -> set[GeomPair]:
+    def touching(joints: np.ndarray) -> set[GeomPair]:
         data.qpos[at] = joints
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -143,12 +143,12 @@ def _share_meeting(
     poses: Counter[GeomPair] = Counter()
     met: Counter[GeomPair] = Counter()
     for joints in random.uniform(low, high, (POSES, len(at))):
-        found = meeting(joints)
+        found = touching(joints)
         depth = [data.xpos[base][2] - data.geom_xpos[geoms, 2].mean() for geoms in feet]
         are_low = [each >= LOW_SHARE * pose.height_m for each in depth]
         both_low = [pair for pair, (one, other) in names.items() if are_low[one] and are_low[other]]
         poses.update(both_low)
         met.update(found.intersection(both_low))
     offsets = START_RAD * random.uniform(-1.0, 1.0, (STARTS, len(at)))
-    at_start = set().union(*(meeting(default + offset) for offset in offsets))
+    at_start = set().union(*(touching(default + offset) for offset in offsets))
     return {pair: 0.0 if pair in at_start else met[pair] / max(poses[pair], 1) for pair in names}

@@ -14,7 +14,7 @@ from physics_parity import compare, random_arguments
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.physics.engines import make_engine
 from footfall.envs.physics.generated import llvm, on_processor
-from footfall.envs.physics.generated.meetings import contact_refusals
+from footfall.envs.physics.generated.geom_pairs import contact_refusals
 from footfall.envs.physics.generated.physics import not_generated
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import GRAVITY, GROUND

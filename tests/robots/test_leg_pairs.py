@@ -37,7 +37,7 @@ def in_pose(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> mujoco.MjD
     return data
 
 
-def meeting(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple[str, str]]:
+def touching(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple[str, str]]:
     """The geoms that touch in the air."""
     contacts = in_pose(model, robot, pose).contact
     touching = contacts.geom[contacts.dist <= 0.0].tolist()
@@ -45,10 +45,10 @@ def meeting(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple
 
 
 def test_no_legs_touch_where_training_starts(robot: Robot, lean: mujoco.MjModel) -> None:
-    assert not meeting(lean, robot, robot.default_pose)
+    assert not touching(lean, robot, robot.default_pose)
     spread = JOINT_RAD * np.random.default_rng(0).uniform(-1, 1, (300, len(robot.joint_names)))
     for offset in spread:
-        assert not meeting(lean, robot, robot.default_pose + offset)
+        assert not touching(lean, robot, robot.default_pose + offset)
 
 
 def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:
@@ -69,7 +69,7 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
         apart_m = mujoco.mj_geomDistance(
             model, in_pose(model, go1, pose), *(model.geom(f"{name}_foot").id for name in names), 1.0, None
         )
-        found = meeting(model, go1, pose)
+        found = touching(model, go1, pose)
         assert [set(pair) for pair in found] in ([], [expected])
         met.append((apart_m + 2 * 0.023, bool(found)))
     first = next(distance for distance, touch in met if touch)

@@ -9,8 +9,8 @@ import numpy as np
 
 from footfall.envs.physics.generated.algebra import Matrix, Vector, cross, vector
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, sqrt, where
+from footfall.envs.physics.generated.geom_pairs import BOX, PLANE, SMOOTH, SPHERE, TINY, GeomPair
 from footfall.envs.physics.generated.limbs import Pair, Part
-from footfall.envs.physics.generated.meetings import BOX, PLANE, SMOOTH, SPHERE, TINY, Meeting
 from footfall.envs.physics.generated.tree import Attachment, Tree, rotation
 from footfall.envs.physics.interface import PLANE_NUMBERS
 
@@ -18,7 +18,7 @@ from footfall.envs.physics.interface import PLANE_NUMBERS
 class Contact(NamedTuple):
     """Where two geoms are nearest, in the base's frame."""
 
-    meeting: Meeting
+    geom_pair: GeomPair
     distance: Scalar  # m
     position: Vector  # (3,) m, from the base's origin
     normal: Vector  # (3,) from the first to the second
@@ -65,16 +65,20 @@ class Geometry:
         """The world position of a point in the base's frame, m, (3,)."""
         return self._base_position + self._base_turn @ position
 
-    def contacts(self, meeting: Meeting, ground: np.ndarray | None = None) -> list[Contact]:
+    def contacts(self, geom_pair: GeomPair, ground: np.ndarray | None = None) -> list[Contact]:
         """The contacts that two geoms can make; their number does not depend on the pose.
 
         Args:
-            meeting: collision of the two geoms.
+            geom_pair: the two geoms.
             ground: (4,) or (8,) numbers as of `interface.GROUND`; None: of the first geom, a plane.
         """
-        one, two = meeting.geoms
+        one, two = geom_pair.geoms
         if self._model.geom_type[one] != PLANE:
-            return [self._between(meeting, *self._nearest(meeting.geoms, lambda of, k: of(meeting.geoms[k])))]
+            return [
+                self._between(
+                    geom_pair, *self._nearest(geom_pair.geoms, lambda of, k: of(geom_pair.geoms[k]))
+                )
+            ]
         if ground is None:
             body = self._model.geom_bodyid[one]
             turn, position = self._fixed(int(body))
@@ -83,13 +87,13 @@ class Geometry:
             ground = np.append(normal, normal @ (position + turn @ self._model.geom_pos[one]))
         match self._model.geom_type[two]:
             case mujoco.mjtGeom.mjGEOM_SPHERE:
-                return self._on_ground(meeting, ground, two, np.zeros(3))
+                return self._on_ground(geom_pair, ground, two, np.zeros(3))
             case mujoco.mjtGeom.mjGEOM_CAPSULE:
                 axis = self._axis(two)
                 half = axis * float(self._model.geom_size[two][1])
                 along = self._base_turn @ axis
                 ends = (half, -half)
-                return [c for end in ends for c in self._on_ground(meeting, ground, two, end, along)]
+                return [c for end in ends for c in self._on_ground(geom_pair, ground, two, end, along)]
             case _:
                 turn, size = self._turn(two), self._model.geom_size[two]
                 corners = [turn @ (size * sign) for sign in product((-1.0, 1.0), repeat=3)]
@@ -97,7 +101,7 @@ class Geometry:
                 return [
                     contact._replace(excess=maximum(contact.excess, normal @ corner))
                     for corner in corners  # those above the centre never touch
-                    for contact in self._on_ground(meeting, ground, two, corner)
+                    for contact in self._on_ground(geom_pair, ground, two, corner)
                 ]
 
     def between_limbs(self, pair: Pair, part: Part) -> Contact:
@@ -107,20 +111,20 @@ class Geometry:
             own, is_own = of(pair.own[k]), less(0.5, part.number(float(k == pair.side)))
             return vector(*(where(is_own, x, part.partner(x, pair.slot)) for x in own))
 
-        return self._between(pair.meeting, *self._nearest(pair.meeting.geoms, seen))
+        return self._between(pair.geom_pair, *self._nearest(pair.geom_pair.geoms, seen))
 
     def _on_ground(
-        self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
+        self, geom_pair: GeomPair, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> list[Contact]:
         """Contacts of a sphere at this offset from a geom's centre with the plane and with a higher level."""
-        plane = self._on_plane(meeting, ground, geom, offset, along)
+        plane = self._on_plane(geom_pair, ground, geom, offset, along)
         if len(ground) == PLANE_NUMBERS:
             return [plane]
-        level, beyond = self._on_level(meeting, ground, geom, offset, along)
+        level, beyond = self._on_level(geom_pair, ground, geom, offset, along)
         return [plane._replace(excess=beyond), level]
 
     def _on_level(
-        self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None
+        self, geom_pair: GeomPair, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None
     ) -> tuple[Contact, Scalar]:
         """The contact of a sphere with a higher level, and how far its centre is beyond the edge, m.
 
@@ -142,7 +146,7 @@ class Geometry:
         distance = where(outside, length, maximum(away, above)) - radius
         turned = self._base_turn.T @ normal
         position = centre - turned * (radius + 0.5 * distance)
-        return Contact(meeting, distance, position, turned, self._tangents(meeting, normal, along)), -away
+        return Contact(geom_pair, distance, position, turned, self._tangents(geom_pair, normal, along)), -away
 
     def _sphere(self, geom: int, offset: Vector) -> tuple[Vector, float]:
         """Centre, in the base's frame, and radius of a sphere at this offset; 0 for a box's corner."""
@@ -150,31 +154,31 @@ class Geometry:
         return self.centre(geom) + offset, 0.0 if is_box else float(self._model.geom_size[geom][0])
 
     def _on_plane(
-        self, meeting: Meeting, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
+        self, geom_pair: GeomPair, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> Contact:
         """The plane's contact with a sphere at this offset from a geom's centre."""
         centre, radius = self._sphere(geom, offset)
         normal = self._base_turn.T @ ground[:3]
         distance = ground[:3] @ self._base_position - ground[3] + normal @ centre - radius
         position = centre - normal * (radius + 0.5 * distance)
-        return Contact(meeting, distance, position, normal, self._tangents(meeting, ground[:3], along))
+        return Contact(geom_pair, distance, position, normal, self._tangents(geom_pair, ground[:3], along))
 
-    def _between(self, meeting: Meeting, one: Vector, two: Vector) -> Contact:
+    def _between(self, geom_pair: GeomPair, one: Vector, two: Vector) -> Contact:
         """The contact of two spheres around these points, with the geoms' radii."""
-        radii = [float(self._model.geom_size[geom][0]) for geom in meeting.geoms]
+        radii = [float(self._model.geom_size[geom][0]) for geom in geom_pair.geoms]
         away = two - one
         length = sqrt(maximum(away @ away, TINY**2))
         normal, distance = away / length, length - sum(radii)
         position = one + normal * (radii[0] + 0.5 * distance)
-        world = self._base_turn @ normal if meeting.dimensions > SMOOTH else normal
-        return Contact(meeting, distance, position, normal, self._tangents(meeting, world, None))
+        world = self._base_turn @ normal if geom_pair.dimensions > SMOOTH else normal
+        return Contact(geom_pair, distance, position, normal, self._tangents(geom_pair, world, None))
 
-    def _tangents(self, meeting: Meeting, normal: Vector, along: Vector | None) -> tuple[Vector, ...]:
+    def _tangents(self, geom_pair: GeomPair, normal: Vector, along: Vector | None) -> tuple[Vector, ...]:
         """MuJoCo's two directions along the surface, in the base's frame (mju_makeFrame).
 
         `normal` is in the world frame, and so is `along`, the axis of a capsule on a plane.
         """
-        if meeting.dimensions == SMOOTH:
+        if geom_pair.dimensions == SMOOTH:
             return ()
         across = less(absolute(normal[1]), 0.5)
         first = vector(0.0, where(across, 1.0, 0.0), where(across, 0.0, 1.0)) if along is None else along

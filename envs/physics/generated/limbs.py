@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from footfall.envs.physics.generated.expression import Expression, Graph, Scalar
-from footfall.envs.physics.generated.meetings import SMOOTH, Meeting, meetings
+from footfall.envs.physics.generated.geom_pairs import SMOOTH, GeomPair, geom_pairs
 from footfall.envs.physics.generated.tree import BASE, ROUNDING, Hinge, Tree
 
 GEOMETRY = ("rotation", "position", "axis")  # of a hinge
@@ -26,7 +26,7 @@ class NotAlikeError(Exception):
 class Pair(NamedTuple):
     """A contact between two limbs, as the program of one of them sees it."""
 
-    meeting: Meeting
+    geom_pair: GeomPair
     number: int | None  # among all such contacts; None: this limb takes no part in a contact like this
     slot: int  # index of the exchange with a partner
     own: tuple[int, int]  # this limb's geoms that correspond to the first and the second geom
@@ -39,7 +39,7 @@ class Part:
     def __init__(self, tree: Tree, limbs: int = 1) -> None:
         self.graph, self.tree, self.limbs = Graph(), tree, limbs
         self.share = 1.0 / limbs  # of the base
-        self.meetings: list[Meeting] = []  # of this part with itself and with the world
+        self.geom_pairs: list[GeomPair] = []  # of this part with itself and with the world
         self.pairs: list[Pair] = []
         self.num_pairs = 0  # of the whole robot
         self._numbers = 0
@@ -69,7 +69,7 @@ class Part:
 def whole(model: mujoco.MjModel, tree: Tree) -> Part:
     """The whole robot as one part."""
     part = Part(tree)
-    part.meetings = meetings(model)
+    part.geom_pairs = geom_pairs(model)
     return part
 
 
@@ -89,14 +89,14 @@ def limbs_of(model: mujoco.MjModel, tree: Tree) -> tuple[list[Part], list[tuple[
     geoms = [list(_geoms(model, limb.tree)) for limb in limbs]
     home = {geom: (n, k) for n, own in enumerate(geoms) for k, geom in enumerate(own)}
     between = []
-    for meeting in meetings(model):
-        owners = {home[geom][0] for geom in meeting.geoms if geom in home}
+    for geom_pair in geom_pairs(model):
+        owners = {home[geom][0] for geom in geom_pair.geoms if geom in home}
         for n in owners or range(len(limbs)):
             if len(owners) < 2:
-                limbs[n].meetings.append(meeting)
+                limbs[n].geom_pairs.append(geom_pair)
         if len(owners) == 2:
-            between.append(meeting)
-    if len(between) > MAX_PAIRS or any(meeting.dimensions != SMOOTH for meeting in between):
+            between.append(geom_pair)
+    if len(between) > MAX_PAIRS or any(geom_pair.dimensions != SMOOTH for geom_pair in between):
         raise NotAlikeError("limbs meet each other in many contacts, or with friction")
     return limbs, list(_pair_up(limbs, geoms, home, between))
 
@@ -130,30 +130,30 @@ def _pair_up(
     limbs: Sequence[Part],
     geoms: list[list[int]],
     home: dict[int, tuple[int, int]],
-    between: list[Meeting],
+    between: list[GeomPair],
 ) -> Iterator[tuple[int, ...]]:
     """Give each limb its contacts with other limbs; yields the partners in each slot.
 
     Contacts of the same geoms of different limbs share a slot. A limb without a partner in a slot is its own:
     it computes the contact, too, but without weight.
     """
-    slots: list[tuple[tuple[int, ...], dict[int, Meeting]]] = []  # the geoms' numbers, and contacts by limb
-    for meeting in between:
-        owners, places = zip(*(home[geom] for geom in meeting.geoms), strict=True)
+    slots: list[tuple[tuple[int, ...], dict[int, GeomPair]]] = []  # the geoms' numbers, and contacts by limb
+    for geom_pair in between:
+        owners, places = zip(*(home[geom] for geom in geom_pair.geoms), strict=True)
         free = (members for kind, members in slots if kind == places and members.keys().isdisjoint(owners))
         members = next(free, None)
         if members is None:
             slots.append((places, members := {}))
-        members |= dict.fromkeys(owners, meeting)
+        members |= dict.fromkeys(owners, geom_pair)
     for slot, ((one, two), members) in enumerate(slots):
         partners = list(range(len(limbs)))
         for n, limb in enumerate(limbs):
-            meeting = members.get(n, next(iter(members.values())))
-            owners = tuple(home[geom][0] for geom in meeting.geoms)
+            geom_pair = members.get(n, next(iter(members.values())))
+            owners = tuple(home[geom][0] for geom in geom_pair.geoms)
             side = int(owners[0] != n)
             if n in members:
                 partners[n] = owners[1 - side]
-            number = between.index(meeting) if n in members else None
-            limb.pairs.append(Pair(meeting, number, slot, (geoms[n][one], geoms[n][two]), side))
+            number = between.index(geom_pair) if n in members else None
+            limb.pairs.append(Pair(geom_pair, number, slot, (geoms[n][one], geoms[n][two]), side))
             limb.num_pairs = len(between)
         yield tuple(partners)

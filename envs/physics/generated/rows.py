@@ -13,8 +13,8 @@ from footfall.envs.physics.generated.algebra import Vector, cross
 from footfall.envs.physics.generated.cone import Cone
 from footfall.envs.physics.generated.contacts import Contact, LinkPose
 from footfall.envs.physics.generated.expression import Scalar, absolute, less, maximum, minimum, where
+from footfall.envs.physics.generated.geom_pairs import MIN_FRICTION, SLIDING, TINY, GeomPair
 from footfall.envs.physics.generated.limbs import Pair, Part
-from footfall.envs.physics.generated.meetings import MIN_FRICTION, SLIDING, TINY, Meeting
 from footfall.envs.physics.generated.tree import BASE_DOFS, Tree
 
 MIN_IMPEDANCE, MAX_IMPEDANCE = 1e-4, 0.9999  # MuJoCo's mjMINIMP, mjMAXIMP
@@ -61,30 +61,30 @@ def contact_rows(
         part: the robot or the limb that the rows belong to.
         poses: poses of links.
         velocity: velocity of all degrees of freedom, the base's in its own frame.
-        friction: the geoms' coefficient, used if the meeting has none.
+        friction: the geoms' coefficient, used if the pair of geoms has none.
         pair: of a contact between two limbs.
     """
-    meeting = contact.meeting
-    signs = _signs(meeting, model, part, pair)
+    geom_pair = contact.geom_pair
+    signs = _signs(geom_pair, model, part, pair)
     jacobian = tuple(
         _row(contact, direction, model, part.tree, poses, signs)
         for direction in (contact.normal, *contact.tangents)
     )
     speeds = [sum((j * velocity[dof] for dof, j in row.items()), start=0.0) for row in jacobian]
     speeds = [part.of_both(speed, pair) for speed in speeds]
-    depth = contact.distance - meeting.margin
-    impedance = _impedance(absolute(depth), meeting.solimp)
-    stiffness, damping = _spring(meeting.solref, meeting.solimp, model.opt.timestep)
+    depth = contact.distance - geom_pair.margin
+    impedance = _impedance(absolute(depth), geom_pair.solimp)
+    stiffness, damping = _spring(geom_pair.solref, geom_pair.solimp, model.opt.timestep)
     reference = [damping * speed for speed in speeds]
     reference[0] = reference[0] + stiffness * (impedance * depth)
     # Regularisation R = (1 - d) / d times the diagonal of A, estimated from the bodies' inverse weights; of
     # a pyramid 2 mu^2 times that of its first row, and its weight D = 1 / R.
-    inverse_weight = sum(float(model.body_invweight0[model.geom_bodyid[geom]][0]) for geom in meeting.geoms)
+    inverse_weight = sum(float(model.body_invweight0[model.geom_bodyid[geom]][0]) for geom in geom_pair.geoms)
     frictions: tuple[Scalar, ...] = ()
     scale: Scalar = inverse_weight
     cone: Cone | None = None
-    if meeting.dimensions == SLIDING:
-        frictions = meeting.friction or (friction, friction)
+    if geom_pair.dimensions == SLIDING:
+        frictions = geom_pair.friction or (friction, friction)
     if frictions and model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC:
         cone = Cone(frictions, float(model.opt.impratio))
     elif frictions:
@@ -140,10 +140,10 @@ def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.nd
 
 
 def _signs(
-    meeting: Meeting, model: mujoco.MjModel, part: Part, pair: Pair | None
+    geom_pair: GeomPair, model: mujoco.MjModel, part: Part, pair: Pair | None
 ) -> list[tuple[int, Scalar]]:
     """The bodies of this part that make the contact, with the signs of their speeds in its rows."""
-    geoms: tuple[int, int] = meeting.geoms
+    geoms: tuple[int, int] = geom_pair.geoms
     signs: list[Scalar] = [-1.0, 1.0]
     if pair is not None:
         geoms, signs[1 - pair.side] = pair.own, 0.0  # the other geom is the partner's

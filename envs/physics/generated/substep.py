@@ -11,8 +11,8 @@ from footfall.envs.physics.generated.algebra import rotation_matrix, turned_abou
 from footfall.envs.physics.generated.contacts import Geometry, LinkPose
 from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
 from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
+from footfall.envs.physics.generated.geom_pairs import PLANE
 from footfall.envs.physics.generated.limbs import Part, whole
-from footfall.envs.physics.generated.meetings import PLANE
 from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
 from footfall.envs.physics.generated.solver import newton_step
 from footfall.envs.physics.generated.tree import BASE, BASE_DOFS, Tree, read_tree, rotation
@@ -184,12 +184,12 @@ def _step(
     speed, warm = _in_base(to_base, qvel), _in_base(to_base, motion.qacc_warmstart)
     points = np.concatenate(foot_geoms(model, robot.description)).tolist()
     rows = []
-    for meeting in part.meetings:
-        one, two = meeting.geoms
+    for geom_pair in part.geom_pairs:
+        one, two = geom_pair.geoms
         on_ground = model.geom_type[one] == PLANE and two in points and ground is not None
         plane = ground[points.index(two)] if on_ground and ground is not None else None
-        friction = geom_friction(model, meeting.geoms, field("geom_friction"))
-        for contact in geometry.contacts(meeting, plane):
+        friction = geom_friction(model, geom_pair.geoms, field("geom_friction"))
+        for contact in geometry.contacts(geom_pair, plane):
             rows.append(contact_rows(contact, model, part, geometry.poses, speed, friction))
     for pair in part.pairs:
         contact = geometry.between_limbs(pair, part)

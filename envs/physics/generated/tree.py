@@ -116,7 +116,7 @@ def read_tree(model: mujoco.MjModel) -> Tree:
 
 
 def refusals(model: mujoco.MjModel) -> Iterator[str]:
-    """Unsupported features of a model, one line each; contacts are checked in `meetings.py`."""
+    """Unsupported features of a model, one line each; contacts are checked in `geom_pairs.py`."""
     option = model.opt
     is_free, is_hinge = (model.jnt_type == kind for kind in (mujoco.mjtJoint.mjJNT_FREE, HINGE))
     free = np.flatnonzero(is_free)

@@ -28,7 +28,7 @@ MIN_FRICTION = 1e-5  # MuJoCo's mjMINMU
 TINY = 1e-15  # MuJoCo's mjMINVAL
 
 
-class Meeting(NamedTuple):
+class GeomPair(NamedTuple):
     """Two geoms that can touch, and the parameters of their contact. The first one's type is the lower."""
 
     geoms: tuple[int, int]
@@ -39,31 +39,31 @@ class Meeting(NamedTuple):
     friction: tuple[float, float] | None  # None: the geoms' own
 
 
-def meetings(model: mujoco.MjModel) -> list[Meeting]:
+def geom_pairs(model: mujoco.MjModel) -> list[GeomPair]:
     """All pairs of geoms that MuJoCo would test for contact."""
     found = [_declared(model, pair) for pair in range(model.npair)]
-    known = {meeting.geoms for meeting in found}
+    known = {geom_pair.geoms for geom_pair in found}
     excluded = excluded_bodies(model)
     for a, b in combinations(range(model.ngeom), 2):
         geoms = _by_type(model, a, b)
-        if geoms not in known and _meet(model, a, b, excluded):
+        if geoms not in known and _can_touch(model, a, b, excluded):
             found.append(_mixed(model, geoms))
     return found
 
 
 def contact_refusals(model: mujoco.MjModel) -> Iterator[str]:
     """Contacts of a model that the generator does not support, one line each."""
-    for meeting in meetings(model):
-        names = " and ".join(repr(model.geom(g).name or f"geom {g}") for g in meeting.geoms)
-        kinds = tuple(mujoco.mjtGeom(model.geom_type[g]) for g in meeting.geoms)
+    for geom_pair in geom_pairs(model):
+        names = " and ".join(repr(model.geom(g).name or f"geom {g}") for g in geom_pair.geoms)
+        kinds = tuple(mujoco.mjtGeom(model.geom_type[g]) for g in geom_pair.geoms)
         if kinds not in GENERATED:
             shapes = " and ".join(kind.name[7:].lower() for kind in kinds)
             yield f"contact of {names}: {shapes}"
-        elif meeting.dimensions not in {SMOOTH, SLIDING}:
-            yield f"contact of {names}: condim {meeting.dimensions}"
-        elif meeting.solimp[4] not in {1.0, 2.0}:
-            yield f"contact of {names}: solimp's power {meeting.solimp[4]:g}"
-        elif kinds[0] == PLANE and model.body_weldid[model.geom_bodyid[meeting.geoms[0]]] != 0:
+        elif geom_pair.dimensions not in {SMOOTH, SLIDING}:
+            yield f"contact of {names}: condim {geom_pair.dimensions}"
+        elif geom_pair.solimp[4] not in {1.0, 2.0}:
+            yield f"contact of {names}: solimp's power {geom_pair.solimp[4]:g}"
+        elif kinds[0] == PLANE and model.body_weldid[model.geom_bodyid[geom_pair.geoms[0]]] != 0:
             yield f"contact of {names}: a plane that moves"
 
 
@@ -71,7 +71,7 @@ def _by_type(model: mujoco.MjModel, a: int, b: int) -> tuple[int, int]:
     return (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
 
 
-def _meet(model: mujoco.MjModel, a: int, b: int, excluded: set[tuple[int, int]]) -> bool:
+def _can_touch(model: mujoco.MjModel, a: int, b: int, excluded: set[tuple[int, int]]) -> bool:
     """MuJoCo's filters: contact bits, excluded pairs, bodies that are welded or parent and child."""
     bits = (model.geom_contype[a] & model.geom_conaffinity[b]) | (
         model.geom_contype[b] & model.geom_conaffinity[a]
@@ -80,10 +80,10 @@ def _meet(model: mujoco.MjModel, a: int, b: int, excluded: set[tuple[int, int]])
     return bool(bits) and not adjacent(model, *bodies) and tuple(bodies) not in excluded
 
 
-def _declared(model: mujoco.MjModel, pair: int) -> Meeting:
+def _declared(model: mujoco.MjModel, pair: int) -> GeomPair:
     geoms = _by_type(model, int(model.pair_geom1[pair]), int(model.pair_geom2[pair]))
     first, second = model.pair_friction[pair][:2].tolist()
-    return Meeting(
+    return GeomPair(
         geoms,
         int(model.pair_dim[pair]),
         tuple(model.pair_solref[pair].tolist()),
@@ -93,7 +93,7 @@ def _declared(model: mujoco.MjModel, pair: int) -> Meeting:
     )
 
 
-def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> Meeting:
+def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> GeomPair:
     """MuJoCo's mixing of two geoms' parameters: by priority, or by weight if priorities are equal."""
     one, two = geoms
     margin = model.geom_margin[one] + model.geom_margin[two]
@@ -109,6 +109,6 @@ def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> Meeting:
         solref = share * first + (1.0 - share) * second if standard else np.minimum(first, second)
         solimp = share * model.geom_solimp[one] + (1.0 - share) * model.geom_solimp[two]
         dimensions = max(model.geom_condim[one], model.geom_condim[two])
-    return Meeting(
+    return GeomPair(
         geoms, int(dimensions), tuple(solref.tolist()), tuple(solimp.tolist()), float(margin), None
     )
