@@ -24,8 +24,7 @@ class WiringCheckConfig:
     imu_alike: float = 0.25  # maximum error of the base's tilt measured by the IMU
     explained: float = 0.5  # maximum share of the squared error that a cause may leave unexplained
     explained_in_doubt: float = 0.3  # same for errors that would pass otherwise
-    explained_in_part: float = 0.7  # same for a single motor's mistake that explains its own torques:
-    explained_of_motor: float = 0.1  # maximum share of their squared error that it leaves
+    explained_of_motor: float = 0.1  # same for the torques of one motor, and for those in its own motion
     unlike: float = 0.9  # error of most joints, or of the IMU, that is a fault even without an explanation
     askew_rad: float = 0.25  # maximum difference between the mean tilts of IMU and model, on level ground
     lean_rad: float = 0.2  # rotation of the base that ends the check
@@ -37,8 +36,7 @@ class WiringCheckConfig:
             self, 0.01, 0.5, "standing_rad", "lying_rad", "least_rad", "lean_rad", "lost_rad", "askew_rad"
         )
         require_between(self, 0.01, 1.0, "alike", "imu_alike", "explained")
-        require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt")
-        require_between(self, 0.01, 1.0, "explained_in_part", "explained_of_motor")
+        require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt", "explained_of_motor")
         require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s", "max_delay_s")
         require_between(self, 0.0, 10.0, "motor_lag_ticks")
         require_between(self, 0.1, 10.0, "unlike", "soles_stiffness")

@@ -16,6 +16,7 @@ SIMULATED_CAUSES = 4  # most likely causes of each kind to simulate, besides tho
 SURE = 0.02  # share of the cost left by a cause, below which no further ones are simulated
 DELAY_STEP_S = 0.002
 WORST_JOINTS = 2  # number of joints with the largest errors
+MOTORS = 3  # number of motors whose torques have the largest errors
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
 TWIN = 2.0  # maximum rough error of a twin, relative to `alike`: its simulated error is often smaller
@@ -192,31 +193,42 @@ class Search(NamedTuple):
             if len(cause.key) != 2 or self.right.errors(rough, self.least)[0].max() > TWIN * config.alike:
                 continue
             moved = _responses(np.array(list(self.simulated(cause)))).torque
-            right = self._own_error(cause, self.right.torque)
-            if self._own_error(cause, moved) <= config.explained_in_doubt * right:
+            size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)
+            errors, right = (
+                (((self.measured.torque - each)[:, cause.key].T / size) ** 2).sum()
+                for each in (moved, self.right.torque)
+            )
+            if errors <= config.explained_in_doubt * right:
                 return cause.text
         return ""
 
     def motor(self, every: list[Cause], config: WiringCheckConfig) -> str:
         """The text of one motor's mistake that explains that motor's torques; empty if there is none.
 
-        A foot that slips adds errors to all joints, which no cause explains. It hardly changes the torques
-        that one motor reports in the motions of all joints. A robot whose masses or friction differ from its
-        model's has causes that explain much of the error, too, but with these torques they do not agree.
+        A foot that slips adds errors to all joints and to the tilts, which no cause explains, and which may
+        be others in the simulation. The torques that one motor reports hardly change, nor does its own
+        motion. A robot whose masses or friction differ from its model's has causes that explain much of the
+        error, too, but not of these torques.
         """
-        best = config.explained_in_part * self.measured.cost(self.right, self.least, self.noise), ""
-        for cause in (each for each in every if len(each.key) == 1):
-            cost, moved = self._simulation(cause, best[0])
-            right = self._own_error(cause, self.right.torque)
-            if moved and self._own_error(cause, moved.torque) <= config.explained_of_motor * right:
-                best = cost, cause.text
+        best = math.inf, ""
+        by_motor = self._torque_errors(self.right).sum(axis=0)
+        suspects = set(np.argsort(by_motor)[-MOTORS:].tolist())
+        for cause in (each for each in every if len(each.key) == 1 and suspects.issuperset(each.key)):
+            moved = _responses(np.array(list(self.simulated(cause))))
+            left, right = self._torque_errors(moved), self._torque_errors(self.right)
+            (joint,) = cause.key
+            of_motor = left[:, joint].sum() / right[:, joint].sum()
+            of_motion = left[joint].sum() / right[joint].sum()
+            likely = of_motor <= config.explained_in_doubt and left.sum() <= config.explained * right.sum()
+            if likely or max(of_motor, of_motion) <= config.explained_of_motor:
+                best = min(best, (of_motor, cause.text))
         return best[1]
 
-    def _own_error(self, cause: Cause, torque: np.ndarray) -> float:
-        """Squared error of the torques of the motors that a cause affects, by the right responses."""
+    def _torque_errors(self, model: Responses) -> np.ndarray:
+        """Squared error of each motor's torque (columns) in each motion (rows), by the right responses."""
         size = np.linalg.norm(self.right.torque, axis=1).clip(self.least, None)
-        errors = (self.measured.torque - torque)[:, cause.key].T / size
-        return float((errors**2).sum())
+        errors: np.ndarray = ((self.measured.torque - model.torque) / size[:, None]) ** 2
+        return errors
 
     def _turned_imu(self) -> tuple[float, str]:
         """Cost and text of an IMU that is turned about z; infinite if it is not."""
@@ -233,22 +245,20 @@ class Search(NamedTuple):
         """The lowest cost of some causes, and its text; an infinite one above the limit."""
         best = math.inf, ""
         for cause in some:
-            best = min(best, (self._simulation(cause, min(best[0], limit))[0], cause.text))
+            best = min(best, (self._cost(cause, min(best[0], limit)), cause.text))
         return best
 
-    def _simulation(self, cause: Cause, limit: float) -> tuple[float, Responses | None]:
-        """Cost and responses of a simulated cause; infinite and None above the limit, where the simulation
-        need not go on."""
+    def _cost(self, cause: Cause, limit: float) -> float:
+        """Cost of a simulated cause; infinite above the limit, where the simulation need not go on."""
         rows, cost, torque = [], 0.0, self.measured.torque
         for row, measured in zip(self.simulated(cause), torque, strict=True):
             rows.append(row)
             size = max(float(np.linalg.norm(row[:-2])), self.least)
             cost += float(np.linalg.norm(measured - row[:-2]) / size) ** 2 / len(torque)
             if cost > limit:
-                return math.inf, None
-        responses = _responses(np.array(rows))
-        cost = self.measured.cost(responses, self.least, self.noise)
-        return (cost, responses) if cost <= limit else (math.inf, None)
+                return math.inf
+        cost = self.measured.cost(_responses(np.array(rows)), self.least, self.noise)
+        return cost if cost <= limit else math.inf
 
     def _rough_cost(self, cause: Cause, highest: np.ndarray) -> float:
         """Squared error of the joints if a cause only permuted and scaled the right responses."""
