@@ -1,4 +1,4 @@
-"""Runs of healthy robots, which the supervisor shall not stop: the rate of false alarms.
+"""Runs of healthy robots, which the supervisor should not stop: the rate of false alarms.
 
 No benchmark itself: `fault_table.py` calls it.
 """

@@ -11,7 +11,7 @@ same footfall run in it: that benchmark, or the command of --run. Results, candu
 console are written to --out.
 
 Emulated processors are slow. With `-icount` the guest's clock counts instructions, one per nanosecond: the
-guest is a machine with 1,000 million instructions per second whose time runs slower than ours, so its
+guest is a machine with 1,000 million instructions per second whose time runs slower than real time, so its
 deadlines stay meaningful. --accel kvm uses the processor's virtualisation if available.
 """
 

@@ -49,7 +49,7 @@ class Motor(NamedTuple):
     compliance: Array | None = None  # rad/(N m), of the gearbox
     # Of a motor whose command sets a voltage: supply over nominal voltage. 0: the command sets a current.
     voltage_gain: Array | None = None
-    # Of a voltage-driven motor: resistance at full duty over that at rest, less 1.
+    # Of a voltage-driven motor: share by which the resistance at full duty exceeds that at rest.
     duty_resistance: Array | None = None
 
 
@@ -121,7 +121,7 @@ def pd_torque(command: JointCommand, position: Array, velocity: Array) -> Array:
 def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     """Torque that a DC motor can deliver at this speed, N m. Shapes (..., n).
 
-    A current limit caps torque at low speed. The supply voltage less the back-EMF caps it along the line
+    A current limit caps torque at low speed. The supply voltage minus the back-EMF caps it along the line
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
     can only brake. The current limit holds there too, so it is applied last.
     """
@@ -199,7 +199,7 @@ def _duty(torque_demand: Array, motor: Motor) -> Array:
 
 
 def _driven(torque_demand: Array, velocity: Array, motor: Motor) -> Array:
-    """Torque of a voltage-driven motor for the PD law's demand `torque_demand`, N m, less its back-EMF."""
+    """Torque of a voltage-driven motor for the PD law's demand `torque_demand`, N m, minus its back-EMF."""
     duty = _duty(torque_demand, motor)
     return motor.stall_torque * (duty - velocity / motor.no_load_speed) * _conductance(duty, motor)
 
@@ -250,7 +250,7 @@ def _engaged_damping(command: JointCommand, position: Array, motor: Motor) -> Ar
 
 
 def joint_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
-    """Torque that reaches the joint, N m: `motor_torque` less friction, shape (..., n).
+    """Torque that reaches the joint, N m: `motor_torque` minus friction, shape (..., n).
 
     Args:
         command: the command.

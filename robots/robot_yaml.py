@@ -58,7 +58,8 @@ class MotorType:
     backlash_rad: float = 0.0  # whole play of the gearbox
     gear_stiffness_nm_rad: float | None = None  # of the gearbox; None: rigid
     voltage_driven: bool = False  # the command sets a voltage, as with hobby servos, not a current
-    duty_resistance: float = 0.0  # if voltage-driven: resistance at full duty over that at rest, less 1
+    # If voltage-driven: share by which the resistance at full duty exceeds that at rest.
+    duty_resistance: float = 0.0
     thermal_resistance_k_w: float | None = None  # from the winding to the air; None: no thermal model
     thermal_capacity_j_k: float | None = None  # of the winding with the iron around it
     # Temperatures between which the current limit falls from its full value to 0.

@@ -160,7 +160,7 @@ def _data(net: ActuatorNet, motion: DrivenMotion) -> _Data:
 
 
 def _windows(net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, length: int) -> jax.Array:
-    """Simulated less recorded positions of windows, rad, (length, W, n)."""
+    """Simulated minus recorded positions of windows, rad, (length, W, n)."""
     lag = None if motor.lag_s is None else lag_over(motor.lag_s, data.step_s)
     rows = starts + jnp.arange(length)[:, None]  # (length, W)
 

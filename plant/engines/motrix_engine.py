@@ -65,7 +65,7 @@ class MotrixEngine:
         return self._touching
 
     def normal_force(self, contact: int) -> float:
-        """See `Engine`. MotrixSim tells one force for each link, which its contacts share evenly."""
+        """See `Engine`. MotrixSim gives one force for each link, which its contacts share evenly."""
         one, other = self.touching()[contact]
         bodies = self._model.geom_bodyid
         geom, partner = (one, other) if bodies[one] != WORLD else (other, one)

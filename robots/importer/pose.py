@@ -13,7 +13,7 @@ from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.targets import soft_limits
 
-GIVEN_RANGE = 0.94  # share of each joint's range for a given pose: the soft limits, less rounding
+GIVEN_RANGE = 0.94  # share of each joint's range for a given pose: the soft limits, minus rounding
 USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
 MAX_ANGLE_RAD = np.pi  # largest angle of a joint
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more

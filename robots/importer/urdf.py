@@ -48,8 +48,8 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
         raise UserError(f"{path} has no links")
     _refuse_repeated_names(root, path)
     guesses = [*_visuals_for_collisions(root, path)]
-    if mended := list(_repair_inertias(root, path)):
-        guesses.append(f"physically impossible inertias were corrected: {', '.join(mended)}")
+    if corrected := list(_repair_inertias(root, path)):
+        guesses.append(f"physically impossible inertias were corrected: {', '.join(corrected)}")
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
     taken = list(_take_meshes(root, path, packages))

@@ -1,7 +1,7 @@
 """One PPO update: epochs of mini-batches over one rollout.
 
-The mathematics is brax's (networks, loss, advantage estimation, running statistics). The loop is ours: all
-of a training's state is in one place, so that it resumes exactly.
+The mathematics is brax's (networks, loss, advantage estimation, running statistics). The loop is footfall's:
+all of a training's state is in one place, so that it resumes exactly.
 """
 
 from collections.abc import Callable

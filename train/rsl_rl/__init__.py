@@ -1,1 +1,1 @@
-"""Training with rsl_rl: upstream's runner on our environment."""
+"""Training with rsl_rl: upstream's runner on footfall's environment."""

@@ -1,4 +1,4 @@
-"""A training with rsl_rl: upstream's runner, unmodified, on our environment."""
+"""A training with rsl_rl: upstream's runner, unmodified, on footfall's environment."""
 
 import io
 from collections.abc import Callable

@@ -156,7 +156,7 @@ def device_failures(
         yield
     except errors as error:
         text = str(error)
-        if "Traceback (most recent call last)" in text:  # an error in our code, called from the device
+        if "Traceback (most recent call last)" in text:  # an error in footfall's code, called from the device
             raise
         raise UserError(_device_failure(run, text, verb)) from None
 

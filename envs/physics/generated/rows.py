@@ -160,7 +160,7 @@ def _row(
     poses: dict[int, LinkPose],
     signs: list[tuple[int, Scalar]],
 ) -> Row:
-    """Row of the relative speed along a direction: the second geom's contact point less the first's."""
+    """Row of the relative speed along a direction: the second geom's contact point minus the first's."""
     row: Row = {}
     for body, sign in signs:
         parts: Row = {}

@@ -27,8 +27,8 @@ def catching_foothold(
 ) -> complex:
     """Touch-down position of a foot on the ground, world frame, m.
 
-    The capture point moves away from the stance foot, p, until touch-down. It shall then have the same
-    distance from the new foot as in a steady gait (`nominal_step`): this decides all later steps.
+    The capture point moves away from the stance foot, p, until touch-down. It should then have the
+    same distance from the new foot as in a steady gait (`nominal_step`): this decides all later steps.
 
     Args:
         base: state of the base.
