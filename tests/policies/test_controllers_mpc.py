@@ -9,7 +9,6 @@ from moments import policy_input
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc import Mpc
-from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState
@@ -72,13 +71,7 @@ class TestStanding:
         assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
 
 
-def base(**changes: object) -> Base:
-    """At rest and level at the origin, unless the arguments differ."""
-    level = Base(0j, 0.28, np.zeros(3), np.eye(3), np.zeros(3), 0.0, 0.0, 0.0)
-    return level._replace(**changes)  # type: ignore[arg-type]
-
-
-class TestSwingBegins:
+class TestTicks:
     def test_without_a_solution_standing_feet_keep_force(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy = Mpc(ROBOT)
         policy.reset(standing())
@@ -89,10 +82,6 @@ class TestSwingBegins:
         pressed = policy.force[:, 2] > 1.0
         np.testing.assert_array_equal(pressed, policy.stands)
         assert pressed.sum() == 2
-
-
-class TestTicks:
-    """Result of a tick of `act`."""
 
     def test_no_foot_is_lifted_and_no_command_followed_before_the_robot_has_settled(self) -> None:
         policy = Mpc(ROBOT)
@@ -165,21 +154,13 @@ class TestLegs:
 
     FORCE = np.array([[3.0, -5.0, 60.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-8.0, 2.0, 40.0]])
 
-    def command(
-        self,
-        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        yaw_rate: float = 0.0,
-        swing_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        swing_acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    ) -> JointCommand:
+    def command(self, swing_velocity: Any = STILL, swing_acceleration: Any = STILL) -> JointCommand:
         legs = LegControl(ROBOT, LEGS, nominal_body(ROBOT), CONFIG)
         swing = np.zeros((2, 3, 3))
         swing[:, 0] = LEGS.default_foot[1:3]
         swing[:, 1], swing[:, 2] = swing_velocity, swing_acceleration
         pose = LEGS.pose(ROBOT.default_pose)
-        return legs.command(
-            ROBOT.default_pose, pose, self.FORCE, np.array(velocity), yaw_rate * UP, UP, [1, 2], swing
-        )
+        return legs.command(ROBOT.default_pose, pose, self.FORCE, STILL, STILL, UP, [1, 2], swing)
 
     def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
         """Compared with MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
@@ -208,6 +189,6 @@ class TestLegs:
     def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
         """M times the joint acceleration that moves the foot as desired."""
         acceleration = np.array([5.0, 0.0, 8.0])
-        torque = LEGS.gather(self.command(swing_acceleration=tuple(acceleration)).torque)[1]
+        torque = LEGS.gather(self.command(swing_acceleration=acceleration).torque)[1]
         joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)
         np.testing.assert_allclose(torque, nominal_body(ROBOT).leg_inertia[1] @ joint, atol=1e-9)

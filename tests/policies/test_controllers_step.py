@@ -14,7 +14,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step import controller as controller_module
 from footfall.policies.controllers.step.config import Pressure, Start, StepConfig
-from footfall.policies.controllers.step.footsteps import NominalStep, capture_after, nominal_step
+from footfall.policies.controllers.step.footsteps import capture_after, nominal_step
 from footfall.policies.controllers.step.footwork import Footwork, Phase
 from footfall.policies.controllers.whole_body.feedback import Feedback
 from footfall.policies.policy import PolicyInput
@@ -71,12 +71,12 @@ def moment(
     moving: Any = STILL,
     feet: Any = ((0.0, 0.1), (0.0, -0.1)),
     headings: tuple[float, float] = (HEADING, HEADING),
-    **more: Any,
 ) -> Any:
     """Dynamics by hand: centre and feet from the middle along the feet's axes, the velocity in the world."""
     foot = np.array([[*world(*each), 0.0] for each in feet]) + MIDDLE
     return Moment(
-        **{"bias": np.zeros(6 + N), "foot_jacobian": np.zeros((2, 6, 6 + N)), **more},
+        bias=np.zeros(6 + N),
+        foot_jacobian=np.zeros((2, 6, 6 + N)),
         centre=TURN.apply(centre) + MIDDLE,
         centre_velocity=np.array(moving, dtype=float),
         middle=foot.mean(axis=0),
@@ -107,11 +107,6 @@ def whole_body_arguments(
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
     policy.act(inputs)
     return result[0]
-
-
-def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:
-    rate = Step(G1, CONFIG).footwork.fall_rate
-    return nominal_step(np.array(velocity), 1.0 if swings == LEFT else -1.0, 0.2, 0.6, 0.1, rate)
 
 
 class TestWanted:
@@ -157,48 +152,40 @@ class TestWanted:
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
 
 
-class TestShift:
+def test_a_command_or_a_capture_point_far_from_the_middle_calls_for_a_step() -> None:
     """The weight moves onto the foot that the body leans on."""
-
-    @pytest.mark.parametrize(
-        ("capture", "walk", "bears"),
-        [
-            ((0.055, 0.04), False, None),  # 6.8 cm
-            ((0.06, 0.04), False, LEFT),  # 7.2 cm
-            ((-0.06, -0.04), False, RIGHT),
-            ((0.0, 0.001), True, LEFT),
-            ((0.0, -0.001), True, RIGHT),
-        ],
-    )
-    def test_a_command_or_a_capture_point_far_from_the_middle_calls_for_a_step(
-        self, footwork: Footwork, capture: tuple[float, float], walk: bool, bears: int | None
-    ) -> None:
+    for capture, walk, bears in (
+        ((0.055, 0.04), False, None),  # 6.8 cm
+        ((0.06, 0.04), False, LEFT),  # 7.2 cm
+        ((-0.06, -0.04), False, RIGHT),
+        ((0.0, 0.001), True, LEFT),
+        ((0.0, -0.001), True, RIGHT),
+    ):
+        footwork = Step(G1, CONFIG).footwork
         footwork.elapsed_s = 0.3
         footwork.maybe_shift(moment(), capture_at(*capture), walk)
         if bears is None:
             assert footwork.phase is Phase.STAND
-            return
+            continue
         assert (footwork.phase, footwork.stance_foot, footwork.swing_foot) == (Phase.SHIFT, bears, 1 - bears)
         assert footwork.elapsed_s == 0.0
 
-    @pytest.mark.parametrize("bears", [LEFT, RIGHT])
-    @pytest.mark.parametrize(
-        ("short", "ahead", "elapsed_s", "lifts"),
-        [
-            (0.019, 0.0, 0.5, True),
-            (0.021, 0.0, 0.5, False),
-            (-0.2, 0.0, 0.5, True),  # beyond
-            (0.1, 0.0, 1.01, True),  # it has waited long enough
-            (0.1, 0.0, 0.99, False),
-            (0.1, 0.13, 0.5, True),
-            (0.1, -0.13, 0.5, True),
-            (0.1, 0.11, 0.5, False),
-        ],
-    )
-    def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
-        self, footwork: Footwork, bears: int, short: float, ahead: float, elapsed_s: float, lifts: bool
-    ) -> None:
-        """Distance of the capture point from the bearing foot's side, and how far it is ahead."""
+
+@pytest.mark.parametrize("bears", [LEFT, RIGHT])
+def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
+    footwork: Footwork, bears: int
+) -> None:
+    """Distance of the capture point from the bearing foot's side, and how far it is ahead."""
+    for short, ahead, elapsed_s, lifts in (
+        (0.019, 0.0, 0.5, True),
+        (0.021, 0.0, 0.5, False),
+        (-0.2, 0.0, 0.5, True),  # beyond
+        (0.1, 0.0, 1.01, True),  # it has waited long enough
+        (0.1, 0.0, 0.99, False),
+        (0.1, 0.13, 0.5, True),
+        (0.1, -0.13, 0.5, True),
+        (0.1, 0.11, 0.5, False),
+    ):
         footwork.phase, footwork.stance_foot, footwork.swing_foot = Phase.SHIFT, bears, 1 - bears
         footwork.elapsed_s = elapsed_s
         capture = np.zeros(3)
@@ -208,26 +195,20 @@ class TestShift:
         assert footwork.phase is (Phase.STEP if lifts else Phase.SHIFT)
 
 
-class TestLand:
-    @pytest.mark.parametrize(
-        ("centre", "ahead", "walk", "stands"),
-        [
-            ((0.0, 0.0), (0.0, 0.0), False, True),
-            ((0.0, 0.0), (0.0, 0.0), True, False),
-            *(
-                ((x, 0.0), (0.0, 0.0), False, stands)
-                for x, stands in ((0.069, True), (0.071, False), (-0.071, False))
-            ),
-            ((0.0, 0.2), (0.0, 0.0), False, True),  # a sideways distance does not count
-            ((0.0, 0.0), (0.009, -0.01), False, True),
-            ((0.0, 0.0), (0.011, -0.01), False, False),
-            ((0.0, 0.0), (-0.011, 0.01), False, False),
-        ],
-    )
-    def test_a_landing_ends_the_walk_or_begins_the_next_step(
-        self, footwork: Footwork, centre: Any, ahead: Any, walk: bool, stands: bool
-    ) -> None:
-        """Capture point and how far ahead the feet are, along the axes of the foot that has landed."""
+def test_a_landing_ends_the_walk_or_begins_the_next_step() -> None:
+    """Capture point and how far ahead the feet are, along the axes of the foot that has landed."""
+    for centre, ahead, walk, stands in (
+        ((0.0, 0.0), (0.0, 0.0), False, True),
+        ((0.0, 0.0), (0.0, 0.0), True, False),
+        ((0.069, 0.0), (0.0, 0.0), False, True),
+        ((0.071, 0.0), (0.0, 0.0), False, False),
+        ((-0.071, 0.0), (0.0, 0.0), False, False),
+        ((0.0, 0.2), (0.0, 0.0), False, True),  # a sideways distance does not count
+        ((0.0, 0.0), (0.009, -0.01), False, True),
+        ((0.0, 0.0), (0.011, -0.01), False, False),
+        ((0.0, 0.0), (-0.011, 0.01), False, False),
+    ):
+        footwork = Step(G1, CONFIG).footwork
         footwork.stance_foot, footwork.swing_foot, footwork.elapsed_s = LEFT, RIGHT, 0.6
         footwork.load = np.array([1.0, 0.0])
         # Half of it from the velocity.
@@ -242,51 +223,32 @@ class TestLand:
         assert footwork.load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
 
 
-class TestSteer:
-    def test_a_pressure_held_until_landing_removes_the_error(self, footwork: Footwork) -> None:
-        """Within the sole; now it is (1 + 2) times the distance of the capture point."""
-        step, rate = nominal(RIGHT), footwork.fall_rate
-        end = step.foothold + step.offset
-        capture = end * math.exp(-0.3 * rate) + np.array([0.004, -0.003])
-        now, held = footwork.steer(capture, step, 0.3)
-        np.testing.assert_allclose(now, [0.012, -0.009])
-        np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
-
-    @pytest.mark.parametrize("sign", [1.0, -1.0])
-    def test_the_pressure_stays_under_the_sole(self, footwork: Footwork, sign: float) -> None:
-        step = nominal(RIGHT)
-        capture = (step.foothold + step.offset) * math.exp(-0.3 * footwork.fall_rate) + sign * np.array(
-            [0.3, 0.2]
-        )
-        for found in footwork.steer(capture, step, 0.3):
+def test_a_pressure_under_the_sole_removes_the_error_until_landing(footwork: Footwork) -> None:
+    """Now it is (1 + 2) times the distance of the capture point, but within the sole."""
+    rate = footwork.fall_rate
+    step = nominal_step(np.zeros(2), -1.0, 0.2, 0.6, 0.1, rate)
+    end = step.foothold + step.offset
+    steady = end * math.exp(-0.3 * rate)
+    capture = steady + np.array([0.004, -0.003])
+    now, held = footwork.steer(capture, step, 0.3)
+    np.testing.assert_allclose(now, [0.012, -0.009])
+    np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
+    for sign in (1.0, -1.0):
+        for found in footwork.steer(steady + sign * np.array([0.3, 0.2]), step, 0.3):
             np.testing.assert_allclose(found, sign * np.array([0.075, 0.025]))
 
 
-class TestFly:
-    """The right foot swings at 0.05 m ahead of and 0.2 m beside the left one, along the world's axes."""
-
-    HERE = np.array([0.05, -0.2, 0.04])
-
-    def dynamics(self, turn: Rotation) -> Any:
-        """Dynamics with a velocity of (1, ..., 6) / 10."""
-        foot = np.array([MIDDLE, MIDDLE + self.HERE])
-        jacobian = np.zeros((2, 6, 6))
-        jacobian[RIGHT] = np.eye(6)
-        rotation = np.array([np.eye(3), turn.as_matrix()])
-        moving = np.arange(1.0, 7.0) / 10
-        return SimpleNamespace(foot=foot, foot_rotation=rotation, foot_jacobian=jacobian, velocity=moving)
-
-    def flying(self, footwork: Footwork, turn: float = 0.24) -> Footwork:
-        footwork.stance_foot, footwork.swing_foot, footwork.yaw = LEFT, RIGHT, HEADING
-        footwork.command.value = np.array([0.0, 0.0, turn / 0.6])
-        footwork.next_foothold = np.array([0.2, -0.25])
-        return footwork
-
-    def test_its_yaw_takes_the_shorter_rotation(self, footwork: Footwork) -> None:
-        """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
-        self.flying(footwork, turn=0.0).yaw = 3.1
-        footwork.swing_acceleration(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
-        assert footwork.swing is not None
-        turned = 60 * (6.2 - 2 * math.pi) / 0.3**3 * 0.002
-        assert turned < 0.0
-        assert footwork.swing._motion[2, 2] == pytest.approx(turned)
+def test_the_yaw_of_a_swinging_foot_takes_the_shorter_rotation(footwork: Footwork) -> None:
+    """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
+    footwork.stance_foot, footwork.swing_foot, footwork.yaw = LEFT, RIGHT, 3.1
+    footwork.next_foothold = np.array([0.2, -0.25])
+    dynamics = SimpleNamespace(
+        foot=np.array([MIDDLE, MIDDLE + np.array([0.05, -0.2, 0.04])]),
+        foot_rotation=Rotation.from_rotvec([[0.0, 0.0, each] for each in (0.0, -3.1)]).as_matrix(),
+        foot_jacobian=np.zeros((2, 6, 6)),
+        velocity=np.zeros(6),
+    )
+    footwork.swing_acceleration(dynamics, MIDDLE, 0.3)  # type: ignore[arg-type]
+    assert footwork.swing is not None
+    turned = 60 * (6.2 - 2 * math.pi) / 0.3**3 * 0.002
+    assert footwork.swing._motion[2, 2] == pytest.approx(turned)
