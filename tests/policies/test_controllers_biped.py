@@ -36,16 +36,15 @@ def test_step_refuses_a_robot_of_four_feet() -> None:
         Step(load_robot("go1"), settings)
 
 
-class TestBalance:
-    def test_a_small_push_is_balanced_without_a_step(self) -> None:
-        policy, plant = Balance(G1), DirectPlant(G1, seed=3)
-        result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([-0.15, -0.15, 0.0])))
-        assert not result.fell
-        assert policy.control.unsolved_ticks == 0
-        moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
-        assert moved.max() > 0.015
-        assert moved[-1] < 0.02
-        assert np.linalg.norm(result.velocity[-1]) < 0.05
+def test_a_small_push_is_balanced_without_a_step() -> None:
+    policy, plant = Balance(G1), DirectPlant(G1, seed=3)
+    result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([-0.15, -0.15, 0.0])))
+    assert not result.fell
+    assert policy.control.unsolved_ticks == 0
+    moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
+    assert moved.max() > 0.015
+    assert moved[-1] < 0.02
+    assert np.linalg.norm(result.velocity[-1]) < 0.05
 
 
 class Missing(BoundedSolver):

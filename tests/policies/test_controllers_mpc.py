@@ -62,13 +62,12 @@ class Planned(NamedTuple):
     gravity: np.ndarray
 
 
-class TestStanding:
-    @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
-    def test_turned_to_the_left_it_pushes_back_to_the_right(self, begun: float, now: float) -> None:
-        """Also at the heading where angles jump from pi to -pi."""
-        policy = Mpc(ROBOT)
-        policy.reset(standing(begun))
-        assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
+@pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
+def test_turned_to_the_left_it_pushes_back_to_the_right(begun: float, now: float) -> None:
+    """Also at the heading where angles jump from pi to -pi."""
+    policy = Mpc(ROBOT)
+    policy.reset(standing(begun))
+    assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
 
 
 class TestTicks:

@@ -59,29 +59,27 @@ def recorded(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Call
     return calls
 
 
-class TestWanted:
-    def test_the_body_moves_as_forces_move_it(self, policy: MpcWholeBody, recorded: list[Call]) -> None:
-        """Newton's and Euler's equations of the rigid body that the plan is made for."""
-        policy.reset(moving())
-        policy.act(moving())
-        dynamics, desired, max_force = recorded[0]
-        np.testing.assert_array_equal(max_force, policy._config.contact.most_force_n)
-        force = policy.force
-        np.testing.assert_allclose(desired.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
-        moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
-        assert np.abs(moment).min() > 0.1
-        np.testing.assert_allclose(desired.momentum_rate, moment)
-        turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
-        np.testing.assert_allclose(TILTED.apply(desired.attitude), np.linalg.solve(turned, moment))
+def test_the_body_moves_as_forces_move_it(policy: MpcWholeBody, recorded: list[Call]) -> None:
+    """Newton's and Euler's equations of the rigid body that the plan is made for."""
+    policy.reset(moving())
+    policy.act(moving())
+    dynamics, desired, max_force = recorded[0]
+    np.testing.assert_array_equal(max_force, policy._config.contact.most_force_n)
+    force = policy.force
+    np.testing.assert_allclose(desired.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
+    moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
+    assert np.abs(moment).min() > 0.1
+    np.testing.assert_allclose(desired.momentum_rate, moment)
+    turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
+    np.testing.assert_allclose(TILTED.apply(desired.attitude), np.linalg.solve(turned, moment))
 
 
-class TestWalking:
-    def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:
-        result = walk(policy, DirectPlant(ROBOT, seed=2), partial(hold, (0.4, -0.1, 0.5)), 3.0)
-        assert not result.fell
-        assert policy.control.unsolved_ticks == 0
-        assert policy.notes == ()
-        np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
+def test_it_walks_as_commanded(policy: MpcWholeBody) -> None:
+    result = walk(policy, DirectPlant(ROBOT, seed=2), partial(hold, (0.4, -0.1, 0.5)), 3.0)
+    assert not result.fell
+    assert policy.control.unsolved_ticks == 0
+    assert policy.notes == ()
+    np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
 
 
 def test_references_advance_by_a_tick_of_the_plans_rate(policy: MpcWholeBody) -> None:

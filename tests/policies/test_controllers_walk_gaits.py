@@ -89,14 +89,13 @@ class Trial:
         return np.array(targets)
 
 
-class TestLimits:
-    def test_it_notes_slowed_motion_once(self) -> None:
-        trial = Trial(Walk(ROBOT, "ripple"))
-        trial.walk((0.2, 0.0, 0.0), 2.5)
-        (note,) = trial.policy.notes
-        assert note.startswith("ripple: the gait is slowed to a period of ")
-        trial.walk((-0.1, 0.0, 0.3), 2.5)
-        assert trial.policy.notes == [note]
+def test_it_notes_slowed_motion_once() -> None:
+    trial = Trial(Walk(ROBOT, "ripple"))
+    trial.walk((0.2, 0.0, 0.0), 2.5)
+    (note,) = trial.policy.notes
+    assert note.startswith("ripple: the gait is slowed to a period of ")
+    trial.walk((-0.1, 0.0, 0.3), 2.5)
+    assert trial.policy.notes == [note]
 
 
 def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -> None:

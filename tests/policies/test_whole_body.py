@@ -235,38 +235,37 @@ class TestStanding:
         assert abs(acceleration[:6]).max() > 0.5
 
 
-class TestMoving:
-    def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest(self) -> None:
-        """For a robot in motion, where the drift terms matter, with large weights."""
-        body = BODIES["g1"]
-        rng = np.random.default_rng(8)
-        spin = Motion(
-            normalised(np.array([1.0, 0.02, -0.03, 0.4])),
-            0.1 * rng.normal(size=3),
-            0.5 * rng.normal(size=3),
-            G1.default_pose + 0.05 * rng.normal(size=12),
-            rng.normal(size=12),
-        )
-        dynamics = body.update(spin)
-        desired = np.zeros((2, 6))
-        desired[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
-        most = np.where(body.foot_of_point == 0, 1e4, 0.0)
-        weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
-        _, acceleration, _ = solved(
-            *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
-            most_force=most,
-            weights=weights,
-            contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
-        )
-        foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
-        np.testing.assert_allclose(foot, desired[1], atol=0.05)
-        left = body.foot_of_point == 0
-        points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
-        slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
-        # A rigid sole cannot do it at each corner, since these circle about its middle.
-        np.testing.assert_allclose(points.mean(axis=0), slowing.mean(axis=0), atol=0.05)
-        assert np.abs(dynamics.foot_drift[1]).max() > 0.3
-        assert np.abs(dynamics.point_drift[left]).max() > 0.3
+def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest() -> None:
+    """For a robot in motion, where the drift terms matter, with large weights."""
+    body = BODIES["g1"]
+    rng = np.random.default_rng(8)
+    spin = Motion(
+        normalised(np.array([1.0, 0.02, -0.03, 0.4])),
+        0.1 * rng.normal(size=3),
+        0.5 * rng.normal(size=3),
+        G1.default_pose + 0.05 * rng.normal(size=12),
+        rng.normal(size=12),
+    )
+    dynamics = body.update(spin)
+    desired = np.zeros((2, 6))
+    desired[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
+    most = np.where(body.foot_of_point == 0, 1e4, 0.0)
+    weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
+    _, acceleration, _ = solved(
+        *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
+        most_force=most,
+        weights=weights,
+        contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
+    )
+    foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
+    np.testing.assert_allclose(foot, desired[1], atol=0.05)
+    left = body.foot_of_point == 0
+    points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
+    slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
+    # A rigid sole cannot do it at each corner, since these circle about its middle.
+    np.testing.assert_allclose(points.mean(axis=0), slowing.mean(axis=0), atol=0.05)
+    assert np.abs(dynamics.foot_drift[1]).max() > 0.3
+    assert np.abs(dynamics.point_drift[left]).max() > 0.3
 
 
 class TestLimits:

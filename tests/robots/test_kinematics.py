@@ -18,37 +18,35 @@ LEGS = Legs(ROBOT.description, ROBOT.xml_path)
 fractions = arrays(float, len(ROBOT.joint_names), elements=st.floats(0.0, 1.0))
 
 
-class TestForward:
-    @settings(max_examples=50)
-    @given(fractions)
-    def test_feet_and_jacobians_are_mujocos(self, fraction: np.ndarray) -> None:
-        model = plant_model(ROBOT)
-        data = mujoco.MjData(model)
-        q, v = joint_addresses(model, ROBOT)
-        base = model.body(ROBOT.description.base).id
-        data.qpos[:7] = [0.3, -0.2, 0.5, 0.5, -0.5, 0.5, 0.5]
-        data.qpos[q] = ROBOT.lower_rad + fraction * (ROBOT.upper_rad - ROBOT.lower_rad)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        rotation = data.xmat[base].reshape(3, 3)
-        pose = LEGS.pose(data.qpos[q])
-        for leg, foot in enumerate(ROBOT.description.feet):
-            geom = model.geom(foot.geoms[0]).id
-            position = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
-            np.testing.assert_allclose(pose.foot[leg], position, atol=1e-9)
-            jacobian, turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-            mujoco.mj_jacGeom(model, data, jacobian, turning, geom)
-            dofs = v[LEGS.joints[leg]]
-            np.testing.assert_allclose(pose.jacobian[leg], rotation.T @ jacobian[:, dofs], atol=1e-9)
-            np.testing.assert_allclose(pose.axes[leg], rotation.T @ turning[:, dofs], atol=1e-9)
+@settings(max_examples=50)
+@given(fractions)
+def test_feet_and_jacobians_are_mujocos(fraction: np.ndarray) -> None:
+    model = plant_model(ROBOT)
+    data = mujoco.MjData(model)
+    q, v = joint_addresses(model, ROBOT)
+    base = model.body(ROBOT.description.base).id
+    data.qpos[:7] = [0.3, -0.2, 0.5, 0.5, -0.5, 0.5, 0.5]
+    data.qpos[q] = ROBOT.lower_rad + fraction * (ROBOT.upper_rad - ROBOT.lower_rad)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    rotation = data.xmat[base].reshape(3, 3)
+    pose = LEGS.pose(data.qpos[q])
+    for leg, foot in enumerate(ROBOT.description.feet):
+        geom = model.geom(foot.geoms[0]).id
+        position = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
+        np.testing.assert_allclose(pose.foot[leg], position, atol=1e-9)
+        jacobian, turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacGeom(model, data, jacobian, turning, geom)
+        dofs = v[LEGS.joints[leg]]
+        np.testing.assert_allclose(pose.jacobian[leg], rotation.T @ jacobian[:, dofs], atol=1e-9)
+        np.testing.assert_allclose(pose.axes[leg], rotation.T @ turning[:, dofs], atol=1e-9)
 
 
-class TestInverse:
-    def test_a_tip_out_of_reach_stretches_the_leg_towards_it(self) -> None:
-        far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
-        reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot
-        assert np.all(reached[:, 2] < LEGS.default_foot[:, 2] - 0.05)
-        np.testing.assert_allclose(reached[:, :2], far[:, :2], atol=0.08)
+def test_a_tip_out_of_reach_stretches_the_leg_towards_it() -> None:
+    far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
+    reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot
+    assert np.all(reached[:, 2] < LEGS.default_foot[:, 2] - 0.05)
+    np.testing.assert_allclose(reached[:, :2], far[:, :2], atol=0.08)
 
 
 class TestLoad:
@@ -93,11 +91,10 @@ class TestLoad:
         np.testing.assert_array_equal(legs.holding_torque(pose, down), torque)
 
 
-class TestRolling:
-    def test_a_cached_rolling_offset_belongs_to_its_arguments(self) -> None:
-        level, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
-        axes = LEGS.pose(ROBOT.default_pose).axes
-        once = LEGS.rolling_offset(axes, level).copy()
-        assert not np.allclose(LEGS.rolling_offset(axes, tilted), once)
-        np.testing.assert_array_equal(LEGS.rolling_offset(axes, level), once)
-        np.testing.assert_array_equal(LEGS.rolling_offset(-axes, level), -once)
+def test_a_cached_rolling_offset_belongs_to_its_arguments() -> None:
+    level, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    axes = LEGS.pose(ROBOT.default_pose).axes
+    once = LEGS.rolling_offset(axes, level).copy()
+    assert not np.allclose(LEGS.rolling_offset(axes, tilted), once)
+    np.testing.assert_array_equal(LEGS.rolling_offset(axes, level), once)
+    np.testing.assert_array_equal(LEGS.rolling_offset(-axes, level), -once)

@@ -152,17 +152,16 @@ class TestBehindTheBus:
         assert found.reported_c.max() >= cooled + 2.0
 
 
-class TestTraining:
-    def test_training_and_bus_have_the_same_thermal_model(self, heated: Robot) -> None:
-        """Over a second of changing torque, in control steps there and physics steps behind the bus."""
-        env = LocomotionEnv(heated, CONFIG)
-        torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
-        sample = {"winding_rise_k": np.full(N, 40.0)}
-        ours = np.full(N, 65.0)
-        theirs = env.actuation.winding_at_first(sample)
-        np.testing.assert_allclose(theirs, ours, rtol=1e-6)
-        for step in torque:
-            theirs = env.actuation.winding_after(theirs, jnp.asarray(step), sample)
-            for each in step:
-                ours = warmed(ours, each**2, winding_of(heated), env.period_s / len(step))
-        np.testing.assert_allclose(theirs, ours, rtol=1e-3)
+def test_training_and_bus_have_the_same_thermal_model(heated: Robot) -> None:
+    """Over a second of changing torque, in control steps there and physics steps behind the bus."""
+    env = LocomotionEnv(heated, CONFIG)
+    torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
+    sample = {"winding_rise_k": np.full(N, 40.0)}
+    ours = np.full(N, 65.0)
+    theirs = env.actuation.winding_at_first(sample)
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+    for step in torque:
+        theirs = env.actuation.winding_after(theirs, jnp.asarray(step), sample)
+        for each in step:
+            ours = warmed(ours, each**2, winding_of(heated), env.period_s / len(step))
+    np.testing.assert_allclose(theirs, ours, rtol=1e-3)

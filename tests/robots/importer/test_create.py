@@ -138,17 +138,16 @@ class TestDerived:
         assert load_robot(tmp_path / "dog").name == "dog"
 
 
-class TestOptions:
-    def test_a_torque_is_given_by_a_part_of_a_joints_name(self, tmp_path: Path) -> None:
-        """The longest matching part counts; other joints keep the file's torque."""
-        wishes = {"knee": 11.0, "RR_knee": 12.5}
-        robot, _ = make(
-            tmp_path, quadruped(), peak_torque_nm=wishes, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
-        )
-        peak = dict(zip(robot.joint_names, robot.motor.peak_torque, strict=True))
-        assert (peak["FL_knee"], peak["RR_knee"], peak["FL_roll"]) == (11.0, 12.5, 21.0)
-        assert robot.armature == pytest.approx(np.full(12, 0.006))
-        assert robot.motor.no_load_speed[:3] == pytest.approx([15.0, 7.0, 17.0])
+def test_a_torque_is_given_by_a_part_of_a_joints_name(tmp_path: Path) -> None:
+    """The longest matching part counts; other joints keep the file's torque."""
+    wishes = {"knee": 11.0, "RR_knee": 12.5}
+    robot, _ = make(
+        tmp_path, quadruped(), peak_torque_nm=wishes, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
+    )
+    peak = dict(zip(robot.joint_names, robot.motor.peak_torque, strict=True))
+    assert (peak["FL_knee"], peak["RR_knee"], peak["FL_roll"]) == (11.0, 12.5, 21.0)
+    assert robot.armature == pytest.approx(np.full(12, 0.006))
+    assert robot.motor.no_load_speed[:3] == pytest.approx([15.0, 7.0, 17.0])
 
 
 class TestRefusals:
