@@ -30,9 +30,9 @@ def test_a_rollout_of_one_window_is_delayed_and_scaled() -> None:
     np.testing.assert_allclose(moved[1, 0, 2, 0], 0.945**2, atol=0.012)
 
 
-def made_up(path: Path, seed: int, seconds: float = 3.0) -> None:
+def made_up(path: Path, seed: int) -> None:
     """A CSV recording of a double pendulum whose numbers are known."""
-    rng, count = np.random.default_rng(seed), round(seconds / STEP_S)
+    rng, count = np.random.default_rng(seed), round(3.0 / STEP_S)
     time_s = STEP_S * np.arange(count)
     hz, phase, size = rng.uniform(0.4, 2.0, (3, 2)), rng.uniform(0, 6, (3, 2)), np.array([2.0, 0.8])
     torque = (size * np.sin(2 * np.pi * hz * time_s[:, None, None] + phase)).sum(axis=1) / 2

@@ -111,10 +111,10 @@ def begun(reset) -> State:
 ACTION = jnp.linspace(-0.3, 0.4, N)
 
 
-def placed(state: State, base=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0), velocity=(0.0,) * 6) -> State:
-    """A state with the base at this pose and with this velocity, in MuJoCo's coordinates."""
+def placed(state: State, base=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0)) -> State:
+    """A state with the base at rest at this pose."""
     qpos = state.qpos.at[:3].set(jnp.asarray(base)).at[3:7].set(jnp.asarray(quaternion))
-    return state._replace(qpos=qpos, qvel=state.qvel.at[:6].set(jnp.asarray(velocity)))
+    return state._replace(qpos=qpos, qvel=state.qvel.at[:6].set(0.0))
 
 
 class TestStep:

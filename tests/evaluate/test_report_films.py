@@ -21,8 +21,8 @@ TILTED = (0.9, 0.1, -0.2, 0.35)  # about all axes
 
 
 class TestFilms:
-    def task(self, trace: Trace, pushes: tuple[Push, ...] = (), duration_s: float = 1.0) -> FilmTask:
-        return FilmTask("go1", None, trace, pushes, duration_s)
+    def task(self, trace: Trace, pushes: tuple[Push, ...] = ()) -> FilmTask:
+        return FilmTask("go1", None, trace, pushes, 1.0)
 
     def test_another_renderer_is_tried_if_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tried: list[Any] = []

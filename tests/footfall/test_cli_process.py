@@ -52,20 +52,13 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
         "sys.meta_path.insert(0, Blocker())\n"
     )
     commands = [["deploy", "stand", "--duration", "0.2"], ["train", "--preset", "smoke"]]
-    done = several(commands, env=os.environ | {"PYTHONPATH": str(tmp_path)}, cwd=ROOT)
+    code = f"from footfall.cli import main; print([main(each) for each in {commands!r}])"
+    variables = os.environ | {"PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=variables, cwd=ROOT)
     assert done.stdout.splitlines()[-1] == "[0, 2]"
     assert done.stderr.count("\n") == 1
     assert "[train]'" in done.stderr
-
-
-def several(
-    commands: list[list[str]], before: tuple[str, ...] = (), **options
-) -> subprocess.CompletedProcess[str]:
-    """Run commands one after another in one process; its last line lists their statuses."""
-    code = f"from footfall.cli import main; print([main(each) for each in {commands!r}])"
-    return subprocess.run(
-        [*before, sys.executable, "-c", code], capture_output=True, text=True, check=False, **options
-    )
 
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
