@@ -180,21 +180,16 @@ class TestDynamics:
         assert body.weight_n == pytest.approx(9.81 * model.body_mass.sum())
 
 
-@pytest.mark.parametrize(
-    ("base", "feet", "tilt"),
-    [
+def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet() -> None:
+    for base, feet, tilt in (
         # A base at 1.3 rad on feet at 1.0 rad, toes out by 0.2 rad, has turned left by 0.3 rad.
         (Rotation.from_rotvec([0.0, 0.0, 1.3]), (1.2, 0.8), [0.0, 0.0, 0.3]),
         # Roll is in the body frame, whatever the heading.
         (Rotation.from_euler("ZYX", [2.0, 0.0, 0.1]), (2.0, 2.0), [np.sin(0.1), 0.0, 0.0]),
-    ],
-)
-def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet(
-    base: Rotation, feet: tuple[float, ...], tilt: list[float]
-) -> None:
-    dynamics = SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in feet]).as_matrix())
-    found = base_tilt(base.as_quat(scalar_first=True), dynamics)  # type: ignore[arg-type]
-    np.testing.assert_allclose(found, tilt, atol=1e-12)
+    ):
+        dynamics = SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in feet]).as_matrix())
+        found = base_tilt(base.as_quat(scalar_first=True), dynamics)  # type: ignore[arg-type]
+        np.testing.assert_allclose(found, tilt, atol=1e-12)
 
 
 class TestStanding:

@@ -9,20 +9,17 @@ from footfall.robots.support import support_margin
 TRIANGLE = [(0.0, 0.0), (4.0, 0.0), (0.0, 3.0)]  # sides 4, 3, 5
 
 
-@pytest.mark.parametrize(
-    ("point", "margin"),
-    [
+def test_the_distance_to_the_nearest_edge() -> None:
+    for point, margin in (
         ((1.0, 1.0), 1.0),  # the centre of the inscribed circle
         ((0.5, 1.0), 0.5),
         ((2.0, 0.1), 0.1),
         ((2.0, -0.5), -0.5),
         ((4.0 + 0.8, 3.0 + 0.6), -(4.8 * 3 + 3.6 * 4 - 12) / 5),
         ((-3.0, -4.0), -5.0),  # nearest to a corner, not to the line of an edge
-    ],
-)
-def test_the_distance_to_the_nearest_edge(point: tuple[float, float], margin: float) -> None:
-    assert support_margin(TRIANGLE, point) == pytest.approx(margin)
-    assert support_margin(TRIANGLE[::-1], point) == pytest.approx(margin)
+    ):
+        assert support_margin(TRIANGLE, point) == pytest.approx(margin)
+        assert support_margin(TRIANGLE[::-1], point) == pytest.approx(margin)
 
 
 def test_feet_within_the_polygon_change_nothing() -> None:

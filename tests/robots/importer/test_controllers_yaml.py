@@ -35,9 +35,8 @@ class TestScaled:
             assert at(ours, key) == pytest.approx(at(theirs, key), rel=1e-3)
         assert scaled_controllers(GO1, 4, 300.0).sections["stand"]["kp"] == pytest.approx(300.0)
 
-    @pytest.mark.parametrize(
-        ("key", "factor"),
-        [
+    def test_a_robot_twice_as_large_gets_settings_by_their_units(self) -> None:
+        for key, factor in (
             ("trot.kp", 16.0),
             ("trot.kd", 16.0 * math.sqrt(2)),
             ("trot.gait.period_s", math.sqrt(2)),
@@ -54,12 +53,10 @@ class TestScaled:
             ("mpc-wbc.whole_body.weights.force", 1.0),
             ("mpc-wbc.whole_body.weights.attitude", 4.0),
             ("mpc-wbc.whole_body.contact.damping_s", math.sqrt(0.5)),
-        ],
-    )
-    def test_a_robot_twice_as_large_gets_settings_by_their_units(self, key: str, factor: float) -> None:
-        one, other = (at(scaled_controllers(size, 4, 0.0).sections, key) for size in (GO1, LARGER))
-        first, second = (each[0] if isinstance(each, list) else each for each in (one, other))
-        assert second / first == pytest.approx(factor, rel=2e-3)
+        ):
+            one, other = (at(scaled_controllers(size, 4, 0.0).sections, key) for size in (GO1, LARGER))
+            first, second = (each[0] if isinstance(each, list) else each for each in (one, other))
+            assert second / first == pytest.approx(factor, rel=2e-3)
 
     def test_a_bipeds_steps_have_the_width_of_its_stance_and_pressure_stays_within_its_soles(self) -> None:
         narrow = Size(33.3411, 0.7720737, 0.7720737, 0.5 * 0.237014, 0.5 * 0.17, 0.25 * 0.06)

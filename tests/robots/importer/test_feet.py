@@ -15,16 +15,13 @@ from footfall.robots.importer.machine import Geom, Link
 from footfall.robots.importer.shapes import Kind, Shape, support
 
 
-@pytest.mark.parametrize(
-    ("ends", "names"),
-    [
+def test_legs_are_named_by_the_part_of_the_name_that_differs() -> None:
+    for ends, names in (
         (["FL_calf", "FR_calf"], ["FL", "FR"]),
         (["leg_left_6_link", "leg_right_6_link"], ["left", "right"]),
         (["a", "b_c"], ["a", "b_c"]),
-    ],
-)
-def test_legs_are_named_by_the_part_of_the_name_that_differs(ends: list[str], names: list[str]) -> None:
-    assert leg_names(ends) == names
+    ):
+        assert leg_names(ends) == names
 
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -84,19 +81,16 @@ class TestFeet:
         assert [g.shape.position[2] - g.shape.size[0] for g in others] == pytest.approx([0.006] * 3)
         assert len(foot_of(*rods, joints=3)[0]) == 1
 
-    @pytest.mark.parametrize(
-        ("size", "lean", "flat"),
-        [
+    def test_a_sole_leans_by_at_most_14_deg(self) -> None:
+        for size, lean, flat in (
             ((0.1, 0.05, 0.02), 0.2, True),
             ((0.1, 0.05, 0.02), 0.3, False),
             ((0.02, 0.05, 0.1), np.pi / 2, True),
             ((0.1, 0.05, 0.06), 0.0, False),
-        ],
-    )
-    def test_a_sole_leans_by_at_most_14_deg(self, size: tuple[float, ...], lean: float, flat: bool) -> None:
-        shape = Shape(Kind.mjGEOM_BOX, np.array(size), PLACE, turned(0.0, lean, 0.0))
-        assert bool(is_sole(shape, UP)) is flat
-        assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)
+        ):
+            shape = Shape(Kind.mjGEOM_BOX, np.array(size), PLACE, turned(0.0, lean, 0.0))
+            assert bool(is_sole(shape, UP)) is flat
+            assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)
 
     @pytest.mark.parametrize("way", [0.0, np.pi])
     def test_a_rod_is_shortened_by_the_sphere_at_its_end(self, way: float) -> None:

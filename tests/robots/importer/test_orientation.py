@@ -16,9 +16,8 @@ def renamed(text: str) -> str:
     return text.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
 
 
-@pytest.mark.parametrize(
-    ("names", "sides"),
-    [
+def test_sides_are_read_from_names() -> None:
+    for names, sides in (
         (["FL_calf", "FR_calf", "RL_calf", "RR_calf"], ["l", "r", "l", "r"]),
         (["LF_SHANK", "RF_SHANK", "LH_SHANK", "RH_SHANK"], ["l", "r", "l", "r"]),
         (["LF", "LM", "LR", "RF", "RM", "RR"], ["l", "l", "l", "r", "r", "r"]),
@@ -26,10 +25,8 @@ def renamed(text: str) -> str:
         (["l_ankle_2", "r_ankle_2"], ["l", "r"]),
         (["RL", "RR"], ["", ""]),  # rear left or right left
         (["leg_1", "leg_2"], ["", ""]),
-    ],
-)
-def test_sides_are_read_from_names(names: list[str], sides: list[str]) -> None:
-    assert side_letters(names) == sides
+    ):
+        assert side_letters(names) == sides
 
 
 class TestTurned:
