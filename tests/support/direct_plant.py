@@ -74,10 +74,7 @@ class Walk:
     def __init__(self) -> None:
         self.time: list[float] = []
         self.velocity: list[np.ndarray] = []
-        self.estimate: list[np.ndarray] = []
         self.yaw_rate: list[float] = []
-        self.command: list[np.ndarray] = []
-        self.height: list[float] = []
         self.position: list[np.ndarray] = []
         self.fell = False
 
@@ -85,16 +82,6 @@ class Walk:
         """Mean forward, leftward velocity and yaw rate from a time on, (3,)."""
         late = np.array(self.time) > after_s
         return np.append(np.array(self.velocity)[late, :2].mean(0), np.array(self.yaw_rate)[late].mean())
-
-    def errors(self, settle_s: float = 1.0) -> tuple[float, float]:
-        """Velocity RMSE (m/s) and yaw-rate RMSE (rad/s), without the time after a change of command."""
-        command = np.array(self.command)
-        changed = np.any(np.diff(command, axis=0, prepend=command[:1] + 1) != 0, axis=1)
-        since = np.arange(len(command)) - np.maximum.accumulate(np.where(changed, np.arange(len(command)), 0))
-        keep = since > settle_s * JOINT_RATE_HZ
-        velocity = np.array(self.velocity)[keep, :2] - command[keep, :2]
-        yaw = np.array(self.yaw_rate)[keep] - command[keep, 2]
-        return float(np.sqrt((velocity**2).sum(1).mean())), float(np.sqrt((yaw**2).mean()))
 
 
 def walk(
@@ -138,10 +125,7 @@ def walk(
         plant.step(joint_command)
         result.time.append(time_s)
         result.velocity.append(plant.velocity())
-        result.estimate.append(velocity)
         result.yaw_rate.append(float(plant.data.qvel[5]))
-        result.command.append(commanded)
-        result.height.append(float(plant.data.qpos[2]))
         result.position.append(plant.data.qpos[:2].copy())
         if frame is not None:
             frame(time_s, plant)
