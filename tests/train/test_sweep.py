@@ -236,8 +236,8 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     )  # fmt: skip
 
 
-def trial(point: int, value: float, error: str = "") -> Trial:
-    return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, error)
+def trial(point: int, value: float) -> Trial:
+    return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, "")
 
 
 def test_points_are_ranked_by_their_mean_not_by_their_luckiest_seed() -> None:
@@ -246,14 +246,6 @@ def test_points_are_ranked_by_their_mean_not_by_their_luckiest_seed() -> None:
     assert (first.settings, first.mean) == ({"ppo.clip_param": 2}, pytest.approx(0.35))
     assert second.spread == pytest.approx(0.5**0.5)
     assert [point.settings["ppo.clip_param"] for point in points_of(lucky + steady, "max")] == [1, 2]
-
-
-def test_a_point_with_failures_comes_after_those_without() -> None:
-    points = points_of(
-        [trial(1, 0.1), trial(1, math.nan, "failed"), trial(2, 0.9), trial(3, 0.0, "failed")], "min"
-    )
-    assert [point.settings["ppo.clip_param"] for point in points] == [2, 1, 3]
-    assert [(point.seeds, point.failed) for point in points] == [(1, 0), (1, 1), (0, 1)]
 
 
 def test_a_runs_result_is_the_mean_of_its_last_iterations_that_have_one(tmp_path: Path) -> None:
