@@ -8,13 +8,7 @@ from go1_smoke import ROBOT, SMOKE
 
 from footfall.common.config import merged
 from footfall.domain_rand.distributions import Distribution
-from footfall.envs.config import (
-    CommandConfig,
-    EventConfig,
-    GaitConfig,
-    ObservationConfig,
-    with_lists,
-)
+from footfall.envs.config import CommandConfig, EventConfig, GaitConfig, ObservationConfig, with_lists
 from footfall.envs.contract import make_contract
 from footfall.envs.old_settings import with_event_steps, with_terms
 from footfall.robots.commands import CommandRange
@@ -74,10 +68,7 @@ NEW = {
         {"term": "pose", "weight": -0.1, "joint_shares": {"*hip*": 2.0}},
     ],
     "reward_floor": -0.5,
-    "terminations": [
-        {"term": "tilted", "name": "", "limit_rad": 0.8},
-        {"term": "sunk", "name": ""},
-    ],
+    "terminations": [{"term": "tilted", "name": "", "limit_rad": 0.8}, {"term": "sunk", "name": ""}],
     "events": [
         {"term": "reset_pose", "name": "", "interval_s": None, "joint_rad": 0.05},
         {"term": "push", "interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},

@@ -172,12 +172,7 @@ def test_information_covers_running_and_ended_episodes() -> None:
     assert info["final_info"]["error"].tolist() == [0.0, 0.2, 0.3]
     assert info["final_info"]["command"].tolist() == [[0.0] * 3, [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
     none_ended = last._replace(terminated=np.zeros(3, bool), truncated=np.zeros(3, bool))
-    assert set(gathered(none_ended, last.info["command"])) == {
-        "command",
-        "_command",
-        "error",
-        "_error",
-    }
+    assert set(gathered(none_ended, last.info["command"])) == {"command", "_command", "error", "_error"}
 
 
 def step_until_some_end(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:

@@ -73,9 +73,6 @@ def test_every_score_is_of_its_own_signal(go1: Robot) -> None:
     assert found.stance_s == pytest.approx(draws["foot_contact"].sum() / rate_hz)
     speeds = np.hypot(draws["foot_velocity"][..., 0], draws["foot_velocity"][..., 1])
     assert found.foot_slip_m_s == pytest.approx(speeds[draws["foot_contact"]].mean())
-    for name, rate in (
-        ("joint_target", found.target_rate_rad_s),
-        ("motor_torque", found.torque_rate_nm_s),
-    ):
+    for name, rate in (("joint_target", found.target_rate_rad_s), ("motor_torque", found.torque_rate_nm_s)):
         assert rate == pytest.approx(np.sqrt(np.mean((np.diff(draws[name], axis=0) * rate_hz) ** 2)))
     assert found.distance_m == pytest.approx(699 * 0.025, rel=0.05)

@@ -61,9 +61,7 @@ def variable(name: str) -> str | None:
     return os.environ.get(name)
 
 
-def test_the_workers_new_variables_are_gone_afterwards(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_workers_new_variables_are_gone_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FOOTFALL_TEST", "before")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     monkeypatch.delenv("FOOTFALL_NEW", raising=False)

@@ -7,10 +7,7 @@ import pytest
 from markupsafe import Markup
 from report_pages import Page, comparison, page_of, result, walked
 
-from footfall.evaluate.report import (
-    course_plots,
-    svg,
-)
+from footfall.evaluate.report import course_plots, svg
 from footfall.evaluate.report import page as page_module
 from footfall.evaluate.report.films import FilmTask, frame_indices, frame_times
 from footfall.robots.description import Robot

@@ -6,16 +6,7 @@ from typing import Any
 import pytest
 
 from footfall.evaluate.failures import failures
-from footfall.evaluate.figures import (
-    beats,
-    best,
-    figures,
-    interval,
-    interval_text,
-    leaders,
-    text,
-    value,
-)
+from footfall.evaluate.figures import beats, best, figures, interval, interval_text, leaders, text, value
 from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.table import warnings
 from footfall.evaluate.verdict import verdict

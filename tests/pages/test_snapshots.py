@@ -6,14 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from footfall.pages.snapshots import (
-    FINISHED,
-    NEWEST,
-    Exported,
-    Snapshot,
-    Snapshots,
-    newest_checkpoint,
-)
+from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snapshots, newest_checkpoint
 
 
 class TestSnapshots:

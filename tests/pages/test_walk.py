@@ -12,10 +12,7 @@ from footfall.pages import walk
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
-from footfall.pages.snapshots import (
-    NEWEST,
-    Snapshot,
-)
+from footfall.pages.snapshots import NEWEST, Snapshot
 from footfall.pages.walk import Pace, Walk
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.learned import open_network

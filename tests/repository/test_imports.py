@@ -168,9 +168,7 @@ def test_a_blocked_module_cannot_be_imported() -> None:
         import_apart(["jax"], LEARNING_ONLY)
 
 
-def test_acting_packages_import_fast_and_without_learning(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_acting_packages_import_fast_and_without_learning(capsys: pytest.CaptureFixture[str]) -> None:
     """CPU time, which a busy machine does not lengthen much; tried again, when its files are in memory.
 
     That the report's own modules load no learning library, a test above shows.

@@ -6,10 +6,7 @@ from footfall.plant.motor_ends.motor_end import Report
 
 
 def report(
-    values: np.ndarray,
-    error: np.ndarray | int = 0,
-    temperature_c: int = 30,
-    on: np.ndarray | bool = True,
+    values: np.ndarray, error: np.ndarray | int = 0, temperature_c: int = 30, on: np.ndarray | bool = True
 ) -> Report:
     """`values`: positions rad, velocities rad/s and torques N m of k motors, (3, k)."""
     k = values.shape[1]

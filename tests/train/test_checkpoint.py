@@ -21,10 +21,7 @@ def test_written_values_are_read_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(state["a"], [0.0, 1.0, 2.0])
     assert int(state["b"]) == 4
     assert seen.shape == (2, 3)
-    for other in (
-        {"a": jnp.zeros(4), "b": jnp.int32(0)},
-        {"a": jnp.zeros(3, jnp.int32), "b": jnp.int32(0)},
-    ):
+    for other in ({"a": jnp.zeros(4), "b": jnp.int32(0)}, {"a": jnp.zeros(3, jnp.int32), "b": jnp.int32(0)}):
         with pytest.raises(UserError, match="shapes differ"):
             checkpoint.restore(path, other)
 

@@ -17,15 +17,7 @@ from number_environment import (
     counting_config,
     decided,
 )
-from ppo_on_numbers import (
-    CONFIG,
-    ENVIRONMENTS,
-    NETWORKS,
-    NOT_MOVED,
-    UNROLL,
-    begun,
-    environment,
-)
+from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, begun, environment
 
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import make_iteration

@@ -20,12 +20,7 @@ from number_environment import (
     decided,
 )
 
-from footfall.train.brax.networks import (
-    actor_means_function,
-    dense_layers,
-    make_networks,
-    trained_actor,
-)
+from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
 from footfall.train.brax.state import TrainState
 
 CONFIG = counting_config()

@@ -8,13 +8,7 @@ import jax.numpy as jnp
 import number_environment
 import numpy as np
 import pytest
-from number_environment import (
-    ACTIONS,
-    REWARD,
-    SIZES,
-    CountingEnvironment,
-    counting_config,
-)
+from number_environment import ACTIONS, REWARD, SIZES, CountingEnvironment, counting_config
 from ppo_on_numbers import (
     CONFIG,
     ENVIRONMENTS,

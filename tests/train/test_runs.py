@@ -112,10 +112,7 @@ def test_own_robots_run_resumes(own_folder: Path, tmp_path: Path, monkeypatch: p
 
 
 def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
-    with (
-        locked(api.open_run(whole_run)),
-        pytest.raises(UserError, match=whole_run.name),
-    ):
+    with locked(api.open_run(whole_run)), pytest.raises(UserError, match=whole_run.name):
         api.resume(whole_run)
 
 

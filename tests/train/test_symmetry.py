@@ -8,15 +8,7 @@ import numpy as np
 import pytest
 from brax.training.types import Transition
 from number_environment import SIZES, decided
-from ppo_on_numbers import (
-    CONFIG,
-    NETWORKS,
-    NOT_MOVED,
-    begun,
-    environment,
-    learnt,
-    rolled_out,
-)
+from ppo_on_numbers import CONFIG, NETWORKS, NOT_MOVED, begun, environment, learnt, rolled_out
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
